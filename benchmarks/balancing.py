@@ -16,9 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.drift import changed, draw_plant
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed, draw_plant
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.bodies import law_of
@@ -76,7 +77,7 @@ WAYS = {"x": None, "y": [11.0, 6.0, 9.0]}
 JUDGED = ("x, average, nm", "y, average, nm", "rz, nrad")
 
 
-def along(rig: StageRig, way: str) -> StageRig:
+def along(rig: BodyRig, way: str) -> BodyRig:
     """Return the stage with its set-points in another direction."""
     peaks = WAYS[way] or rig.settings.scan.test_m_per_s2
     direction = [float(axis == way) for axis in "xyz"]

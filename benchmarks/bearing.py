@@ -13,13 +13,14 @@ from typing import Any
 
 from anhyst.compensate.force_controller import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.rig.bearing.drift import changed, with_iron
-from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Setup
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.case_table import TrajectoryCase
+from anhyst.rig.drift import changed, with_iron
+from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.iron_table import SteelTable
+from anhyst.rig.measuring import measure_loops
 from anhyst.rig.sensor_table import GapSensorTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
@@ -44,7 +45,7 @@ VARIANTS: tuple[MethodName, ...] = (
 class Iron:
     """One iron of the comparison, and what is known of it."""
 
-    rig: BearingRig
+    rig: BodyRig
     at: OperatingPoint
     knowledge: IdentifiedMagnet
     setups: Mapping[MethodName, Setup]
@@ -58,12 +59,12 @@ class Iron:
         return f"{share} (pathological)" if self.at.slopes.label == "pathological" else share
 
 
-def read() -> tuple[BearingRig, ControllerFile]:
+def read() -> tuple[BodyRig, ControllerFile]:
     """Read the example."""
     return read_bearing(FOLDER / "rig.toml"), read_controller(FOLDER / "controller.toml")
 
 
-def make_iron(rig: BearingRig, controller: ControllerFile, fraction: float) -> Iron:
+def make_iron(rig: BodyRig, controller: ControllerFile, fraction: float) -> Iron:
     """Measure the loops of an iron, identify its model, fit every variant."""
     own = with_iron(rig, fraction)
     knowledge = identify_magnet(measure_loops(own))
@@ -127,7 +128,7 @@ def _tried(found: Mapping[str, Any], name: str, factor: float, form: str, unit: 
     return f"{factor * found[name]['mean']:{form}} {unit}"
 
 
-def quiet(rig: BearingRig) -> BearingRig:
+def quiet(rig: BodyRig) -> BodyRig:
     """Return the rig with a sensor of 5 nm rms instead of the encoder."""
     sensor = rig.settings.gap_sensor
     capacitive = GapSensorTable(

@@ -23,11 +23,12 @@ from pydantic import TypeAdapter
 
 from anhyst import Calibration, calibrate
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
-from anhyst.rig.bearing.make_setup import calibrated, fit_magnets, identify_magnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.make_setup import fit_magnets, make_setup
+from anhyst.rig.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant
+from anhyst.rig.fitting import calibrated, identify_magnet
 from anhyst.rig.iron_table import IronEntry, NamedIron
+from anhyst.rig.measuring import measure_loops
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.operating import Ready, make_ready, read_files

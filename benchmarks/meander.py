@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.drift import NO_DRIFT, drifted_plant
-from anhyst.rig.bearing.plant import current_loops
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import NO_DRIFT, drifted_plant
 from anhyst.rig.loop import Loop, Scenario
-from anhyst.rig.stage.file import StageRig, mass_matrix, read_stage, weight
+from anhyst.rig.plant import current_loops
+from anhyst.rig.stage.file import mass_matrix, read_stage, weight
 from anhyst.rig.stage.loop import (
     StageSetup,
     identify_stage,
@@ -42,7 +43,7 @@ SETTLED_S = 5e-3
 class Path:
     """A way along x and y: places, m, and accelerations, m/s2, a row a time."""
 
-    rig: StageRig
+    rig: BodyRig
 
     @property
     def along(self) -> SetPoint:

@@ -15,10 +15,11 @@ import numpy as np
 from tests.study.test_losses import laid
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import LossCase
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.fitting import IdentifiedMagnet
+from anhyst.rig.measuring import measure_loops
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, identify_stage, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.engine.verdict import Interval
@@ -71,7 +72,7 @@ def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
 
 
 def at_300(
-    rig: StageRig, magnet: IdentifiedMagnet, method: MethodName
+    rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName
 ) -> tuple[float, float, float]:
     """Return moving average and peak along x, m, and the largest ry, rad: means over the seeds."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
@@ -85,7 +86,7 @@ def at_300(
     return average, peak, turned
 
 
-def fast_row(iron: str, rig: StageRig, magnet: IdentifiedMagnet) -> Row:
+def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
     """Return the line of one iron at the high crossover."""
     held = OF_AXES[1:]  # the constant ratio loses the loop
     found = dict(zip(held, all_of(partial(at_300, rig, magnet), held), strict=True))

@@ -22,10 +22,11 @@ from anhyst.data.speeds import speeds_of
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.drift import changed
+from anhyst.rig.fitting import identify_magnet
 from anhyst.rig.magnet_table import SolidTable
+from anhyst.rig.measuring import measure_loops
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import make_stage, track
 from anhyst.rig.stage.setpoint import motion_of

@@ -46,8 +46,9 @@ from anhyst.reports.bearing.look import interval_text, line_of
 from anhyst.reports.bearing.subject import grouped
 from anhyst.reports.bearing.tables import judge_steps
 from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import identify_magnet, make_setups
+from anhyst.rig.bearing.make_setup import make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.fitting import identify_magnet
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import StageSetup, track

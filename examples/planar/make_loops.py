@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from anhyst.rig.bearing.measuring import loop_texts, measure_loops
+from anhyst.rig.measuring import loop_texts, measure_loops
 from anhyst.rig.stage.file import read_stage
 
 HERE = Path(__file__).resolve().parent

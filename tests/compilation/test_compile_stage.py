@@ -15,7 +15,7 @@ import pytest
 import anhyst
 from anhyst.cli.app import main
 from anhyst.compensate.force_controller import MethodName, NumberFormat
-from anhyst.rig.bearing.drift import Drift
+from anhyst.rig.drift import Drift
 from anhyst.rig.stage.loop import (
     Feedforward,
     StageSetup,

@@ -17,9 +17,10 @@ from anhyst.exchange import stage_part
 from anhyst.exchange.fmu_file import export_fmu
 from anhyst.exchange.part import Part, model_description
 from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
+from anhyst.rig.bearing.make_setup import make_setups
 from anhyst.rig.bearing.scenario import Script
 from anhyst.rig.calibration import CENTRE
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording, of_magnets
 from anhyst.rig.stage.file import error_columns, read_stage, scan_direction, unit_of

@@ -20,7 +20,7 @@ from anhyst.reports.bearing.over_runs import (
 )
 from anhyst.reports.bearing.over_time import LoopCurve, StepPanel
 from anhyst.reports.bearing.subject import FigureTable, Tracking, grouped
-from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.loop import ReferenceStep
 from anhyst.rig.recording import COLUMNS, Recording
 from anhyst.study.bearing.linear import Margins
@@ -41,7 +41,7 @@ NOISE = 0.5
 
 
 @cache
-def rig() -> BearingRig:
+def rig() -> BodyRig:
     """The bundled bearing."""
     return read_bearing(EXAMPLE / "rig.toml")
 

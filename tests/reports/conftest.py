@@ -6,12 +6,12 @@ import pytest
 
 from anhyst.control.controller_file import ControllerTable
 from anhyst.reports.bearing import SimulationSubject
-from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.body import BodyRig
 from tests.reports import bearing_reports
 
 
 @pytest.fixture(scope="module", name="rig")
-def _rig() -> BearingRig:
+def _rig() -> BodyRig:
     return bearing_reports.rig()
 
 

@@ -36,8 +36,8 @@ from anhyst.reports.bearing.over_time import (
     figure_steps,
     nearest_loops,
 )
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed
 from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.recording import Recording
 from anhyst.rig.tables import DisturbanceTable
@@ -61,7 +61,7 @@ def texts_of(figure: Figure) -> list[str]:
 
 
 def test_the_diagram_holds_the_numbers_of_the_files(
-    rig: BearingRig, controller: ControllerTable
+    rig: BodyRig, controller: ControllerTable
 ) -> None:
     reported = texts_of(figure_structure(rig, controller))
     gains = controller.pidd2_gains()
@@ -76,7 +76,7 @@ def test_the_diagram_holds_the_numbers_of_the_files(
     assert "mass 3.5 kg" in texts_of(figure_structure(heavier, controller))
 
 
-def fullest(rig: BearingRig) -> BearingRig:
+def fullest(rig: BodyRig) -> BodyRig:
     """A rig in which every block has as much to say as it can."""
     second = LikeTable(name="opposite", like="magnet", direction=OPENS, gap_m=0.45e-3)
     changes = {
@@ -119,7 +119,7 @@ def tuned(controller: ControllerTable) -> ControllerTable:
     ],
 )
 def test_no_text_of_the_diagram_leaves_its_box_or_meets_another(
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerTable,
     variant: MethodName,
     full: bool,

@@ -16,7 +16,7 @@ from anhyst.control.controller_file import read_controller
 from anhyst.reports.bearing.from_simulation import subject_of_benefit
 from anhyst.reports.bearing.look import interval_text
 from anhyst.reports.bearing.page import render
-from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.body import read_bearing
 from anhyst.study.bearing.benefit import benefit
 from anhyst.study.engine.verdict import Interval
 from anhyst.support.page.numbers import number

@@ -18,7 +18,7 @@ from anhyst.reports.bearing.look import COLOURS, interval_text
 from anhyst.reports.bearing.page import render
 from anhyst.reports.bearing.subject import grouped
 from anhyst.reports.bearing.tables import difference_text, judge_steps
-from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.body import BodyRig
 from anhyst.study.engine.verdict import Interval, compare
 from anhyst.support.pays import FEEDBACK
 from tests.page import NAMESPACES, Page
@@ -48,7 +48,7 @@ def test_every_part_has_its_section_in_order(page: Page) -> None:
     ]  # fmt: skip
 
 
-def test_absent_parts_have_no_section(rig: BearingRig, controller: ControllerTable) -> None:
+def test_absent_parts_have_no_section(rig: BodyRig, controller: ControllerTable) -> None:
     bare = Page(render(SimulationSubject(rig, controller, seeds=20)))
     assert bare.sections() == ["structure", "origin"]
 

@@ -14,11 +14,11 @@ from anhyst.compensate.force_controller import NumberFormat
 from anhyst.control.states import Command
 from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, lost_at
 from anhyst.rig.bearing.make_setup import make_setup
-from anhyst.rig.bearing.plant import flux_table
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed
+from anhyst.rig.plant import flux_table
 from anhyst.rig.recording import HOVER, READY, Recording
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.study.bearing.operating import find_operating_point
@@ -30,7 +30,7 @@ FULL = bearings.single
 
 
 def levitate(
-    rig: BearingRig, seconds: float = 0.3, setup: Setup | None = None
+    rig: BodyRig, seconds: float = 0.3, setup: Setup | None = None
 ) -> tuple[Recording, Recording]:
     """Lift, hold, step up, land; return the levitating plant and what holds its position."""
     setup = setup or Setup(rig, FULL().controller, FULL().compensator)
@@ -163,7 +163,7 @@ def test_a_rendered_load_pushes_back() -> None:
 
 
 @pytest.fixture
-def law(tmp_path: Path) -> BearingRig:
+def law(tmp_path: Path) -> BodyRig:
     """A magnet whose force the model identified from the example makes."""
     write_model(bearings.knowledge().model, tmp_path / "model.toml")
     table = flux_table(bearings.example())
@@ -174,7 +174,7 @@ def law(tmp_path: Path) -> BearingRig:
     return replace(rig, path=tmp_path / "rig.toml")
 
 
-def with_table(rig: BearingRig) -> BearingRig:
+def with_table(rig: BodyRig) -> BodyRig:
     return changed(rig, {"magnet.flux_table": "flux.csv", "magnet.iron": None, "irons": []})
 
 
@@ -183,7 +183,7 @@ def with_table(rig: BearingRig) -> BearingRig:
     "change", [pytest.param(lambda rig: rig, id="made"), pytest.param(with_table, id="measured")]
 )
 def test_an_identified_law_makes_the_force(
-    law: BearingRig, change: Callable[[BearingRig], BearingRig]
+    law: BodyRig, change: Callable[[BodyRig], BodyRig]
 ) -> None:
     """The controller meets its own model as the truth: the demand is the force then.
 
@@ -206,7 +206,7 @@ def test_an_identified_law_makes_the_force(
     assert recording["flux_Wb"].max() > 0.01
 
 
-def test_a_measured_flux_table_is_the_one_it_was_made_from(law: BearingRig) -> None:
+def test_a_measured_flux_table_is_the_one_it_was_made_from(law: BodyRig) -> None:
     made, measured = levitate(law)[0], levitate(with_table(law))[0]
     assert np.abs(made["gap_m"] - measured["gap_m"]).max() < 1e-6
     assert np.abs(made["flux_Wb"] - measured["flux_Wb"]).max() < 1e-4

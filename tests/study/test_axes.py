@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from anhyst.compensate.force_controller import MethodName
 from anhyst.reports.tracking import write_tracking_report
+from anhyst.rig.body import BodyRig
 from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.stage import loop
-from anhyst.rig.stage.file import StageRig, read_stage, scan_direction
+from anhyst.rig.stage.file import read_stage, scan_direction
 from anhyst.rig.stage.loop import (
     Feedforward,
     axes_rows,
@@ -39,7 +40,7 @@ PLANAR = (EXAMPLES / "planar" / "rig.toml").read_text()
 
 
 @cache
-def planar() -> StageRig:
+def planar() -> BodyRig:
     """Return the example with the iron that is known without a search, where nothing is lost."""
     rig = read_stage(EXAMPLES / "planar" / "rig.toml")
     changes = {"irons": list(stages.stage().settings.irons), "cases": [rig.settings.scan]}
@@ -104,7 +105,7 @@ def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> No
         assert np.abs(wide[name] - narrow[name]).max() < most
 
 
-def on_the_ground(rig: StageRig, **beam: float) -> StageRig:
+def on_the_ground(rig: BodyRig, **beam: float) -> BodyRig:
     """Return a stage whose heads stand, without noise."""
     file = rig.settings
     for one in file.position_sensors:

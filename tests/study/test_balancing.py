@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.drift import Drift, changed, draw_plant
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE
+from anhyst.rig.drift import Drift, changed, draw_plant
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.engine.monte_carlo import monte_carlo
@@ -28,7 +29,7 @@ from tests.study import bearings, stages
 from tests.study.test_axes import EXAMPLES, PLANAR, planar
 
 
-def short(pinning_percent: float = 0.0) -> StageRig:
+def short(pinning_percent: float = 0.0) -> BodyRig:
     """Return the example with short set-points; what widths must be learnt, is compiled anew."""
     scan = {f"scan.{key}": value for key, value in stages.SHORT.items()}
     spread = {"spread.pinning_percent": pinning_percent}

@@ -14,12 +14,13 @@ from anhyst import Calibration, InputError, calibrate
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import Command
 from anhyst.dashboard.recorder import start_recording
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, drifted_plant, with_iron
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
-from anhyst.rig.bearing.make_setup import calibrated, compiled_model, fit_magnets, make_setup
+from anhyst.rig.bearing.make_setup import compiled_model, fit_magnets, make_setup
 from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CalibratedMethod, CalibrationFile
+from anhyst.rig.drift import NO_DRIFT, Drift, changed, drifted_plant, with_iron
+from anhyst.rig.fitting import calibrated
 from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
@@ -34,7 +35,7 @@ UNSURE = {"spread.gap_zero_m": 5e-6}
 """What the rig file says of the gap, which no motion moves by more than four times that."""
 
 
-def rig(two: bool = False) -> BearingRig:
+def rig(two: bool = False) -> BodyRig:
     return changed(bearings.pair_rig() if two else bearings.example(), UNSURE)
 
 
@@ -65,7 +66,7 @@ def learnt(two: bool = False) -> CalibratedMethod:
     return found
 
 
-def corrected(folder: Path, two: bool = False) -> BearingRig:
+def corrected(folder: Path, two: bool = False) -> BodyRig:
     """The rig, which names what was learnt."""
     assert taught(recorded(two), two, folder / "calibration.toml").learnt
     named = changed(rig(two), {"control.calibration": "calibration.toml"})

@@ -17,8 +17,9 @@ from anhyst.control.controller_file import ControllerFile, write_controller
 from anhyst.control.states import Command, Phase, State
 from anhyst.link.blocks import regenerate
 from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
+from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.support.numeric import FloatArray
 from tests.once import made_once

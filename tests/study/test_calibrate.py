@@ -15,8 +15,8 @@ from scipy.signal import lfilter
 
 from anhyst import Calibration, InputError, calibrate
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.calibration import CalibratedMethod, ParameterName
+from anhyst.rig.drift import NO_DRIFT, Drift
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.study.tracking.measures import measure

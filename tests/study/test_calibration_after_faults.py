@@ -13,9 +13,9 @@ import pytest
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.frames import PlantSample
 from anhyst.link.plant_bus import Q31
-from anhyst.rig.bearing.drift import drifted_plant
 from anhyst.rig.bearing.loop import position_control
 from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.drift import drifted_plant
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Act, Injection, injections
 from anhyst.support.errors import InputError

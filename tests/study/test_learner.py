@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.drift import Drift, changed
 from anhyst.rig.calibration import LearntParameter
+from anhyst.rig.drift import Drift, changed
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, track

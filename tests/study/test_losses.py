@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from anhyst.control.states import Command, Flag
-from anhyst.rig.bearing.drift import NO_DRIFT, drifted_plant
-from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.case_table import LossCase
+from anhyst.rig.drift import NO_DRIFT, drifted_plant
 from anhyst.rig.loop import FAILS, HEAD_FAULTS, Loop, Scenario
 from anhyst.rig.magnet_table import LikeTable
+from anhyst.rig.plant import current_loops
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import spare
 from anhyst.rig.stage.loop import (

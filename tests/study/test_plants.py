@@ -10,7 +10,7 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.reports.plants import write_plants_report
-from anhyst.rig.bearing.drift import Drift, drifted_file
+from anhyst.rig.drift import Drift, drifted_file
 from anhyst.rig.kind_rules import RULES
 from anhyst.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.rig.tables import SpreadTable, spread_keys

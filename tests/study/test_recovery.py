@@ -7,8 +7,8 @@ import pytest
 
 from anhyst.compensate.force_controller import MethodName
 from anhyst.control.states import Command, Phase, State
-from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
+from anhyst.rig.drift import changed
 from anhyst.rig.loop import DROP
 from anhyst.rig.recording import BREAKAWAY, FAULT, HOVER, in_column
 from anhyst.study.bearing import experiments

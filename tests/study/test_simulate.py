@@ -24,8 +24,8 @@ from anhyst.model.writer import write_model
 from anhyst.reports.bearing import write_simulation_report
 from anhyst.reports.bearing.from_simulation import subject_of
 from anhyst.rig.bearing import scenario
-from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.drift import changed
 from anhyst.rig.recording import COLUMNS, FAULT, HOVER
 from anhyst.study.bearing import simulate as module
 from anhyst.study.bearing.responses import FIGURES

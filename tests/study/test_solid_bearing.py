@@ -15,15 +15,16 @@ from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compilation.manifest import controller_bytes, state_bytes
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed
+from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.loop import Scenario
 from anhyst.rig.magnet_table import SolidTable
+from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing.on_board import build_firmware, count_differences
 from anhyst.study.bearing.responses import compare
 from anhyst.study.prepared import PreparedBearing
@@ -37,7 +38,7 @@ SOLID = SolidTable(depth_m=10e-3, conductivity_S_per_m=2e6, path_m=0.15)
 
 
 @cache
-def solid() -> BearingRig:
+def solid() -> BodyRig:
     """Return the example, most of the path of its magnet solid."""
     return changed(
         bearings.example(),

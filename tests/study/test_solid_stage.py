@@ -11,11 +11,11 @@ import pytest
 
 from anhyst.data.speeds import speeds_of
 from anhyst.model.dynamics import Layers
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, draw_drift, drifted_file
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, check_plant, identify_magnet
-from anhyst.rig.bearing.measuring import loop_texts, measure_loops
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import NO_DRIFT, Drift, changed, draw_drift, drifted_file
+from anhyst.rig.fitting import IdentifiedMagnet, check_plant, identify_magnet
 from anhyst.rig.magnet_table import SolidTable
-from anhyst.rig.stage.file import StageRig
+from anhyst.rig.measuring import loop_texts, measure_loops
 from anhyst.rig.stage.loop import Feedforward, make_stage, track
 from anhyst.study.plants import ERRORS, errors_of
 from anhyst.study.tracking.measures import Measures, measure
@@ -25,7 +25,7 @@ from tests.study import bearings, stages
 SOLID = SolidTable(depth_m=4e-3, conductivity_S_per_m=2e6, path_m=0.05)
 
 
-def solid(**changes: Any) -> StageRig:
+def solid(**changes: Any) -> BodyRig:
     """Return the short example with solid iron, its compensators in double precision."""
     given = {"magnet.solid": SOLID, "control.format": "f64"}
     return changed(stages.stage(), given | changes)

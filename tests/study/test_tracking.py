@@ -16,7 +16,7 @@ from anhyst.compensate.force_controller import MethodName
 from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.page import limits, memoryless, verdict, verdicts
-from anhyst.rig.bearing.drift import Drift, changed, draw_drift
+from anhyst.rig.drift import Drift, changed, draw_drift
 from anhyst.rig.recording import Recording, moving
 from anhyst.rig.stage.loop import Feedforward, pid, track
 from anhyst.rig.stage.setpoint import ticks_of

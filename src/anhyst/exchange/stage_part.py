@@ -19,10 +19,10 @@ from anhyst.exchange.bearing_part import (
     refuse_plant,
 )
 from anhyst.exchange.part import WRAPPER, Causality, Part, Variable, header, kernel_of, row
+from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import column
 from anhyst.rig.stage.file import (
-    StageRig,
     least_of,
     opposed,
     pull_rows,
@@ -88,7 +88,7 @@ def stage_part(rig_path: PathLike) -> Part:
     return Part(title, text, rig.settings.timing.rate_Hz, _stage_variables(rig), sources)
 
 
-def _refuse_stage(rig: StageRig) -> None:
+def _refuse_stage(rig: BodyRig) -> None:
     control = rig.settings.tracking
     if control.format == "f32":
         raise InputError(
@@ -206,7 +206,7 @@ def _biquad(numbers: Sequence[float]) -> dict[str, str]:
     return {"forward": row(numbers[:3]), "back": row(numbers[3:])}
 
 
-def _stage_variables(rig: StageRig) -> list[Variable]:
+def _stage_variables(rig: BodyRig) -> list[Variable]:
     """Return what goes in and comes out, by the names of recordings: an array a coordinate or magnet."""
     file = rig.settings
     several, count = file.several, len(file.placed)

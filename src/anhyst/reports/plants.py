@@ -11,7 +11,7 @@ import numpy as np
 
 from anhyst.reports.bearing.look import ordered, verdict_note
 from anhyst.reports.bearing.over_runs import Spread, figure_drift
-from anhyst.rig.bearing.drift import Drift
+from anhyst.rig.drift import Drift
 from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
 from anhyst.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
 from anhyst.support.atomic import PathLike, atomic_writer

@@ -18,12 +18,13 @@ from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.drift import Drift, drifted_file, drifted_plant
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
+from anhyst.rig.bearing.make_setup import make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import Drift, drifted_file, drifted_plant
 from anhyst.rig.file import RigFile
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop, triangle
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
@@ -31,7 +32,7 @@ from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.loop import Scenario
 from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.recording import Recording, peak, rms
-from anhyst.rig.stage.file import StageRig, unit_of
+from anhyst.rig.stage.file import unit_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
@@ -60,7 +61,7 @@ BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued")
 
 
 def bearing_plants(
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerFile,
     methods: Sequence[MethodName] | None = None,
     seed: int | None = None,
@@ -112,7 +113,7 @@ class BearingWork:
 
 
 def _judge(
-    rig: BearingRig, drifted: RigFile, scenario: Scenario, recording: Recording
+    rig: BodyRig, drifted: RigFile, scenario: Scenario, recording: Recording
 ) -> dict[str, Any]:
     """Judge what an ideal sensor with this gain and offset reads: an offset alone is no overshoot."""
     sensor = drifted.gap_sensor
@@ -293,7 +294,7 @@ def errors_of(file: RigFile) -> Mapping[str, tuple[str, ...]]:
 
 
 def stage_plants(
-    rig: StageRig,
+    rig: BodyRig,
     magnet: IdentifiedMagnet | None = None,
     names: Sequence[MethodName] = (),
     progress: Progress | None = None,

@@ -15,14 +15,14 @@ from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
 from anhyst.model.fit_record import ValidRange
 from anhyst.rig.bearing.loop import Setup, pair_of
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.stage import StageBench, StageVariant, bench_of
+from anhyst.rig.body import BodyRig
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, find_model, loops_at
 from anhyst.rig.measurement_table import identify_loops
-from anhyst.rig.stage.file import StageRig
 from anhyst.study.excite.design import Specimen, bearing_specimen, force_specimen
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
@@ -203,7 +203,7 @@ class PreparedBoard:
 class PreparedStage:
     """A stage, what is known of its magnets, and what its set-point is followed with."""
 
-    whole: StageRig
+    whole: BodyRig
     magnet: IdentifiedMagnet
     variants: tuple[StageVariant, ...]  # without memory, and the compensator
 

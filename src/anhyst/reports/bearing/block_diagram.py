@@ -15,7 +15,7 @@ from matplotlib.text import Text
 
 from anhyst.compensate.methods import METHODS, PROBED
 from anhyst.control.controller_file import ControllerTable
-from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile
 from anhyst.support.page.numbers import number
 from anhyst.support.page.style import FALLING, RISING, new_figure, styled
@@ -31,7 +31,7 @@ class DiagramBlock:
     lines: tuple[str, ...]  # its numbers
 
 
-def blocks_of(rig: BearingRig, controller: ControllerTable) -> Mapping[str, DiagramBlock]:
+def blocks_of(rig: BodyRig, controller: ControllerTable) -> Mapping[str, DiagramBlock]:
     """Say what every block of the loop is."""
     plant = rig.settings
     return {
@@ -85,7 +85,7 @@ def _compensator(settings: ControllerTable) -> DiagramBlock:
     )
 
 
-def _output(rig: BearingRig) -> DiagramBlock:
+def _output(rig: BodyRig) -> DiagramBlock:
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
     across = amplifier.current_high_A - amplifier.current_low_A
     bit = across / ((1 << amplifier.dac_bits) - 1)
@@ -214,7 +214,7 @@ Place = tuple[float, float]
 
 
 @styled
-def figure_structure(rig: BearingRig, controller: ControllerTable) -> Figure:
+def figure_structure(rig: BodyRig, controller: ControllerTable) -> Figure:
     """Draw the loop: controller above, magnet and armature below."""
     figure = new_figure(_FIGURE[1], width=_FIGURE[0])
     figure.set_layout_engine("none")

@@ -24,8 +24,8 @@ from anhyst.reports.bearing.subject import (
     grouped,
 )
 from anhyst.reports.bearing.tables import OVERSHOOT
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
+from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.file import RigFile
 from anhyst.rig.loop import ReferenceStep, Scenario
@@ -256,7 +256,7 @@ _TITLES: dict[Measure, str] = {
 
 
 def subject_of_benefit(
-    rig: BearingRig, controller: ControllerFile, benefit_map: Benefit, command: str
+    rig: BodyRig, controller: ControllerFile, benefit_map: Benefit, command: str
 ) -> SimulationSubject:
     """Gather what the report of the map shows."""
     settings = controller.settings

@@ -11,7 +11,7 @@ from anhyst.reports.bearing.look import ordered
 from anhyst.reports.bearing.over_frequency import Response
 from anhyst.reports.bearing.over_runs import BenefitCell, TuningPicture
 from anhyst.reports.bearing.over_time import LoopCurve, StepPanel
-from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.body import BodyRig
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.responses import StepCell
@@ -83,7 +83,7 @@ class Tracking:
 class SimulationSubject:
     """All there is to say about a simulation."""
 
-    rig: BearingRig  # the bearing
+    rig: BodyRig  # the bearing
     # its controller; the variant it names is the one that others are held against
     controller: ControllerTable
     seeds: int  # noise seeds behind every interval

@@ -14,10 +14,10 @@ from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, PairTable
 from anhyst.control.position import PositionControl, ReferenceConverter
 from anhyst.control.states import Command, Flag
-from anhyst.rig.bearing.file import BearingRig, step_ends
-from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bearing.scenario import Script, land_time, lift_time, steps_up_and_down
+from anhyst.rig.body import BodyRig, step_ends
 from anhyst.rig.loop import Loop, Scenario
+from anhyst.rig.plant import current_loops, make_plant
 from anhyst.rig.recording import (
     BREAKAWAY,
     COLUMNS,
@@ -37,7 +37,7 @@ LONGEST_RAMP_S = 60.0
 """Longest time that lifting off or landing may take, s."""
 
 
-def pair_of(rig: BearingRig) -> PairTable | None:
+def pair_of(rig: BodyRig) -> PairTable | None:
     """Return what a controller has to know of a second magnet, or None where there is none."""
     bias, total = rig.settings.bias_N, rig.settings.gap_total_m
     if bias is None or total is None:
@@ -45,13 +45,13 @@ def pair_of(rig: BearingRig) -> PairTable | None:
     return PairTable(bias_force_N=bias, gap_total_m=total)
 
 
-def check_controller(controller: ControllerFile, rig: BearingRig) -> None:
+def check_controller(controller: ControllerFile, rig: BodyRig) -> None:
     """Refuse a controller that does not belong to the rig."""
     if faults := list(_rig_faults(controller.settings, rig)):
         raise faults_error(controller.path, faults)
 
 
-def _rig_faults(settings: ControllerTable, rig: BearingRig) -> Iterator[FileFault]:
+def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     plant, rate = rig.settings, rig.settings.timing.rate_Hz
     if settings.rate_Hz != rate:
         text = f"is {settings.rate_Hz:g} Hz here and {rate:g} Hz in {rig.path}; make them equal"
@@ -92,7 +92,7 @@ def _rig_faults(settings: ControllerTable, rig: BearingRig) -> Iterator[FileFaul
     yield from _ramp_faults(settings, rig, lowest)
 
 
-def _ramp_faults(settings: ControllerTable, rig: BearingRig, lowest: float) -> Iterator[FileFault]:
+def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iterator[FileFault]:
     """Find ramps so slow that nobody waits for them."""
     way = rig.settings.body.stop_high_m - lowest
     for table, what, ramp, seconds in (
@@ -107,7 +107,7 @@ def _ramp_faults(settings: ControllerTable, rig: BearingRig, lowest: float) -> I
             yield FileFault((table, key), f"{text}; raise it", code="too-slow")
 
 
-def _amplifier_faults(settings: ControllerTable, rig: BearingRig) -> Iterator[FileFault]:
+def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     """Say where the file contradicts the rig on amplifiers or a second magnet."""
     converter, amplifier = settings.converter, rig.settings.amplifier
     if converter is not None:
@@ -136,7 +136,7 @@ def _amplifier_faults(settings: ControllerTable, rig: BearingRig) -> Iterator[Fi
 class Setup:
     """Everything one loop needs; goes to other processes."""
 
-    rig: BearingRig  # the plant
+    rig: BodyRig  # the plant
     controller: ControllerTable  # gains, limits, lift-off
     compensator: ForceController  # from force to current, as fitted; never run itself
     own: tuple[ForceController, ...] = ()  # of each magnet, where they are not all the same
@@ -192,7 +192,7 @@ class SimulatedLoop(Loop):
         self, setup: Setup, seed: int = 0, largest_first: bool = False, bearing: Plant | None = None
     ) -> None:
         rig = setup.rig
-        bearing = bearing or make_bearing(rig, seed)
+        bearing = bearing or make_plant(rig, seed)
         if largest_first:
             for magnet in range(len(rig.magnets)):
                 for current in (rig.settings.amplifier.current_high_A, 0.0):
@@ -200,7 +200,7 @@ class SimulatedLoop(Loop):
         super().__init__(bearing, make_position(setup), current_loops(rig), COLUMNS)
 
 
-def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | None:
+def lost_at(rig: BodyRig, recording: Recording, since: int = 0) -> float | None:
     """Return when levitation was lost: a stop was touched, or the controller gave up."""
     body = rig.settings.body
     fault = recording["state"] >= FAULT

@@ -10,7 +10,7 @@ import numpy as np
 
 from anhyst.control.controller_file import ControllerTable
 from anhyst.control.states import Command
-from anhyst.rig.bearing.file import BearingRig, step_ends
+from anhyst.rig.body import BodyRig, step_ends
 from anhyst.rig.loop import ReferenceStep, Scenario
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.support.numeric import FloatArray, passed, sine
@@ -35,7 +35,7 @@ _SETTLE = 10.0  # times K_p/K_i, the time in which the integral takes over what 
 class Script:
     """Writes a scenario piece by piece."""
 
-    rig: BearingRig  # for the rate, the load and its disturbances
+    rig: BodyRig  # for the rate, the load and its disturbances
     gap: float  # first wanted gap, m
     load: float | None = None  # force of the load drive, N; that of the rig file if left out
     _target: list[FloatArray] = field(default_factory=list)
@@ -119,7 +119,7 @@ class Script:
         )
 
 
-def lift_time(rig: BearingRig, controller: ControllerTable, gap: float) -> float:
+def lift_time(rig: BodyRig, controller: ControllerTable, gap: float) -> float:
     """Return how long self-test, ramp of the force, way and settling take at most, s."""
     gains, ramp = controller.pidd2_gains(), controller.lift_off
     settle = _SETTLE_S
@@ -133,7 +133,7 @@ def lift_time(rig: BearingRig, controller: ControllerTable, gap: float) -> float
     return max(begin + force + way + settle, LEAST_LIFT_S)
 
 
-def land_time(rig: BearingRig, controller: ControllerTable) -> float:
+def land_time(rig: BodyRig, controller: ControllerTable) -> float:
     """Return how long landing takes at most, s: the way down, the ramp of the force, and rest."""
     body, ramp = rig.settings.body, controller.landing
     limits = controller.limits
@@ -142,12 +142,12 @@ def land_time(rig: BearingRig, controller: ControllerTable) -> float:
     return max(way + force + _REST_S, LEAST_LAND_S)
 
 
-def _selftest(rig: BearingRig) -> int:
+def _selftest(rig: BodyRig) -> int:
     return max(round(_SELFTEST_S / rig.dt), SELFTEST_TICKS)
 
 
 def steps_up_and_down(
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerTable,
     gap: float,
     heights: Sequence[float],
@@ -166,7 +166,7 @@ def steps_up_and_down(
     return script.build()
 
 
-def _disturbance(rig: BearingRig, what: DisturbanceTable, ticks: int, number: int) -> FloatArray:
+def _disturbance(rig: BodyRig, what: DisturbanceTable, ticks: int, number: int) -> FloatArray:
     time = np.arange(ticks) * rig.dt - what.start_s
     after = time >= 0.0
     if what.kind == "step":

@@ -20,13 +20,13 @@ from anhyst.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequ
 from anhyst.link.plant_bus import DRIVE_BYTES, Q30, Q31, Exchange, Reading
 from anhyst.link.process import VIRTUAL_BOARDS, LibraryBoard
 from anhyst.link.wire import LinkPort
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal, currents_of
 from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
+from anhyst.rig.body import BodyRig
 from anhyst.rig.loop import Loop, Scenario
+from anhyst.rig.plant import current_loops, make_plant
 from anhyst.rig.recording import Recording, column
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, sine
@@ -36,7 +36,7 @@ from anhyst.support.progress import Progress
 class LoadDrive:
     """What pulls at the armature: force, damping, stiffness, a disturbance."""
 
-    def __init__(self, rig: BearingRig, bearing: Plant) -> None:
+    def __init__(self, rig: BodyRig, bearing: Plant) -> None:
         load, mass = rig.settings.load, rig.settings.body.mass_kg
         self.force = load.force_N
         self._bearing = bearing
@@ -194,7 +194,7 @@ class BearingBench(LockStepBench[BusController]):
         rig = setup.rig
         self.rate = float(rig.settings.timing.rate_Hz)
         self._scales = position_control(setup).settings("fixed")
-        self.bearing = bearing or make_bearing(rig, seed)
+        self.bearing = bearing or make_plant(rig, seed)
         self.load_drive = LoadDrive(rig, self.bearing)
         limits, gap = setup.controller.limits, rig.settings.gap_m
         self.aim = Aim("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)

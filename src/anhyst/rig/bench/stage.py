@@ -17,8 +17,6 @@ import numpy as np
 from anhyst.compensate.force_controller import ForceController, MethodName
 from anhyst.control.position import Standing, refusal
 from anhyst.control.states import Command, Fault, Phase, State
-from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_plant
-from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bench.protocol import (
     AXES_COMMANDS,
     STAGE_COMMANDS,
@@ -31,7 +29,9 @@ from anhyst.rig.bench.protocol import (
     of_axes_and_magnets,
 )
 from anhyst.rig.bench.settings import check_values, stage_parameters
+from anhyst.rig.drift import NO_DRIFT, draw_plant, drifted_plant
 from anhyst.rig.loop import Loop, Scenario
+from anhyst.rig.plant import current_loops
 from anhyst.rig.recording import CURRENTS, Loss, Recording, column, of_magnets, peak
 from anhyst.rig.stage.file import layout_of, lying, pulls, pushed_with, scan_direction
 from anhyst.rig.stage.loop import (

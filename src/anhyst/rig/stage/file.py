@@ -16,7 +16,7 @@ from anhyst._core import AXES_ODD, WrenchLayout
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import PROBED
 from anhyst.control.position import Allocation
-from anhyst.rig.bearing.file import BearingRig, plant_faults, travel_m
+from anhyst.rig.body import BodyRig, plant_faults, travel_m
 from anhyst.rig.calibration import (
     CENTRE,
     CalibratedMethod,
@@ -50,10 +50,7 @@ HELD_S = 0.02
 """For which a force is held until eddy currents of the iron have died away."""
 
 
-StageRig = BearingRig
-
-
-def read_stage(path: PathLike) -> StageRig:
+def read_stage(path: PathLike) -> BodyRig:
     """Read the rig file of a stage."""
     place = Path(path)
     settings = read_rig_file(place, [FileKind.STAGE])
@@ -69,7 +66,7 @@ def read_stage(path: PathLike) -> StageRig:
         faults = list(_axes_faults(settings))
     if faults:
         raise rig_error(place, faults)
-    return StageRig(place, settings)
+    return BodyRig(place, settings)
 
 
 def _axes_faults(file: RigFile) -> Iterator[FileFault]:
@@ -337,7 +334,7 @@ def opposed(file: RigFile) -> list[int]:
 # How a controller uses what motion taught of the magnets.
 
 
-def believed(rig: StageRig, values: Mapping[ParameterName, float]) -> StageRig:
+def believed(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
     """Return the stage with the mass and the centre of mass that a controller believes in."""
     body, off = rig.settings.body, [values.get(name, 0.0) for name in CENTRE]
     changes = {
@@ -347,7 +344,7 @@ def believed(rig: StageRig, values: Mapping[ParameterName, float]) -> StageRig:
     return replace(rig, settings=rig.settings.changed(changes))
 
 
-def correction(found: CalibratedMethod, compensator: ForceController, rig: StageRig) -> FloatArray:
+def correction(found: CalibratedMethod, compensator: ForceController, rig: BodyRig) -> FloatArray:
     """Return the rows of the controller: scale, gap zero, flux density, lead, a magnet each.
 
     On one axis the second magnet's gap is what is left of both: it is read too small by what the
@@ -369,7 +366,7 @@ def correction(found: CalibratedMethod, compensator: ForceController, rig: Stage
     return rows
 
 
-def per_root(compensator: ForceController, rig: StageRig) -> float:
+def per_root(compensator: ForceController, rig: BodyRig) -> float:
     """Return the current over the root of the force, A/N^(1/2), at half of the largest force.
 
     It is held until eddy currents have died away.
@@ -380,7 +377,7 @@ def per_root(compensator: ForceController, rig: StageRig) -> float:
     return float(held.solve(force, rig.gap) / np.sqrt(force))
 
 
-def watch_settings(rig: StageRig) -> dict[str, float]:
+def watch_settings(rig: BodyRig) -> dict[str, float]:
     """Return by what a controller of several coordinates finds what is lost, and how it lands."""
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
     late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)

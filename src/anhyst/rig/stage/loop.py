@@ -27,13 +27,13 @@ from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_co
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
 from anhyst.data import Loops
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_plant
-from anhyst.rig.bearing.file import travel_m
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrated, fit_at, identify_rippling
-from anhyst.rig.bearing.plant import current_loops
+from anhyst.rig.body import BodyRig, travel_m
 from anhyst.rig.calibration import CENTRE, CalibratedMethod, ParameterName
+from anhyst.rig.drift import NO_DRIFT, Drift, drifted_plant
 from anhyst.rig.file import RigFile
+from anhyst.rig.fitting import IdentifiedMagnet, calibrated, fit_at, identify_rippling
 from anhyst.rig.loop import Loop, Scenario
+from anhyst.rig.plant import current_loops
 from anhyst.rig.recording import (
     CURRENTS,
     OUT_OF_PROPORTION,
@@ -45,7 +45,6 @@ from anhyst.rig.recording import (
     of_magnets,
 )
 from anhyst.rig.stage.file import (
-    StageRig,
     axes_of,
     believed,
     correction,
@@ -89,7 +88,7 @@ class Feedforward:
 class StageSetup:
     """Everything one run needs; goes to other processes."""
 
-    rig: StageRig  # the plant
+    rig: BodyRig  # the plant
     compensator: ForceController  # from force to current, as fitted; never run itself
     # number format of PID and allocation; f64 goes with any compensator, f32 with f32 and fixed
     law: NumberFormat = "f64"
@@ -101,7 +100,7 @@ class StageSetup:
     cable: float = 0.0  # N/m, and against such a cable
 
     @property
-    def believed(self) -> StageRig:
+    def believed(self) -> BodyRig:
         """The stage as its controller believes it to be."""
         return believed(self.rig, self.body) if self.body else self.rig
 
@@ -115,7 +114,7 @@ class StageSetup:
         return [one.fresh() for one in self.each]
 
 
-def pid(rig: StageRig) -> dict[str, float]:
+def pid(rig: BodyRig) -> dict[str, float]:
     """Return the PID as a filter of second order, by the trapezoidal rule.
 
     Where integral and lead end and begin, the rig file says in parts of the crossover.
@@ -188,7 +187,7 @@ def track(
 
 
 def led(
-    rig: StageRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, beside: float = 0.0
+    rig: BodyRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, beside: float = 0.0
 ) -> Scenario:
     """Return what a stage is given that is led along its set-point, and is to be so far beside it, m.
 
@@ -201,7 +200,7 @@ def led(
     return Scenario(np.outer(place[:n] + beside, along), feed=wrench, frame=frame)
 
 
-def read_noise(rig: StageRig, ticks: int, rng: np.random.Generator) -> FloatArray:
+def read_noise(rig: BodyRig, ticks: int, rng: np.random.Generator) -> FloatArray:
     """Return the noise of the position of a body of one coordinate, m."""
     return rng.normal(0.0, rig.settings.position_sensor.noise_m, ticks)
 
@@ -220,7 +219,7 @@ def follow(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
     return Recording(recorded(rig, run, scenario), stage_loss(rig, run, scenario.ticks))
 
 
-def fed_wrench(rig: StageRig, forward: FloatArray) -> FloatArray:
+def fed_wrench(rig: BodyRig, forward: FloatArray) -> FloatArray:
     """Return the wrench of a force along the set-point, a row a tick.
 
     Of several coordinates it moves the centre of mass, and carries the weight. Of one it has the
@@ -233,12 +232,12 @@ def fed_wrench(rig: StageRig, forward: FloatArray) -> FloatArray:
     return np.asarray(np.outer(forward / file.body.mass_kg, moved) - weight(file))
 
 
-def recorded(rig: StageRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+def recorded(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
     """Return the columns of a recording, of the loop's own record."""
     return _of_several(rig, run, scenario) if rig.settings.several else _of_one(rig, run, scenario)
 
 
-def _of_one(rig: StageRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+def _of_one(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
     n, probes = len(run), PROBES if rig.settings.hall_probe is not None else ()
     reference, frame = scenario.target[:n, 0], scenario.frame[:n, 0]
     position = run["gap_m"] + frame
@@ -256,7 +255,7 @@ def _of_one(rig: StageRig, run: Recording, scenario: Scenario) -> dict[str, Floa
     }
 
 
-def _of_several(rig: StageRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+def _of_several(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
     """Return the same along the set-point, of every coordinate and of every magnet."""
     file, n = rig.settings, len(run)
     reference, along, free = scenario.target[:n], scan_direction(file), file.body.free
@@ -277,7 +276,7 @@ def _of_several(rig: StageRig, run: Recording, scenario: Scenario) -> dict[str, 
     }
 
 
-def _axes_read(rig: StageRig, run: Recording, target: FloatArray) -> dict[str, FloatArray]:
+def _axes_read(rig: BodyRig, run: Recording, target: FloatArray) -> dict[str, FloatArray]:
     """Return what the controller of several coordinates was given and asked for."""
     file, count = rig.settings, len(rig.settings.placed)
     signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
@@ -302,7 +301,7 @@ def of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "ra
     ]
 
 
-def stage_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
+def stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
     """Return where a stage was lost: on an end stop, or its demand out of proportion."""
     file = rig.settings
     most, stop = OUT_OF_PROPORTION * file.tracking.force_max_N, "an end stop was reached"
@@ -344,14 +343,14 @@ PROBES = of_magnets([("flux_read", "T")], 1, POSITION_MAGNETS)
 """What the controller is given of a body of one coordinate, and of flux probes where there are some."""
 
 
-def _force_error(rig: StageRig, run: Recording, demand: FloatArray) -> FloatArray:
+def _force_error(rig: BodyRig, run: Recording, demand: FloatArray) -> FloatArray:
     """Return the force less what was demanded a delay earlier, N."""
     ticks = np.arange(len(run), dtype=float)
     late = rig.settings.timing.delay_ticks + 0.5
     return np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand))
 
 
-def bias(rig: StageRig, method: str) -> float:
+def bias(rig: BodyRig, method: str) -> float:
     """Return what either magnet pulls with at rest, N: for constants half of the largest force."""
     if rig.settings.magnet.both_ways:
         return 0.0
@@ -486,7 +485,7 @@ def fixed_pid(setup: StageSetup) -> FixedPidd2:
     return as_pidd2(Biquad((b0, b1, b2), (a1, a2)), 1.0 / rig.dt, full).fixed(scales)
 
 
-def identify_stage(rig: StageRig, loops: Loops | None = None) -> IdentifiedMagnet:
+def identify_stage(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
     """Identify what is known of the magnets of a stage, from its loops or others of them."""
 
     def usable(known: IdentifiedMagnet) -> bool:
@@ -499,7 +498,7 @@ def identify_stage(rig: StageRig, loops: Loops | None = None) -> IdentifiedMagne
 
 
 def make_stage(
-    rig: StageRig,
+    rig: BodyRig,
     magnet: IdentifiedMagnet,
     method: MethodName,
     calibrated: CalibratedMethod | None = None,
@@ -515,7 +514,7 @@ def make_stage(
 
 
 def corrected(
-    rig: StageRig,
+    rig: BodyRig,
     fitted: Callable[[float], ForceController],
     found: CalibratedMethod,
     drift: Drift = NO_DRIFT,
@@ -537,7 +536,7 @@ def corrected(
 
 
 def fit_method(
-    rig: StageRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
+    rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
 ) -> ForceController:
     """Fit one variant to what is known of a magnet whose loops are wider by a part."""
     table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]

@@ -25,9 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtr
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.loop import DROP, ReferenceStep, Scenario
 from anhyst.rig.recording import RISE, Recording
@@ -327,7 +327,7 @@ def _overload(trial: ExperimentTrial) -> ExperimentOutcome:
     return ExperimentOutcome({"recovery_s": seconds}, False)
 
 
-def excess_band(rig: BearingRig, excess: FloatArray) -> float:
+def excess_band(rig: BodyRig, excess: FloatArray) -> float:
     """Return the difference of two runs beyond which an event shows, m.
 
     Three times what one reading is uncertain by, noise and resolution together. Runs that differ

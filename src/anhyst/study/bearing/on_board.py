@@ -18,10 +18,11 @@ from anhyst.control.states import State
 from anhyst.link.firmware import build, check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run, position_control
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, compiled_model, make_setups
+from anhyst.rig.bearing.make_setup import compiled_model, make_setups
 from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.body import BodyRig
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, injections
 from anhyst.study.bearing.operating import make_ready, read_files
@@ -43,7 +44,7 @@ class BoardComparison:
 
     Parameters
     ----------
-    rig : BearingRig
+    rig : BodyRig
     controller : ControllerFile
     board : str
         Where it ran.
@@ -55,7 +56,7 @@ class BoardComparison:
         Of every fault.
     """
 
-    rig: BearingRig
+    rig: BodyRig
     controller: ControllerFile
     board: str
     simulated: Recording
@@ -184,7 +185,7 @@ def _run_twice(
 
 
 def build_firmware(
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerFile,
     knowledge: IdentifiedMagnet,
     board: str,

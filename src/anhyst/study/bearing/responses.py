@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.scenario import Script, steps_up_and_down
+from anhyst.rig.body import BodyRig
 from anhyst.rig.loop import ReferenceStep
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import Zone, zone
@@ -205,7 +205,7 @@ class StepCell:
         return self.of("overshoot_percent").exceeds(self.of("noise_percent"))
 
 
-def position_resolution(rig: BearingRig) -> float:
+def position_resolution(rig: BodyRig) -> float:
     """Return what the position sensor of a rig cannot resolve, rms of noise and steps, m."""
     sensor = rig.settings.gap_sensor.sensor()
     return math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
@@ -324,7 +324,7 @@ def as_rows(cells: Sequence[StepCell]) -> list[dict[str, Any]]:
     ]
 
 
-def default_seeds(rig: BearingRig) -> range:
+def default_seeds(rig: BodyRig) -> range:
     """Return the noise seeds that a rig file asks for."""
     return range(rig.settings.noise_seeds)
 

@@ -13,16 +13,12 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
 from anhyst.model.compilable import has_layers
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import LevitationRun, Setup, SimulatedLoop, lost_blocks, parts_of_run
-from anhyst.rig.bearing.make_setup import (
-    IdentifiedMagnet,
-    calibrated_magnets,
-    check_plant,
-    make_setups,
-)
+from anhyst.rig.bearing.make_setup import calibrated_magnets, make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
+from anhyst.rig.fitting import IdentifiedMagnet, check_plant
 from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing import experiments, linear
@@ -65,7 +61,7 @@ class Simulation(Result):
 
     Parameters
     ----------
-    rig : BearingRig
+    rig : BodyRig
     controller : ControllerFile
     knowledge : IdentifiedMagnet
         Loops and model.
@@ -90,7 +86,7 @@ class Simulation(Result):
         What ``figures.json`` holds; infinite where a level was not reached, null in the file.
     """
 
-    rig: BearingRig
+    rig: BodyRig
     controller: ControllerFile
     knowledge: IdentifiedMagnet
     setups: Mapping[MethodName, Setup]
@@ -238,7 +234,7 @@ def write_simulation(simulation: Simulation, out: PathLike) -> None:
 def _write_recording(
     out: PathLike,
     recording: Recording,
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerFile,
     knowledge: IdentifiedMagnet,
 ) -> None:
@@ -340,7 +336,7 @@ def _compare(
     )
 
 
-def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
+def _head(rig: BodyRig, controller: ControllerFile) -> dict[str, Any]:
     """Return what was simulated."""
     return {
         "format": "anhyst-simulation",
@@ -354,7 +350,7 @@ def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
     }
 
 
-def compared(rig: BearingRig, own: MethodName) -> tuple[MethodName, ...]:
+def compared(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
     """Return all variants that a rig allows, that of the controller file among them."""
     methods = [
         name for name in COMPARED if name not in PROBED or rig.settings.hall_probe is not None
@@ -362,11 +358,11 @@ def compared(rig: BearingRig, own: MethodName) -> tuple[MethodName, ...]:
     return tuple(dict.fromkeys([*methods, own]))
 
 
-def _heights(rig: BearingRig) -> list[float]:
+def _heights(rig: BodyRig) -> list[float]:
     return rig.settings.step.heights_m
 
 
-def _load(rig: BearingRig) -> float:
+def _load(rig: BodyRig) -> float:
     return rig.settings.load.force_N
 
 
@@ -381,7 +377,7 @@ def _whole_run(setup: Setup) -> LevitationRun:
 
 
 def _experiments(
-    rig: BearingRig, setups: Mapping[MethodName, Setup], parts: Iterator[Progress]
+    rig: BodyRig, setups: Mapping[MethodName, Setup], parts: Iterator[Progress]
 ) -> dict[str, Any]:
     """Try everything beside steps, with every variant."""
     seeds: Sequence[int] = default_seeds(rig)

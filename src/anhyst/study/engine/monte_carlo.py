@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.drift import Drift, draw_plant
+from anhyst.rig.drift import Drift, draw_plant
 from anhyst.rig.file import RigFile
 from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge, mean_interval, strongest
 from anhyst.support.atomic import PathLike

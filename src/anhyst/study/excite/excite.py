@@ -12,7 +12,7 @@ import numpy as np
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.sidecar import is_sidecar
-from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.body import read_bearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import Pull, Sensors, straight, take

@@ -23,20 +23,13 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from anhyst.compensate.force_controller import ForceController, MethodName
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerTable
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import pair_of
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrated, fit_magnets
+from anhyst.rig.bearing.make_setup import fit_magnets
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE, ParameterName
+from anhyst.rig.fitting import IdentifiedMagnet, calibrated
 from anhyst.rig.recording import HOVER, column
-from anhyst.rig.stage.file import (
-    StageRig,
-    axes_of,
-    believed,
-    head_rows,
-    mass_matrix,
-    pull_rows,
-    weight,
-)
+from anhyst.rig.stage.file import axes_of, believed, head_rows, mass_matrix, pull_rows, weight
 from anhyst.rig.stage.loop import demand_columns, pose_columns
 from anhyst.study.tracking.motion import DEAD, UPDATES_HZ, Motion, MotionLaw, on_grid
 from anhyst.support.numeric import FloatArray
@@ -48,7 +41,7 @@ START_S = 0.01
 the currents follow their commands."""
 
 
-def law_of(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> MotionLaw:
+def law_of(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> MotionLaw:
     """Return the law of a method of a stage of one or several coordinates."""
     return (AxesLaw if rig.settings.several else MotionLaw)(rig, magnet, method)
 
@@ -135,7 +128,7 @@ class AxesLaw(MotionLaw):
     trust = 0.0015
     seen = 0.9
 
-    def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
+    def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         super().__init__(rig, magnet, method)
         self._of: AxesMotion | None = None
         self._kept: dict[tuple[object, ...], FloatArray] = {}  # of single magnets along that motion
@@ -271,7 +264,7 @@ class BearingLaw(MotionLaw):
 
     def __init__(
         self,
-        bearing: BearingRig,
+        bearing: BodyRig,
         controller: ControllerTable,
         magnet: IdentifiedMagnet,
         method: MethodName,

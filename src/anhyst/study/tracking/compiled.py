@@ -21,9 +21,9 @@ from anhyst.compilation.verb import compile_actuator
 from anhyst.control.fixed_axes import codes
 from anhyst.control.states import Command
 from anhyst.model.actuator import Model
+from anhyst.rig.body import BodyRig
 from anhyst.rig.recording import Loss, column, of_magnets
 from anhyst.rig.stage.file import (
-    StageRig,
     least_of,
     mass_matrix,
     opposed,
@@ -217,7 +217,7 @@ def compile_stage(
     return write_stage(setup, kind, out, name or c_name(rig.settings.name))
 
 
-def compiled_rig(rig: StageRig) -> StageRig:
+def compiled_rig(rig: BodyRig) -> BodyRig:
     """Return a stage whose magnets reckon as they are compiled: in fixed or in single precision."""
     if rig.settings.tracking.format == "fixed":
         return rig
@@ -233,7 +233,7 @@ def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> Compi
     return CompiledStage(Path(out), described, (*files, "manifest.json"), vectors)
 
 
-def _refuse(rig: StageRig, io: Io, rate: float | None) -> None:
+def _refuse(rig: BodyRig, io: Io, rate: float | None) -> None:
     """Refuse what cannot be compiled, or is not what the rig file says."""
     if io == "q15" or (io == "q31" and rig.settings.tracking.format != "fixed"):
         raise InputError(
@@ -368,7 +368,7 @@ def _fly_one(setup: StageSetup, rows: int) -> FloatArray:
     return np.vstack([off, forward, gap, file.gap_total_m - gap, *read])[:, :rows]
 
 
-def _refuse_lost(rig: StageRig, loss: Loss | None) -> None:
+def _refuse_lost(rig: BodyRig, loss: Loss | None) -> None:
     if loss is not None:
         raise NegativeResult(
             f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it with anhyst simulate",

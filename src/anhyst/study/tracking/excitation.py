@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data.table import check_recording
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import ParameterName
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import (
-    StageRig,
     mass_matrix,
     read_stage,
     scan_direction,
@@ -58,7 +58,7 @@ Legs = Mapping[str, SetPoint]
 """By coordinate what it follows, from rest to rest, one after another."""
 
 
-def legs_of(rig: StageRig) -> dict[str, list[SetPoint]]:
+def legs_of(rig: BodyRig) -> dict[str, list[SetPoint]]:
     """Return what each coordinate may follow: within the set-point's snap, jerk, speed and way."""
     file, found = rig.settings, dict[str, list[SetPoint]]()
     scan, layout = file.scan, wrench_layout(file, usual_allocation(file), rig.idle)
@@ -166,7 +166,7 @@ class CalibratingMove:
         return figure
 
 
-def find_move(rig: StageRig, magnet: IdentifiedMagnet | None = None) -> CalibratingMove:
+def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> CalibratingMove:
     """Design the move of a stage, fly it, and say what is left of each number after it."""
     refuse_uncalibratable(rig)
     known, scan = magnet or identify_stage(rig), rig.settings.scan

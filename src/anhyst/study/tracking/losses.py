@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst.control.states import Command, Phase, State
+from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import LossCase
 from anhyst.rig.loop import FAILS, HEAD_FAULTS, SHORT
 from anhyst.rig.recording import Recording, column, peak
 from anhyst.rig.stage.file import (
-    StageRig,
     error_columns,
     pull_rows,
     spare,
@@ -154,7 +154,7 @@ class Losses:
         return [*found, self._lifted(whole)] if case.lift else found
 
     @property
-    def _rig(self) -> StageRig:
+    def _rig(self) -> BodyRig:
         return self.setup.rig
 
     def _lose(self, magnet: int, whole: _Plan, calm: Recording) -> LostMagnet:

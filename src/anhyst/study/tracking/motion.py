@@ -19,11 +19,12 @@ from anhyst._core import allocate
 from anhyst.compensate.flux_feedback import FluxFeedback, FusedInverse
 from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import PROBED
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterName, kind_of
+from anhyst.rig.drift import NO_DRIFT, Drift
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.recording import rms
-from anhyst.rig.stage.file import StageRig, per_root
+from anhyst.rig.stage.file import per_root
 from anhyst.rig.stage.loop import COMMANDS, PROBES, StageSetup, corrected, fit_method
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -52,7 +53,7 @@ WIDTHS = 0.005
 """A law is fitted anew for widths on this grid."""
 
 
-def refuse_uncalibratable(rig: StageRig) -> None:
+def refuse_uncalibratable(rig: BodyRig) -> None:
     """Refuse a stage whose motion would teach something else than what its magnets are off by."""
     file, least = rig.settings, AMPLIFIER * FILTER_HZ
     if file.amplifier.bandwidth_Hz < least:
@@ -68,7 +69,7 @@ def refuse_uncalibratable(rig: StageRig) -> None:
 class Motion:
     """What was read while a stage moved, and what its body did."""
 
-    rig: StageRig
+    rig: BodyRig
     read: Mapping[str, FloatArray]  # by column
     begin: int = 0  # tick from which on it teaches; before, it only tells what the iron remembers
 
@@ -164,7 +165,7 @@ class MotionLaw:
     seen = 0.7
     """Of its prior standard deviation: a parameter with more left is called not seen."""
 
-    def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
+    def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         self.rig, self.method = rig, method
         self.compensator = cache(lambda width: fit_method(rig, magnet, method, width))
 

@@ -16,11 +16,12 @@ from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS, PROBED
 from anhyst.data.table import check_recording
 from anhyst.model.compilable import has_layers
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CalibratedMethod
 from anhyst.rig.file import RigFile
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.file import StageRig, error_columns, read_stage, unit_of
+from anhyst.rig.stage.file import error_columns, read_stage, unit_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, make_stage, pid, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
@@ -67,7 +68,7 @@ def learn(setup: StageSetup, gains: Feedforward, trials: int = TRIALS) -> list[R
     return runs
 
 
-def _filtered(rig: StageRig, learnt: FloatArray, error: FloatArray) -> FloatArray:
+def _filtered(rig: BodyRig, learnt: FloatArray, error: FloatArray) -> FloatArray:
     """Add the force that would have left no error, and keep what lies below the filter.
 
     With the plant ``P = e^(-s late)/(m s^2)`` and the controller C an error e is gone after the
@@ -88,7 +89,7 @@ def _filtered(rig: StageRig, learnt: FloatArray, error: FloatArray) -> FloatArra
     return np.ascontiguousarray(np.fft.irfft(filtered * whole, n + _PADDING)[:n])
 
 
-def _pid_at(rig: StageRig, z: np.ndarray[tuple[int, ...], np.dtype[np.complex128]]) -> FloatArray:
+def _pid_at(rig: BodyRig, z: np.ndarray[tuple[int, ...], np.dtype[np.complex128]]) -> FloatArray:
     """Return the PID over the frequency."""
     c = pid(rig)
     back = 1.0 / z
@@ -209,7 +210,7 @@ class TrackingStudy(Result):
 
     Parameters
     ----------
-    rig : StageRig
+    rig : BodyRig
     tried : mapping of str to TriedVariant
     left_out : mapping of str to str
         Variants that could not be made, and why.
@@ -217,7 +218,7 @@ class TrackingStudy(Result):
         What became of the compensator's own stage without each magnet that the rig file loses.
     """
 
-    rig: StageRig
+    rig: BodyRig
     tried: Mapping[MethodName, TriedVariant]
     left_out: Mapping[MethodName, str]
     losses: Sequence[LostMagnet] = ()
@@ -394,7 +395,7 @@ def standing(setup: StageSetup, gains: Feedforward, seed: int = 1) -> dict[str, 
 
 
 def make_variants(
-    rig: StageRig, magnet: IdentifiedMagnet, names: Sequence[MethodName] = ()
+    rig: BodyRig, magnet: IdentifiedMagnet, names: Sequence[MethodName] = ()
 ) -> tuple[dict[MethodName, StageSetup], dict[MethodName, str]]:
     """Fit variants, all compared ones where none are named.
 
@@ -435,7 +436,7 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
     raise NegativeResult(f"{text}; the recording is kept in {out}", code="loop-lost")
 
 
-def check_calibration(rig: StageRig) -> None:
+def check_calibration(rig: BodyRig) -> None:
     """Say before any work what is wrong with a calibration, or with learning one."""
     if rig.settings.tracking.calibrate:
         refuse_uncalibratable(rig)
@@ -449,7 +450,7 @@ def check_calibration(rig: StageRig) -> None:
 
 
 def explore_stage(
-    rig: StageRig,
+    rig: BodyRig,
     magnet: IdentifiedMagnet | None = None,
     names: Sequence[MethodName] = (),
     progress: Progress | None = None,

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, make_position, with_gains
 from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed
 from anhyst.study.bearing.linear import CurrentLoop
 from anhyst.study.bearing.responses import (
     Sensitivity,
@@ -42,7 +42,7 @@ HOLD_S = 0.03
 _BOUNDS = (0.55, 0.7, 1.0)  # parts of the aimed peak: where the front is looked at
 
 
-def default_conditions(rig: BearingRig) -> tuple[Condition, ...]:
+def default_conditions(rig: BodyRig) -> tuple[Condition, ...]:
     """Return all gaps of a rig file with its load and with two thirds of it."""
     tried, load = rig.settings, rig.settings.load.force_N
     return tuple(
@@ -226,13 +226,13 @@ def of_steps(steps: Sequence[StepResult]) -> Figures:
     )
 
 
-def search_frequencies(rig: BearingRig) -> FloatArray:
+def search_frequencies(rig: BodyRig) -> FloatArray:
     """Return the few frequencies of a search, Hz: where a loop that is fast enough has its peak."""
     rate = rig.settings.timing.rate_Hz
     return spaced(rate / 160.0, rate / 10.0, 11)
 
 
-def check_frequencies(rig: BearingRig) -> FloatArray:
+def check_frequencies(rig: BodyRig) -> FloatArray:
     """Return the frequencies of a check, Hz."""
     rate = rig.settings.timing.rate_Hz
     return spaced(rate / 500.0, rate / 8.0, 40)

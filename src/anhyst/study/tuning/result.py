@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import BASELINES, MODELS, PROBED
 from anhyst.control.controller_file import ControllerFile
-from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
-from anhyst.rig.stage.file import StageRig
 from anhyst.study.engine.verdict import Interval, compare
 from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.search import FoundGains
@@ -54,7 +53,7 @@ class Tuning(Result):
 
     Parameters
     ----------
-    rig : BearingRig or StageRig
+    rig : BodyRig or BodyRig
     controller : ControllerFile or None
         As it was; None of a stage.
     plant : PlantCheck or None
@@ -73,7 +72,7 @@ class Tuning(Result):
         By the clock, and of all processes.
     """
 
-    rig: BearingRig | StageRig
+    rig: BodyRig
     controller: ControllerFile | None
     plant: PlantCheck | None
     own: MethodName

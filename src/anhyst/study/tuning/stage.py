@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.drift import draw_plant
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import draw_plant
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_loop_controller, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.verdict import mean_interval
@@ -138,7 +138,7 @@ class LinearStage:
         return np.where(over > 0.0, MISSED + over, found.average)
 
 
-def linear_stage(rig: StageRig) -> LinearStage:
+def linear_stage(rig: BodyRig) -> LinearStage:
     """Return the linear loop of a rig file; the amplifier counts as a low pass of its bandwidth."""
     file = rig.settings
     return LinearStage(

@@ -55,7 +55,7 @@ class PlacedMagnet:
 
 
 @dataclass(frozen=True)
-class BearingRig:
+class BodyRig:
     """A body between magnets as its file describes it."""
 
     path: Path  # the rig file
@@ -159,17 +159,17 @@ def step_ends(gap: float, height: float) -> tuple[float, float]:
     return gap + height / 2.0, gap - height / 2.0
 
 
-def read_bearing(path: PathLike) -> BearingRig:
+def read_bearing(path: PathLike) -> BodyRig:
     """Read the rig file of a bearing."""
     file = Path(path)
     settings = read_rig_file(file, [FileKind.BEARING])
     faults = [*plant_faults(settings), *_case_faults(settings)]
     if faults:
         raise rig_error(file, faults)
-    return BearingRig(file, settings)
+    return BodyRig(file, settings)
 
 
-def check_load(rig: BearingRig, force_max: float) -> None:
+def check_load(rig: BodyRig, force_max: float) -> None:
     """Refuse a load that no current can carry."""
     load = rig.load
     steps = rig.settings.load_steps_N
@@ -194,7 +194,7 @@ def check_load(rig: BearingRig, force_max: float) -> None:
         raise rig_error(rig.path, faults)
 
 
-def check_rate(rig: BearingRig, pole_Hz: float) -> None:
+def check_rate(rig: BodyRig, pole_Hz: float) -> None:
     """Refuse a sample rate that is too slow for the plant."""
     rate, least = rig.settings.timing.rate_Hz, TICKS_PER_POLE * pole_Hz
     if rate < least:

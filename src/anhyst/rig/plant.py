@@ -14,7 +14,7 @@ from anhyst._core import Coil, Magnet, Plant
 from anhyst.data.table import DataTable, read_columns
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.rig.bearing.file import BearingRig, travel_m
+from anhyst.rig.body import BodyRig, travel_m
 from anhyst.rig.file import RigFile
 from anhyst.rig.magnet_table import LAW
 from anhyst.rig.parts.magnet import FluxTable, flux_table_of, iron_magnet, law_magnet
@@ -136,7 +136,7 @@ ROWS = 129
 """Places over the gap at which a law's gap map is looked at."""
 
 
-def make_magnet(rig: BearingRig, law: Model | None = None) -> Magnet:
+def make_magnet(rig: BodyRig, law: Model | None = None) -> Magnet:
     """Return the magnet of a rig."""
     settings, middle = rig.settings.magnet, rig.settings.gap_m
     if settings.kind != LAW:
@@ -151,7 +151,7 @@ def make_magnet(rig: BearingRig, law: Model | None = None) -> Magnet:
     return law_magnet(settings.poles, model.iron_at(middle), rows, eddy, table)
 
 
-def law_of(rig: BearingRig) -> Model:
+def law_of(rig: BodyRig) -> Model:
     """Return the identified law that makes a rig's force."""
     assert rig.model is not None
     model = read_model(rig.model)
@@ -170,7 +170,7 @@ def law_of(rig: BearingRig) -> Model:
     return model
 
 
-def flux_table(rig: BearingRig) -> FluxTable:
+def flux_table(rig: BodyRig) -> FluxTable:
     """Return the flux table of a rig, as measured or made from its magnet."""
     if rig.flux_table is not None:
         table = read_flux_table(rig.flux_table)
@@ -184,15 +184,15 @@ def flux_table(rig: BearingRig) -> FluxTable:
 
 
 def static_map(
-    rig: BearingRig, current: FloatArray, gap: FloatArray
+    rig: BodyRig, current: FloatArray, gap: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return force, flux linkage and flux density of a path so slow that nothing is induced."""
     columns = Coil(make_magnet(rig)).run(np.ascontiguousarray(current), np.ascontiguousarray(gap))
     return columns[:, 0].copy(), columns[:, 1].copy(), columns[:, 2].copy()
 
 
-def make_bearing(
-    rig: BearingRig, seed: int, *magnets: Magnet, numbers: PlantNumbers | None = None
+def make_plant(
+    rig: BodyRig, seed: int, *magnets: Magnet, numbers: PlantNumbers | None = None
 ) -> Plant:
     """Return the plant of a rig, at rest on the stop of the largest gap; its numbers may be others.
 
@@ -210,7 +210,7 @@ def make_bearing(
     )
 
 
-def noise_seed(rig: BearingRig, seed: int) -> int:
+def noise_seed(rig: BodyRig, seed: int) -> int:
     """Return what the noise of all sensors begins with: the seed of the file, and of a run."""
     return (rig.settings.seed << 32) + seed
 
@@ -225,7 +225,7 @@ class PlantNumbers:
     load: dict[str, Any]
 
 
-def plant_numbers(rig: BearingRig) -> PlantNumbers:
+def plant_numbers(rig: BodyRig) -> PlantNumbers:
     """Return the numbers of a plant.
 
     Its one coordinate is the gap of the first magnet. Several are displacements from where the body
@@ -293,12 +293,12 @@ def _coordinates(file: RigFile) -> list[dict[str, float]]:
     return [coordinate(axis, -ends[axis], ends[axis]) for axis in axes]
 
 
-def current_loops(rig: BearingRig) -> list[dict[str, float]]:
+def current_loops(rig: BodyRig) -> list[dict[str, float]]:
     """Return what stands before each amplifier."""
     return [current_loop(rig) for _ in rig.settings.magnets]
 
 
-def current_loop(rig: BearingRig) -> dict[str, float]:
+def current_loop(rig: BodyRig) -> dict[str, float]:
     """Return the digital current controller that stands before amplifiers of voltage."""
     gain, reset = current_gains(rig)
     return {
@@ -309,7 +309,7 @@ def current_loop(rig: BearingRig) -> dict[str, float]:
     }
 
 
-def current_gains(rig: BearingRig) -> tuple[float, float]:
+def current_gains(rig: BodyRig) -> tuple[float, float]:
     """Return gain, V/A, and integral, V/(A s), of the current controller.
 
     An analogue one has the bandwidth of the amplifier. A digital one, before an amplifier of
@@ -324,7 +324,7 @@ def current_gains(rig: BearingRig) -> tuple[float, float]:
     return gain, CURRENT_RESET * omega * gain
 
 
-def _body(rig: BearingRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
+def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     file, body, timing = rig.settings, rig.settings.body, rig.settings.timing
     late = timing.delay_ticks * timing.substeps + file.amplifier.delay_s / rig.step
     weight = body.gravity_m_per_s2
@@ -347,7 +347,7 @@ def _body(rig: BearingRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     }
 
 
-def _amplifier(rig: BearingRig) -> dict[str, float]:
+def _amplifier(rig: BodyRig) -> dict[str, float]:
     amplifier = rig.settings.amplifier
     gain, reset = current_gains(rig)
     by_current = amplifier.mode == "current"
@@ -363,7 +363,7 @@ def _amplifier(rig: BearingRig) -> dict[str, float]:
     }
 
 
-def _load(rig: BearingRig) -> dict[str, Any]:
+def _load(rig: BodyRig) -> dict[str, Any]:
     load = rig.settings.load
     return {
         "line": _OPENS,
@@ -376,7 +376,7 @@ def _load(rig: BearingRig) -> dict[str, Any]:
     }
 
 
-def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
+def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
     settings, step = rig.settings, rig.step
     position: PositionSensor = settings.gap_sensor.sensor()
     current, force, hall = settings.current_sensor, settings.force_sensor, settings.hall_probe
