@@ -13,7 +13,7 @@ import numpy as np
 from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import NO_DRIFT, drifted_plant
-from anhyst.rig.loop import Loop, Scenario
+from anhyst.rig.loop import ClosedLoop, Scenario
 from anhyst.rig.plant import current_loops
 from anhyst.rig.stage.file import mass_matrix, read_stage, weight
 from anhyst.rig.stage.loop import (
@@ -90,7 +90,7 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     frame[:, 0] += strayed(rig, late, time)
     frame[:, 1] += strayed(rig, 0.0, time)
     bearing = drifted_plant(rig, NO_DRIFT, 1)
-    loop = Loop(bearing, make_loop_controller(setup), current_loops(rig))
+    loop = ClosedLoop(bearing, make_loop_controller(setup), current_loops(rig))
     off, flags = np.zeros((n, len(free))), 0
     for begin in range(0, n, PIECE):
         end = min(begin + PIECE, n)

@@ -14,7 +14,7 @@ import pytest
 from anhyst.control.states import Command, Flag
 from anhyst.rig.case_table import LossCase
 from anhyst.rig.drift import NO_DRIFT, drifted_plant
-from anhyst.rig.loop import FAILS, HEAD_FAULTS, Loop, Scenario
+from anhyst.rig.loop import FAILS, HEAD_FAULTS, ClosedLoop, Scenario
 from anhyst.rig.magnet_table import LikeTable
 from anhyst.rig.plant import current_loops
 from anhyst.rig.recording import Recording
@@ -164,7 +164,7 @@ def commanded(
     scenario.command[since:] = failing
     for tick, one in {0: Command.IDLE, **commands}.items():
         scenario.command[tick] |= one
-    return Loop(bearing, axes_controller(setup), current_loops(rig)).run(scenario)
+    return ClosedLoop(bearing, axes_controller(setup), current_loops(rig)).run(scenario)
 
 
 def poses(run: Recording) -> np.ndarray:

@@ -83,7 +83,7 @@ class Scenario:
         return Scenario(**ticks, frame=self.frame[begin : end + 1])
 
 
-class Loop:
+class ClosedLoop:
     """A plant and its controller, from power on; scenarios follow each other.
 
     Before each amplifier stands a current loop, which does nothing where it takes a current.

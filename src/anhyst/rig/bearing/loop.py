@@ -16,7 +16,7 @@ from anhyst.control.position import PositionControl, ReferenceConverter
 from anhyst.control.states import Command, Flag
 from anhyst.rig.bearing.scenario import Script, land_time, lift_time, steps_up_and_down
 from anhyst.rig.body import BodyRig, step_ends
-from anhyst.rig.loop import Loop, Scenario
+from anhyst.rig.loop import ClosedLoop, Scenario
 from anhyst.rig.plant import current_loops, make_plant
 from anhyst.rig.recording import (
     BREAKAWAY,
@@ -185,7 +185,7 @@ def position_control(setup: Setup) -> PositionControl:
     )
 
 
-class SimulatedLoop(Loop):
+class SimulatedLoop(ClosedLoop):
     """A bearing from power on; scenarios follow each other."""
 
     def __init__(

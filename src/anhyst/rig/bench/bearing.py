@@ -25,7 +25,7 @@ from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal, currents_of
 from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
 from anhyst.rig.body import BodyRig
-from anhyst.rig.loop import Loop, Scenario
+from anhyst.rig.loop import ClosedLoop, Scenario
 from anhyst.rig.plant import current_loops, make_plant
 from anhyst.rig.recording import Recording, column
 from anhyst.support.errors import InputError
@@ -218,7 +218,7 @@ class BearingBench(LockStepBench[BusController]):
             self._settings = ControllerSettings(self.link, position_settings(gains))
             self._bus = BusController(source.tick, {name: self._scales[name] for name in _FULL})
             self._open.callback(self._bus.end)
-            self._loop = Loop(self.bearing, self._bus, current_loops(rig), tuple(_OF_PLANT))
+            self._loop = ClosedLoop(self.bearing, self._bus, current_loops(rig), tuple(_OF_PLANT))
             self.demand(gap)
         except BaseException:
             self._open.close()

@@ -30,7 +30,7 @@ from anhyst.rig.bench.protocol import (
 )
 from anhyst.rig.bench.settings import check_values, stage_parameters
 from anhyst.rig.drift import NO_DRIFT, draw_plant, drifted_plant
-from anhyst.rig.loop import Loop, Scenario
+from anhyst.rig.loop import ClosedLoop, Scenario
 from anhyst.rig.plant import current_loops
 from anhyst.rig.recording import CURRENTS, Loss, Recording, column, of_magnets, peak
 from anhyst.rig.stage.file import layout_of, lying, pulls, pushed_with, scan_direction
@@ -189,7 +189,7 @@ class StageBench(Bench):
         # the loop keeps the drives alive
         drives = [self._remembering(setup, k) for k in range(self._magnets)]
         controller = make_loop_controller(setup, drives)
-        self._loop = Loop(self._plant, controller, current_loops(setup.rig))
+        self._loop = ClosedLoop(self._plant, controller, current_loops(setup.rig))
         if len(self._latest):
             wanted, fed = np.split(self._latest[:, 2 * self._magnets :], 2, axis=1)
             self._carried = np.array([np.mean(one) for one in (wanted - fed).T])

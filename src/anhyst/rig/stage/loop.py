@@ -32,7 +32,7 @@ from anhyst.rig.calibration import CENTRE, CalibratedMethod, ParameterName
 from anhyst.rig.drift import NO_DRIFT, Drift, drifted_plant
 from anhyst.rig.file import RigFile
 from anhyst.rig.fitting import IdentifiedMagnet, calibrated, fit_at, identify_rippling
-from anhyst.rig.loop import Loop, Scenario
+from anhyst.rig.loop import ClosedLoop, Scenario
 from anhyst.rig.plant import current_loops
 from anhyst.rig.recording import (
     CURRENTS,
@@ -205,12 +205,12 @@ def read_noise(rig: BodyRig, ticks: int, rng: np.random.Generator) -> FloatArray
     return rng.normal(0.0, rig.settings.position_sensor.noise_m, ticks)
 
 
-def stage_loop(setup: StageSetup, seed: int = 0) -> Loop:
+def stage_loop(setup: StageSetup, seed: int = 0) -> ClosedLoop:
     """Return a stage at rest where it works, its iron demagnetised, and its controller."""
     rig, plant = setup.rig, drifted_plant(setup.rig, setup.drift, seed)
     if not rig.settings.several:
         plant.place([rig.gap], [0.0])
-    return Loop(plant, make_loop_controller(setup), current_loops(rig))
+    return ClosedLoop(plant, make_loop_controller(setup), current_loops(rig))
 
 
 def follow(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
