@@ -79,6 +79,11 @@ class BodyRig:
         return 1.0 / self.settings.timing.rate_Hz
 
     @property
+    def late(self) -> float:
+        """Time from a sample to the middle of the tick in which its current flows, s."""
+        return (self.settings.timing.delay_ticks + 0.5) * self.dt
+
+    @property
     def step(self) -> float:
         """Time between sub-steps, s."""
         return self.dt / self.settings.timing.substeps

@@ -318,7 +318,7 @@ def current_gains(rig: BodyRig) -> tuple[float, float]:
     settings = rig.settings
     omega = 2.0 * math.pi * settings.amplifier.bandwidth_Hz
     if settings.amplifier.mode == "voltage":
-        late = (settings.timing.delay_ticks + 0.5) * rig.dt + settings.amplifier.delay_s
+        late = rig.late + settings.amplifier.delay_s
         omega = min(omega, DIGITAL_CROSSOVER / late)
     gain = omega * settings.magnet.poles.inductance(settings.gap_m)
     return gain, CURRENT_RESET * omega * gain

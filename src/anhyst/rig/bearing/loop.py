@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -145,11 +145,6 @@ class Setup:
     def name(self) -> MethodName:
         """Of its method."""
         return self.compensator.method
-
-
-def with_gains(setup: Setup, controller: ControllerTable) -> Setup:
-    """Return the same compensator behind another controller of the same limits."""
-    return replace(setup, controller=controller)
 
 
 _CLASSES = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}

@@ -145,7 +145,6 @@ class StageBench(Bench):
         self._state, self._fault, self._laps, self._lap = State.READY, Fault.NONE, 0, 0
         self._offset, self._load, self._side = 0.0, 0.0, 1.0
         self._push: dict[str, float] = {}
-        self._ahead = (rig.settings.timing.delay_ticks + 0.5) * rig.dt
         self._move(1.0)
         self._renew()
 
@@ -158,7 +157,7 @@ class StageBench(Bench):
         scan = self.rig.settings.scan
         peaks = [share * peak for peak in (*scan.test_m_per_s2, scan.test_m_per_s2[0])]
         self._motion = replace(motion_of(scan, peaks), rests=True)
-        self._way = course_of(self._motion, self.rig.dt, self._ahead)
+        self._way = course_of(self._motion, self.rig.dt, self.rig.late)
 
     def _renew(self) -> None:
         """Put the plant in force where it works, at rest, its iron demagnetised."""
@@ -402,7 +401,7 @@ class StageBench(Bench):
             motion = course.motion_at(self._at, dt)
             scan = self.rig.settings.scan  # its largest acceleration, whatever the lap's is
             hardest = motion_of(scan, scan.test_m_per_s2)
-            self._begin(braking(*motion, hardest, dt, self._ahead))
+            self._begin(braking(*motion, hardest, dt, self.rig.late))
 
     def demand(self, value: float) -> None:
         """Demand a place beside the set-point, m."""

@@ -151,9 +151,8 @@ def pid(rig: BodyRig) -> dict[str, float]:
 
 def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
     """Return the force fed forward at every tick, N, so much earlier as the loop is late."""
-    rig, timing = setup.rig, setup.rig.settings.timing
-    ahead = (timing.delay_ticks + 0.5) * rig.dt
-    time = instants(rig, ticks_of(rig, motion)) + ahead
+    rig = setup.rig
+    time = instants(rig, ticks_of(rig, motion)) + rig.late
     place, acceleration, jerk, snap = motion.at(time)
     moved = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
     return np.asarray(setup.believed.settings.body.mass_kg * moved + setup.cable * place)

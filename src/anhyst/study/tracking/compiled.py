@@ -285,7 +285,7 @@ def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
         sha256=hashlib.sha256(rig.path.read_bytes()).hexdigest(),
         kind=kind,
         rate=timing.rate_Hz,
-        ahead=(timing.delay_ticks + 0.5) * rig.dt,
+        ahead=rig.late,
         free=file.body.free,
         rows=axes_rows(setup) | own,
         against=opposed(file),

@@ -88,12 +88,12 @@ def fly(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
         return track(setup, next(iter(legs.values())), Feedforward(), seed)
     begin = START_S  # the weight is taken up before
     n = round((begin + sum(leg.duration for leg in legs.values())) / rig.dt)
-    time, ahead = instants(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
+    time = instants(rig, n + 1)
     place, frame, fed = np.zeros((3, n + 1, len(file.body.free)))
     for at, axis in enumerate(file.body.free):
         if leg := legs.get(axis):
             since = time - begin
-            place[:, at], fed[:, at] = leg.at(since)[0], leg.at(since + ahead)[1]
+            place[:, at], fed[:, at] = leg.at(since)[0], leg.at(since + rig.late)[1]
             late = leg.at(since - STRAY_LATE)[1] / max(leg.peaks)
             frame[:, at] = place[:, at] + strayed(rig, late, time)
             begin += leg.duration

@@ -251,12 +251,11 @@ class Losses:
         rig, file, mass = self._rig, self._rig.settings, self.setup.believed.settings.body.mass_kg
         motion = motion_of(file.scan, file.scan.test_m_per_s2)
         a, lasts = float(whole.acceleration[now]), motion.jerk_phase
-        ahead = (file.timing.delay_ticks + 0.5) * rig.dt
         around = whole.place[max(now - 1, 0) : now + 2]
         v = float((around[-1] - around[0]) / ((around.size - 1) * rig.dt))
         time = instants(rig, round(lasts / rig.dt) + 1)
         eased = whole.place[now] + v * time + a * (time**2 / 2.0 - time**3 / (6.0 * lasts))
-        later = time[:-1] + ahead
+        later = time[:-1] + rig.late
         falls = a * np.maximum(1.0 - later / lasts, 0.0)
         easing = np.column_stack([falls, -a / lasts * (later < lasts), 0.0 * later])
         v += 0.5 * a * lasts
@@ -265,7 +264,7 @@ class Losses:
             (one for one in able if self._makes(magnet, np.array([-mass * one * np.sign(v)]))),
             PARTS[-1] * max(motion.peaks),
         )
-        course = braking(v, 0.0, replace(motion, peaks=(most,)), rig.dt, ahead)
+        course = braking(v, 0.0, replace(motion, peaks=(most,)), rig.dt, rig.late)
         gains = np.array([self.gains.acceleration, self.gains.jerk, self.gains.snap])
         still = np.zeros(round(HELD_S / rig.dt))
         place, slows = eased[-1] + course.place, a * (1.0 - time[:-1] / lasts)

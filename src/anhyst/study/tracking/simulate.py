@@ -77,8 +77,7 @@ def _filtered(rig: BodyRig, learnt: FloatArray, error: FloatArray) -> FloatArray
     n, dt = error.size, rig.dt
     frequency = np.fft.rfftfreq(n + _PADDING, dt)
     s = 2j * math.pi * frequency
-    late = (rig.settings.timing.delay_ticks + 0.5) * dt
-    late += 1.0 / (2.0 * math.pi * rig.settings.amplifier.bandwidth_Hz)
+    late = rig.late + 1.0 / (2.0 * math.pi * rig.settings.amplifier.bandwidth_Hz)
     filtered = 1.0 / (1.0 + (frequency / FILTER_HZ) ** 4)
     with np.errstate(divide="ignore", invalid="ignore"):
         control = _pid_at(rig, np.exp(s * dt))

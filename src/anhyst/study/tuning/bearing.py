@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, make_position, with_gains
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, make_position
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import changed
@@ -73,7 +73,7 @@ class BearingLoop:
     def at(self, place: FloatArray) -> BearingLoop:
         """Return the same with the gains at a place of the box."""
         table = self.space.controller(place, self.setup.controller)
-        return replace(self, setup=with_gains(self.setup, table))
+        return replace(self, setup=replace(self.setup, controller=table))
 
     def brief(self) -> BearingLoop:
         """Return the same with steps that are held no longer than they take to settle."""

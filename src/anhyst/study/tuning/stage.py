@@ -144,7 +144,7 @@ def linear_stage(rig: BodyRig) -> LinearStage:
     return LinearStage(
         rate=file.timing.rate_Hz,
         mass=file.body.mass_kg,
-        late=(file.timing.delay_ticks + 0.5) * rig.dt,
+        late=rig.late,
         bandwidth=file.amplifier.bandwidth_Hz,
         slit=file.scan.slit_s,
     )
