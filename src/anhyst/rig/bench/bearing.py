@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -150,17 +150,18 @@ class BusTap:
         return ctypes.cast(self._call, ctypes.c_void_p).value or 0
 
     def _pass(self, sample: int, drive: int) -> None:
+        ctypes.memset(drive, 0, DRIVE_BYTES)  # no answer
         seen = PlantSample.unpack(ctypes.string_at(sample, _SAMPLE_BYTES))
-        answer = bytes(DRIVE_BYTES)  # none
         if self.missed:
             self.missed -= 1
-            answer = replace(self._last, tick=seen.tick).pack()
+            self._last = replace(self._last, tick=seen.tick)
         else:
             shown = seen if self.shown is None else self.shown(seen)
-            with suppress(OSError, ValueError):  # the loop sees that no answer came
-                answer = self.exchange(shown.pack())
-                self._last = PlantDrive.unpack(answer)
-        ctypes.memmove(drive, answer, DRIVE_BYTES)
+            try:
+                self._last = PlantDrive.unpack(self.exchange(shown.pack()))
+            except (OSError, ValueError):
+                return  # the loop sees that none came
+        ctypes.memmove(drive, self._last.pack(), DRIVE_BYTES)
 
 
 class _Unplugged:
