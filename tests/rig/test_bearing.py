@@ -14,10 +14,11 @@ from anhyst.compensate.force_controller import NumberFormat
 from anhyst.control.states import Command
 from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.loop import Setup, lost_at
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import changed
+from anhyst.rig.loop import Scenario
 from anhyst.rig.plant import flux_table
 from anhyst.rig.recording import HOVER, READY, Recording
 from anhyst.rig.tables import DisturbanceTable
@@ -210,3 +211,18 @@ def test_a_measured_flux_table_is_the_one_it_was_made_from(law: BodyRig) -> None
     made, measured = levitate(law)[0], levitate(with_table(law))[0]
     assert np.abs(made["gap_m"] - measured["gap_m"]).max() < 1e-6
     assert np.abs(made["flux_Wb"] - measured["flux_Wb"]).max() < 1e-4
+
+
+def test_a_scenario_in_parts_leads_to_where_the_whole_one_does() -> None:
+    """What it leaves out is nothing at every tick; a frame has a row more than each part has ticks."""
+    setup, rng = bearings.single(), np.random.default_rng(1)
+    target = np.full(400, GAP)
+    load, frame = rng.normal(size=400), 1e-6 * np.cumsum(rng.normal(size=401))
+    whole = Scenario(target, load, frame=frame)
+    wanted = SimulatedLoop(setup).run(whole)
+    silent = replace(whole, feed=np.zeros(400), command=np.zeros(400, dtype=np.uint32))
+    assert np.array_equal(SimulatedLoop(setup).run(silent).table, wanted.table)
+    loop = SimulatedLoop(setup)
+    parts = [loop.run(whole.part(begin, begin + 100)) for begin in range(0, 400, 100)]
+    assert np.array_equal(Recording.joined(parts).table, wanted.table)
+    assert np.ptp(wanted["gap_m"]) > 0.0
