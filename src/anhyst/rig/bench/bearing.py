@@ -129,8 +129,6 @@ _FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_ful
 _STATE = 1 + len(_OF_PLANT) + [signal.name for signal in _OF_FIRMWARE].index("state")
 """In rows of a bench; the fault stands two places behind the state."""
 _WORD = {field.name: at for at, field in enumerate(fields(PlantDrive))}
-
-
 _SAMPLE_BYTES = PlantSample.FIXED.size + 4
 _Tick = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 
@@ -174,8 +172,8 @@ class _Unplugged:
 class BearingBench(LockStepBench[BusController]):
     """A bearing and the firmware that levitates it, in lock-step.
 
-    The firmware's heartbeat counts ticks. It runs in this
-    process, or on one of :data:`anhyst.link.process.VIRTUAL_BOARDS` behind a tap.
+    The firmware runs in this process, or on one of :data:`anhyst.link.process.VIRTUAL_BOARDS` behind
+    a tap; its heartbeat counts ticks.
     """
 
     signals = (*_OF_PLANT.values(), *_OF_FIRMWARE)
