@@ -10,7 +10,7 @@ sensor's noise.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,12 +30,13 @@ from anhyst.identification.result import whole_search
 from anhyst.model.actuator import Model
 from anhyst.rig.piezo import PiezoRig, PiezoStage
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
+from anhyst.study.engine.table import Metric, StudyResult
 from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
 from anhyst.support.pays import PIEZO
-from anhyst.support.result import Result, columns_of
+from anhyst.support.result import columns_of
 from anhyst.support.units import QUANTITIES
 
 if TYPE_CHECKING:
@@ -92,16 +93,15 @@ class PiezoInverse:
         return native
 
 
-@dataclass(frozen=True)
-class PiezoErrors:
-    """How far the stage is from its reference, m, where that is judged."""
-
-    worst_m: float
-    rms_m: float
+METRICS = (
+    Metric("worst_m", "deviation, worst", "nm", 1e9),
+    Metric("rms_m", "deviation, rms", "nm", 1e9),
+)
+"""How far the stage is from its reference, where that is judged."""
 
 
 @dataclass(frozen=True, repr=False)
-class PiezoTracking(Result):
+class PiezoTracking(StudyResult):
     """How a piezo stage followed its triangle, with each compensation.
 
     Attributes
@@ -120,10 +120,10 @@ class PiezoTracking(Result):
         return judged_from(self.rig)
 
     @cached_property
-    def errors(self) -> Mapping[str, PiezoErrors]:
-        """Deviation of every way from the reference."""
+    def errors(self) -> Mapping[str, Mapping[str, float]]:
+        """Deviation of every way from the reference, by :data:`METRICS`."""
         judged = {name: run["error_m"][self.judged_from :] for name, run in self.runs.items()}
-        return {name: PiezoErrors(peak(error), rms(error)) for name, error in judged.items()}
+        return {name: _deviation(error) for name, error in judged.items()}
 
     @property
     def lost_in(self) -> list[str]:
@@ -140,23 +140,28 @@ class PiezoTracking(Result):
                 code="loop-lost",
             )
 
+    def ratio(self, key: str = "rms_m") -> float:
+        """Return a deviation with compensation over that without."""
+        return self.errors["full"][key] / self.errors["none"][key]
+
     @property
-    def ratio(self) -> float:
-        """Rms deviation with compensation over that without."""
-        return self.errors["full"].rms_m / self.errors["none"].rms_m
+    def verdict(self) -> Judgement:
+        """Whether compensation is worth it, by the rms."""
+        if self.lost_in:
+            return Judgement("unknown", f"the loop was lost: {'; '.join(self.lost_in)}")
+        return judge_ratio(self.ratio())
 
     def facts(self) -> dict[str, str]:
         """Return the deviation of every way from the reference."""
-        return {
-            name: f"worst {1e9 * errors.worst_m:.0f} nm, rms {1e9 * errors.rms_m:.0f} nm"
-            for name, errors in self.errors.items()
-        } | ({"lost": "; ".join(self.lost_in)} if self.lost_in else {})
+        facts = {
+            name: f"worst {1e9 * one['worst_m']:.0f} nm, rms {1e9 * one['rms_m']:.0f} nm"
+            for name, one in self.errors.items()
+        }
+        return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
         """Return the deviation of every way from the reference, m."""
-        return columns_of(
-            [{"compensation": name, **asdict(errors)} for name, errors in self.errors.items()]
-        )
+        return columns_of([{"compensation": name, **one} for name, one in self.errors.items()])
 
     def draw(self, ax: Axes) -> None:
         """Draw the deviation of every way over time."""
@@ -178,13 +183,13 @@ class PiezoTracking(Result):
             }
         return Recording(columns).save(path)
 
-    def as_dict(self) -> dict[str, object]:
+    def as_dict(self) -> dict[str, Any]:
         """Return the figures, for JSON."""
         return {
             "lost_in": self.lost_in,
-            "rms_with_over_without": self.ratio,
-            "worst_with_over_without": self.errors["full"].worst_m / self.errors["none"].worst_m,
-            "errors": {name: asdict(errors) for name, errors in self.errors.items()},
+            "rms_with_over_without": self.ratio("rms_m"),
+            "worst_with_over_without": self.ratio("worst_m"),
+            "errors": dict(self.errors),
         }
 
 
@@ -350,7 +355,11 @@ WORTH_IT = 0.5
 """Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
 
 
-def verdict(ratio: float) -> Judgement:
+def judge_ratio(ratio: float) -> Judgement:
     """Say whether compensation is worth it that leaves this part of the deviation."""
-    found = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
-    return judge("compensation", [found], "measures", PIEZO)
+    compared = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
+    return judge("compensation", [compared], "measures", PIEZO)
+
+
+def _deviation(error: FloatArray) -> dict[str, float]:
+    return {"worst_m": peak(error), "rms_m": rms(error)}

@@ -1,4 +1,4 @@
-"""Figures of a recording: steps, tracking, standstill, effort, and what noise leaves of them.
+"""Figures of a recording: steps, recovery, effort, and what noise leaves of them.
 
 Everything works on columns of a recording: times in seconds at equal distances, gaps and references
 in metres, forces in newtons, currents in amperes. A step down is judged as one up.
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from anhyst.rig.recording import peak, rms, settled_from
+from anhyst.rig.recording import rms, settled_from
 from anhyst.support.numeric import FloatArray
 
 SETTLED = 0.02  # of a step's height
@@ -27,39 +27,19 @@ _NOISE = 0.5
 class StepFigures:
     """What a step of the reference did."""
 
-    start: float  # time of the step, s
-    height: float  # change of the reference, m; negative where the gap closes
     # largest way beyond the new reference, % of the height, noise included; 0 if it was not reached
-    overshoot: float
+    overshoot_percent: float
     # largest deviation of the gap from its mean over the last half of the hold, % of the height: an
     # overshoot that is no larger shows nothing of the step
-    noise: float
-    undershoot: float  # largest way back behind the old reference, % of the height
-    rise_time: float  # from 10 to 90 % of the height, s; infinite if 90 % was not reached
+    noise_percent: float
+    undershoot_percent: float  # largest way back behind the old reference, % of the height
+    rise_time_s: float  # from 10 to 90 % of the height; infinite if 90 % was not reached
     # from the step until the gap stays within :data:`SETTLED` of the height around the new
-    # reference, s; infinite if it did not within the hold
-    settling_time: float
-    settling_time_in_noise: float  # the same for :func:`settling_band`, s
-    band: float  # half width of that band, m
-    steady_error: float  # mean of gap less reference over the last quarter of the hold, m
-    standstill: float  # standard deviation of the gap there, m
-
-
-@dataclass(frozen=True)
-class TrackingError:
-    """How far one signal was from another, in their unit."""
-
-    rms: float
-    peak: float
-
-
-@dataclass(frozen=True)
-class CurrentEffort:
-    """What a current cost."""
-
-    # root mean square of its rate of change, A/s; times the inductance, the voltage it took
-    change: float
-    heat: float  # mean power in the winding, W
+    # reference; infinite if it did not within the hold
+    settling_time_s: float
+    settling_in_noise_s: float  # the same for :func:`settling_band`
+    steady_error_m: float  # mean of gap less reference over the last quarter of the hold
+    standstill_rms_m: float  # standard deviation of the gap there
 
 
 def settling_band(height: float, resolution: float) -> float:
@@ -82,20 +62,16 @@ def step_figures(
     since = t[1:] - t[1]
     rest = y[1 + int((1.0 - _REST) * len(way)) :]
     late = way[int((1.0 - _NOISE) * len(way)) :]
-    band = settling_band(height, resolution)
     error = np.abs(y[1:] - r[1])
     return StepFigures(
-        start=float(t[1]),
-        height=height,
-        overshoot=100.0 * max(0.0, float(np.max(way)) - 1.0),
-        noise=100.0 * float(np.max(np.abs(late - np.mean(late)))),
-        undershoot=100.0 * max(0.0, -float(np.min(way))),
-        rise_time=_reached(since, way, 0.9) - min(_reached(since, way, 0.1), since[-1]),
-        settling_time=_stays_from(since, error, SETTLED * abs(height)),
-        settling_time_in_noise=_stays_from(since, error, band),
-        band=band,
-        steady_error=float(np.mean(rest)) - float(r[1]),
-        standstill=float(np.std(rest)),
+        overshoot_percent=100.0 * max(0.0, float(np.max(way)) - 1.0),
+        noise_percent=100.0 * float(np.max(np.abs(late - np.mean(late)))),
+        undershoot_percent=100.0 * max(0.0, -float(np.min(way))),
+        rise_time_s=_reached(since, way, 0.9) - min(_reached(since, way, 0.1), since[-1]),
+        settling_time_s=_stays_from(since, error, SETTLED * abs(height)),
+        settling_in_noise_s=_stays_from(since, error, settling_band(height, resolution)),
+        steady_error_m=float(np.mean(rest)) - float(r[1]),
+        standstill_rms_m=float(np.std(rest)),
     )
 
 
@@ -106,19 +82,9 @@ def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) 
     return _stays_from(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
 
 
-def deviation(signal: ArrayLike, target: ArrayLike) -> TrackingError:
-    """Compare a gap with its reference, or a force with its demand."""
-    off = np.asarray(signal, dtype=float) - np.asarray(target, dtype=float)
-    return TrackingError(rms=rms(off), peak=peak(off))
-
-
-def effort(time: ArrayLike, current: ArrayLike, resistance: float) -> CurrentEffort:
-    """Return what a current cost."""
-    t, row = np.asarray(time, dtype=float), np.asarray(current, dtype=float)
-    slope = np.diff(row) / np.diff(t)
-    return CurrentEffort(
-        change=float(np.sqrt(np.mean(slope**2))), heat=float(resistance * np.mean(row**2))
-    )
+def rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
+    """Return the rms of a current's rate of change; times the inductance, the voltage it took."""
+    return rms(np.diff(np.asarray(current, float)) / np.diff(np.asarray(time, float)))
 
 
 def _reached(since: FloatArray, way: FloatArray, share: float) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import product
 from typing import Any
 
@@ -21,10 +21,10 @@ from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.scenario import ReferenceStep, Script, steps_up_and_down
-from anhyst.rig.recording import Recording
+from anhyst.rig.recording import Recording, peak, rms
 from anhyst.study.bearing.linear import Zone, zone
-from anhyst.study.bearing.metrics import deviation, effort, step_figures
-from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
+from anhyst.study.bearing.metrics import rate_of_change, step_figures
+from anhyst.study.engine.table import CaseFigures
 from anhyst.support.jobs import all_of
 from anhyst.support.numeric import FloatArray, sine
 from anhyst.support.progress import Progress
@@ -179,29 +179,27 @@ class StepResult:
     figures: Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class StepCell:
-    """One variant, gap, load and height over all seeds and both directions."""
+@dataclass(frozen=True, kw_only=True)
+class StepCell(CaseFigures):
+    """One variant, gap, load and height over all seeds, by :data:`FIGURES`.
+
+    Both directions of a seed count as one value, their mean; of overshoot and noise, the larger one.
+    """
 
     variant: MethodName
     gap: float  # m
     height: float
     load: float  # N
-    # By :data:`FIGURES`: mean over the seeds, and half the width of its 95 % interval. Both
-    # directions of a seed count as one value, their mean; of overshoot and noise, the larger one.
-    # Empty if levitation was lost in any of them.
-    figures: Mapping[str, Interval]
-    lost: int  # seeds in which levitation was lost, and all seeds
-    runs: int
-
-    def of(self, name: str) -> Interval:
-        """Return a figure; one without a mean if levitation was lost in any run."""
-        return self.figures.get(name) or no_mean(self.lost, self.runs)
 
     @property
     def overshoots(self) -> bool:
         """Whether the overshoot is certainly more than what the standstill adds to it."""
         return self.of("overshoot_percent").exceeds(self.of("noise_percent"))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``figures.json`` holds it."""
+        where = {"gap_m": self.gap, "height_m": self.height, "load_N": self.load}
+        return {"variant": self.variant, **where, **super().as_dict()}
 
 
 def position_resolution(rig: BearingRig) -> float:
@@ -224,24 +222,15 @@ def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
 def _judge(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResult:
     part = recording.part(step.begin - 1, step.end)
     time, reference, gap = part["t_s"], part["reference_m"], part["gap_m"]
-    found = step_figures(time, reference, gap, position_resolution(run.setup.rig))
-    off = deviation(gap, reference)
-    cost = effort(time, part["current_A"], run.setup.rig.settings.magnet.poles.resistance)
-    values = (
-        found.overshoot,
-        found.noise,
-        found.undershoot,
-        found.rise_time,
-        found.settling_time,
-        found.settling_time_in_noise,
-        found.steady_error,
-        found.standstill,
-        off.rms,
-        off.peak,
-        deviation(part["force_N"], part["demand_N"]).rms,
-        cost.change,
-        cost.heat,
-    )
+    current, off = part["current_A"], gap - reference
+    figures = {
+        **asdict(step_figures(time, reference, gap, position_resolution(run.setup.rig))),
+        "tracking_rms_m": rms(off),
+        "tracking_peak_m": peak(off),
+        "force_error_rms_N": rms(part["force_N"] - part["demand_N"]),
+        "current_rate_rms_A_per_s": rate_of_change(time, current),
+        "heat_W": run.setup.rig.settings.magnet.poles.resistance * float(np.mean(current**2)),
+    }
     return StepResult(
         variant=run.setup.compensator.method,
         gap=run.gap,
@@ -249,7 +238,7 @@ def _judge(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResul
         load=run.load,
         seed=run.seed,
         up=step.after < step.before,
-        figures=dict(zip(FIGURES, values, strict=True)),
+        figures=figures,
     )
 
 
@@ -282,45 +271,24 @@ def compare(
 def _sum_up(
     setup: Setup, gap: float, load: float, height: float, runs: Sequence[Sequence[StepResult]]
 ) -> StepCell:
-    lost = sum(not steps for steps in runs)
-    pairs = [
-        [
-            figures_of_step.figures
-            for figures_of_step in steps
-            if math.isclose(figures_of_step.height, height, rel_tol=1e-6)
-        ]
-        for steps in runs
-    ]
-    figures = {}
-    for name in () if lost else FIGURES:
-        merge = max if name in _LARGEST else np.mean
-        figures[name] = mean_interval(
-            [float(merge([figures_of_step[name] for figures_of_step in pair])) for pair in pairs]
-        )
-    return StepCell(setup.compensator.method, gap, height, load, figures, lost, len(runs))
+    return StepCell.over(
+        [_merged(steps, height) for steps in runs],
+        variant=setup.compensator.method,
+        gap=gap,
+        height=height,
+        load=load,
+    )
 
 
-def as_rows(cells: Sequence[StepCell]) -> list[dict[str, Any]]:
-    """Return cells as ``figures.json`` holds them."""
-    return [
-        {
-            "variant": cell.variant,
-            "gap_m": cell.gap,
-            "height_m": cell.height,
-            "load_N": cell.load,
-            "lost": cell.lost,
-            "runs": cell.runs,
-            **{
-                name: {
-                    "mean": interval.mean,
-                    "half_width": interval.half_width,
-                    "count": interval.count,
-                }
-                for name, interval in cell.figures.items()
-            },
-        }
-        for cell in cells
-    ]
+def _merged(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
+    """Return what steps up and down of a height are together; None where there was none."""
+    pair = [step.figures for step in steps if math.isclose(step.height, height, rel_tol=1e-6)]
+    if not steps:
+        return None
+    return {
+        name: float((max if name in _LARGEST else np.mean)([figures[name] for figures in pair]))
+        for name in FIGURES
+    }
 
 
 def default_seeds(rig: BearingRig) -> range:

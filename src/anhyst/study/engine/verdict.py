@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,6 +44,10 @@ class Interval:
     def exceeds(self, floor: Interval) -> bool:
         """Whether it is certainly above another mean, noise of both taken as independent."""
         return self.mean - floor.mean > math.hypot(self.half_width, floor.half_width)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as files hold it."""
+        return {"mean": self.mean, "half_width": self.half_width, "count": self.count}
 
 
 def no_mean(lost: int, count: int) -> Interval:

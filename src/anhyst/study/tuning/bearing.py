@@ -25,7 +25,6 @@ from anhyst.study.bearing.responses import (
     StepCell,
     StepResult,
     StepRun,
-    as_rows,
     compare,
     default_seeds,
     run_steps,
@@ -153,7 +152,7 @@ class BearingLoop:
             len(seeds),
             {name: cell.figures[name].half_width for name, cell in worst.items()},
             {name: f"step of {1e6 * cell.height:g} um" for name, cell in worst.items()},
-            {"steps": as_rows(cells)},
+            {"steps": [cell.as_dict() for cell in cells]},
         )
 
     def limits(self, aims: Aims, reached: Check, seed: int, jobs: int | None = None) -> list[Limit]:
