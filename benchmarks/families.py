@@ -134,10 +134,7 @@ def _triangle(rig: BearingRig, setups: Mapping[MethodName, Setup]) -> dict[str, 
     still = quiet(rig)
     quieter = {name: Setup(still, s.controller, s.compensator) for name, s in setups.items()}
     tried = experiments.of_all(experiments.follow, quieter, default_seeds(rig), SLOW)
-    return {
-        name: float("nan") if one["lost"] else one["force_error_rms_N"]["mean"]
-        for name, one in tried.items()
-    }
+    return {name: one.of("force_error_rms_N").mean for name, one in tried.items()}
 
 
 def _steps(rig: BearingRig, setups: Mapping[MethodName, Setup]) -> dict[str, list[StepCell]]:

@@ -9,7 +9,7 @@ import typer
 
 import anhyst
 from anhyst.cli.compile import refuse_difference, run_and_write, show_tables
-from anhyst.cli.console import print_json, progress_bar, show, table, warn
+from anhyst.cli.console import print_json, progress_bar, show_study, warn
 from anhyst.cli.options import AsJson, BoardChoice, of_its_kind
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def force_control(
     if as_json:
         print_json(result.figures | ({"verified": verified.as_dict()} if verified else {}))
     else:
-        show_force(result)
+        show_study(result, written(result))
         if verified:
             show_tables(verified)
     result.refuse_losses()
@@ -96,24 +96,9 @@ def force_control(
         refuse_difference(compiled, verified)
 
 
-def show_force(result: ForceControl) -> None:
-    """Print the worst errors of every controller at every stage of the trials."""
-    from anhyst.study.force.trials import STAGES, TITLES
-
-    figures = result.figures
-    rows = table(
-        f"worst error of the true force, % of {figures['force_max_N']:g} N", ["", *TITLES.values()]
-    )
-    for stage, title in STAGES.items():
-        worst = figures["summary"][stage]
-        cells = [f"{worst[name]['worst_percent']:.2f}" if name in worst else "" for name in TITLES]
-        rows.add_row(title, *cells)
-    show(
-        *(f"lost: {loss}" for loss in result.lost_in),
-        rows,
-        *([] if result.lost_in else [f"verdict: {figures['verdict']['text']}"]),
-        *result.plant.lines,
-        f"firmware on {figures['board']} against the simulated program: "
-        f"{figures['ticks_that_differ']} of {figures['firmware_ticks']} ticks differ",
-        f"{result.out}: report.html, figures.json, fig6 to fig8, moving (PNG and SVG), one recording of each trial",
+def written(result: ForceControl) -> str:
+    """Say what force control wrote."""
+    return (
+        f"{result.out}: report.html, figures.json, fig6 to fig8, moving (PNG and SVG), one "
+        "recording of each trial"
     )

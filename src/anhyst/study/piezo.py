@@ -30,7 +30,7 @@ from anhyst.identification.result import whole_search
 from anhyst.model.actuator import Model
 from anhyst.rig.piezo import PiezoRig, PiezoStage
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
-from anhyst.study.engine.table import Metric, StudyResult
+from anhyst.study.engine.table import FIGURES, Metric, StudyResult
 from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
@@ -171,7 +171,7 @@ class PiezoTracking(StudyResult):
         ax.set_ylabel("deviation [nm]")
 
     def save(self, path: PathLike) -> Path:
-        """Write time, reference, and what each way did: voltage, displacement and deviation."""
+        """Write time, reference, what each way did, and ``figures.json`` beside it."""
         first = next(iter(self.runs.values()))
         columns = {name: first[name] for name in ("t_s", "reference_m")}
         for name, run in self.runs.items():
@@ -181,6 +181,7 @@ class PiezoTracking(StudyResult):
                 f"x_{key}_m": run["position_m"],
                 f"e_{key}_m": run["error_m"],
             }
+        self.write_figures(Path(path).parent / FIGURES)
         return Recording(columns).save(path)
 
     def as_dict(self) -> dict[str, Any]:

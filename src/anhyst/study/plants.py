@@ -34,9 +34,8 @@ from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
-from anhyst.study.bearing.metrics import step_figures
 from anhyst.study.bearing.operating import make_ready
-from anhyst.study.bearing.responses import position_resolution
+from anhyst.study.bearing.responses import position_resolution, step_figures
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants
 from anhyst.study.force.trials import ForceTrial, plan_trials
 from anhyst.study.piezo import METRICS, PiezoInverse, find_inverses, follow, judged_from, reference

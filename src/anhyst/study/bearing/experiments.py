@@ -30,8 +30,7 @@ from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.scenario import DROP, ReferenceStep, Scenario, Script
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.recording import RISE, Recording, peak, rms
-from anhyst.study.bearing.metrics import recovery_time
-from anhyst.study.bearing.responses import position_resolution
+from anhyst.study.bearing.responses import position_resolution, recovery_time
 from anhyst.study.engine.table import CaseFigures
 from anhyst.support.jobs import all_of
 from anhyst.support.numeric import FloatArray, sine, triangle

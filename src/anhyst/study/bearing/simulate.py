@@ -41,7 +41,7 @@ from anhyst.study.bearing.responses import (
     sweep,
 )
 from anhyst.study.bearing.verdict import grouped, judge_steps
-from anhyst.study.engine.table import FIGURES, StudyResult, refuse_lost
+from anhyst.study.engine.table import FIGURES, StudyResult, keep_lost
 from anhyst.study.engine.verdict import Judgement
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
@@ -104,6 +104,12 @@ class Simulation(StudyResult):
     sensitivity: Mapping[MethodName, Sensitivity]
     plant: PlantCheck
     figures: dict[str, Any]
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Variants that could not be made, and why."""
+        left_out: dict[str, str] = self.figures["left_out"]
+        return left_out
 
     @property
     def lost_in(self) -> list[str]:
@@ -197,9 +203,11 @@ def explore(
     run = _whole_run(mine)
     fault = run.fault()
     if fault:
-        if out is not None:
-            _write_model(out, rig, controller, knowledge)
-        refuse_lost(fault, "levitation-lost", run.recording, out)
+        if out is None:
+            raise NegativeResult(fault, code="levitation-lost")
+        keep_lost(run.recording, out)
+        _write_model(out, rig, controller, knowledge)
+        raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
     next(parts)(1, 1)
     setups, left_out = _beside(mine, controller, knowledge)
     simulation = _compare(controller, knowledge, setups, ready.at, run.recording, parts)

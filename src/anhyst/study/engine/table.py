@@ -9,13 +9,12 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, Self
+from typing import Any, Self
 
 from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.recording import Recording
 from anhyst.study.engine.verdict import Interval, Judgement, mean_interval, no_mean
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.errors import NegativeResult
 from anhyst.support.json_text import json_text
 from anhyst.support.result import Result
 
@@ -65,16 +64,10 @@ class CaseFigures:
         return {"lost": self.lost, "runs": self.runs, **figures}
 
 
-def refuse_lost(text: str, code: str, recording: Recording, out: PathLike | None) -> NoReturn:
-    """Raise NegativeResult for a loop that was lost before anything could be compared.
-
-    Where a recording is asked for, that of the loss is kept, and no figures of another one.
-    """
-    if out is None:
-        raise NegativeResult(text, code=code)
+def keep_lost(recording: Recording, out: PathLike) -> None:
+    """Keep the recording of a loop that was lost, and no figures of another one beside it."""
     recording.save(out)
     (Path(out).parent / FIGURES).unlink(missing_ok=True)
-    raise NegativeResult(f"{text}; the recording is kept in {out}", code=code)
 
 
 Cases = Mapping[str, Mapping[MethodName, CaseFigures]]

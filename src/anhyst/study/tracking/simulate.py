@@ -14,12 +14,11 @@ from scipy.optimize import minimize
 
 from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS, PROBED
-from anhyst.data.table import check_recording
 from anhyst.model.compilable import has_layers
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import CalibratedMethod
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.file import StageRig, error_columns, read_stage
+from anhyst.rig.stage.file import StageRig, error_columns
 from anhyst.rig.stage.loop import (
     AT_BIAS,
     Feedforward,
@@ -30,7 +29,7 @@ from anhyst.rig.stage.loop import (
     track,
 )
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.engine.table import FIGURES, CaseFigures, StudyResult, refuse_lost
+from anhyst.study.engine.table import FIGURES, CaseFigures, StudyResult, keep_lost
 from anhyst.study.engine.verdict import (
     ComparedFigure,
     Interval,
@@ -55,7 +54,7 @@ from anhyst.study.tracking.measures import (
     still_axes,
 )
 from anhyst.study.tracking.motion import refuse_uncalibratable
-from anhyst.support.atomic import PathLike, check_writable
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of
 from anhyst.support.numeric import FloatArray
@@ -467,7 +466,10 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
         f"the loop was lost {run.lost}: a crossover of "
         f"{setup.rig.settings.tracking.crossover_Hz:g} Hz does not hold this stage"
     )
-    refuse_lost(text, "loop-lost", run, out)
+    if out is None:
+        raise NegativeResult(text, code="loop-lost")
+    keep_lost(run, out)
+    raise NegativeResult(f"{text}; the recording is kept in {out}", code="loop-lost")
 
 
 def check_calibration(rig: StageRig) -> None:
@@ -502,16 +504,3 @@ def explore_stage(
         return found
     flights = Losses(made[OWN], found.tried[OWN].gains, rig.settings.loss)
     return replace(found, losses=flights.all())
-
-
-def simulate_stage(
-    path: PathLike, out: PathLike, progress: Progress | None = None
-) -> TrackingStudy:
-    """Read a rig file, try every variant, write recording and ``figures.json``."""
-    rig = read_stage(path)
-    reads = [rig.path, *rig.measured.files]
-    check_recording(out, reads)
-    check_writable(Path(out).parent / FIGURES, reads)
-    found = explore_stage(rig, progress=progress, out=out)
-    found.save(out)
-    return found

@@ -172,8 +172,8 @@ def _flux(tuning: Tuning) -> str:
 
 
 def _value(one: Tuned) -> str:
-    _, factor, unit, _ = TITLES[one.figures.least]
-    return f"{factor * one.figures.cost:.2f} {unit}"
+    metric = TITLES[one.figures.least]
+    return f"{metric.factor * one.figures.cost:.2f} {metric.unit}"
 
 
 def _interval(one: Tuned) -> Interval:
@@ -262,15 +262,15 @@ def _row(tuned: Tuned) -> list[str]:
     check = tuned.found.check
 
     def with_interval(name: str, value: float) -> str:
-        _, factor, _, digits = TITLES[name]
+        factor, digits = TITLES[name].factor, TITLES[name].digits
         text = f"{factor * value:.{digits}f}"
         if check is None or name not in check.widths or not math.isfinite(value):
             return text
         return f"{text} ± {factor * check.widths[name]:.{digits}f}"
 
-    missed = ", ".join(TITLES[name][0] for name in tuned.misses)
+    missed = ", ".join(TITLES[name].title for name in tuned.misses)
     limiting = list(dict.fromkeys(one.what for one in tuned.limits))
-    words = [TITLES[name][0] if name in TITLES else name for name in limiting]
+    words = [TITLES[name].title if name in TITLES else name for name in limiting]
     return [
         tuned.variant,
         *(with_interval(name, value) for name, value in tuned.figures.named().items()),
