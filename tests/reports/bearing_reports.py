@@ -26,10 +26,10 @@ from anhyst.study.bearing.benefit import (
     Measure,
 )
 from anhyst.study.bearing.experiments import ExperimentFigures, Experiments
-from anhyst.study.bearing.linear import Margins, Quotient
+from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.responses import StepCell
 from anhyst.study.bearing.verdict import grouped
-from anhyst.study.engine.verdict import Interval
+from anhyst.study.engine.verdict import Interval, Quotient
 from anhyst.study.tuning.aims import TITLES
 from anhyst.support.page.blocks import Note
 

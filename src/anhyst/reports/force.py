@@ -32,6 +32,7 @@ from anhyst.reports.study.page import (
     write_page,
 )
 from anhyst.rig.force.file import Rig
+from anhyst.rig.recording import peak
 from anhyst.study.force.force_control import ForceControl
 from anhyst.study.force.trials import STAGES, TITLES, ForceOutcome
 from anhyst.support.numeric import FloatArray
@@ -258,15 +259,34 @@ def comparison(result: ForceControl) -> PageTable:
 def figure_constant_gap(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
     """Draw forces and errors at the stroke's end, one column a demand (the paper's Fig. 7)."""
     shown = [outcome for outcome in outcomes if outcome.trial.start == "unknown"]
-    figure = new_figure(6.0, width=4.8 * len(shown))
-    axes = figure.subplots(2, len(shown), squeeze=False, sharex="col", height_ratios=(3, 2))
-    for (above, below), outcome in zip(axes.T, shown, strict=True):
-        _forces(above, rig, outcome)
-        _deviations(below, rig, outcome, _COMPARED)
-        above.set_title(f"{outcome.trial.demand.name}, {_place(outcome)}")
-        below.set_xlabel("time (s)")
-    axes[0, 0].set_ylabel("force (N)")
-    axes[1, 0].set_ylabel("true force - demand (N)")
+    return _columns(rig, shown, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0)
+
+
+@styled
+def figure_moving(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
+    """Draw forces, errors and position with the armature moving, one column a demand."""
+    rows = {"force (N)": 3.0, "true force - demand (N)": 2.0, "gap (mm)": 1.2}
+    return _columns(rig, outcomes, rows, 7.0)
+
+
+def _columns(
+    rig: Rig, outcomes: Sequence[ForceOutcome], rows: Mapping[str, float], height: float
+) -> Figure:
+    """Draw forces and errors, and the gap where that has a row, one column a demand."""
+    figure = new_figure(height, width=4.8 * len(outcomes))
+    axes = figure.subplots(
+        len(rows), len(outcomes), squeeze=False, sharex="col", height_ratios=[*rows.values()]
+    )
+    for column, outcome in zip(axes.T, outcomes, strict=True):
+        _forces(column[0], rig, outcome)
+        _deviations(column[1], rig, outcome, _COMPARED)
+        if "gap (mm)" in rows:
+            time, gap = _curve(rig, outcome, 1e3 * outcome.recordings["full"]["gap_m"])
+            column[2].plot(time, gap, color=MEASURED, lw=1.0)
+        column[0].set_title(f"{outcome.trial.demand.name}, {_place(outcome)}")
+        column[-1].set_xlabel("time (s)")
+    for ax, text in zip(axes[:, 0], rows, strict=True):
+        ax.set_ylabel(text)
     legend_below(figure, axes[0, 0], axes[1, 0], columns=int(figure.get_figwidth() / 2.4))
     return figure
 
@@ -301,26 +321,6 @@ def figure_positions(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
     return figure
 
 
-@styled
-def figure_moving(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
-    """Draw forces, errors and position with the armature moving, one column a demand."""
-    figure = new_figure(7.0, width=4.8 * len(outcomes))
-    axes = figure.subplots(3, len(outcomes), squeeze=False, sharex="col", height_ratios=(3, 2, 1.2))
-    for (above, middle, below), outcome in zip(axes.T, outcomes, strict=True):
-        _forces(above, rig, outcome)
-        _deviations(middle, rig, outcome, _COMPARED)
-        time, gap = _curve(rig, outcome, 1e3 * outcome.recordings["full"]["gap_m"])
-        below.plot(time, gap, color=MEASURED, lw=1.0)
-        above.set_title(f"{outcome.trial.demand.name}, armature moving")
-        below.set_xlabel("time (s)")
-    for ax, text in zip(
-        axes[:, 0], ("force (N)", "true force - demand (N)", "gap (mm)"), strict=True
-    ):
-        ax.set_ylabel(text)
-    legend_below(figure, axes[0, 0], axes[1, 0], columns=int(figure.get_figwidth() / 2.4))
-    return figure
-
-
 def _forces(ax: Axes, rig: Rig, outcome: ForceOutcome) -> None:
     """Draw the demand (pale, below), what was measured, the simulated program, the constant ratio."""
     curves = (
@@ -349,9 +349,9 @@ def _deviations(
 
 
 def _worst(rig: Rig, outcome: ForceOutcome, name: str) -> float:
-    deviation = outcome.recordings[name]["force_N"] - outcome.trial.demand.force
-    largest = np.abs(deviation[outcome.trial.demand.lead_in :]).max()
-    return float(100.0 * largest / rig.settings.force.force_max_N)
+    demand = outcome.trial.demand
+    off = (outcome.recordings[name]["force_N"] - demand.force)[demand.lead_in :]
+    return 100.0 * peak(off) / rig.settings.force.force_max_N
 
 
 def _curve(rig: Rig, outcome: ForceOutcome, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -363,4 +363,4 @@ def _curve(rig: Rig, outcome: ForceOutcome, values: FloatArray) -> tuple[FloatAr
 
 def _place(outcome: ForceOutcome) -> str:
     position = outcome.trial.position
-    return "" if position is None else f"gap {1e3 * position:.2f} mm"
+    return "armature moving" if position is None else f"gap {1e3 * position:.2f} mm"

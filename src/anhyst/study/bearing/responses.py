@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -259,17 +259,11 @@ class StepRun:
     seed: int
 
 
-@dataclass(frozen=True)
-class StepResult:
+class StepResult(NamedTuple):
     """One step of a run, judged."""
 
-    variant: MethodName
-    gap: float
-    height: float
-    load: float
-    seed: int
-    up: bool
-    figures: Mapping[str, float]
+    height: float  # m
+    figures: Mapping[str, float]  # by :data:`FIGURES`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -324,15 +318,7 @@ def _judge(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResul
         "current_rate_rms_A_per_s": rate_of_change(time, current),
         "heat_W": run.setup.rig.settings.magnet.poles.resistance * float(np.mean(current**2)),
     }
-    return StepResult(
-        variant=run.setup.compensator.method,
-        gap=run.gap,
-        height=step.height,
-        load=run.load,
-        seed=run.seed,
-        up=step.after < step.before,
-        figures=figures,
-    )
+    return StepResult(step.height, figures)
 
 
 def compare(
@@ -365,7 +351,7 @@ def _sum_up(
     setup: Setup, gap: float, load: float, height: float, runs: Sequence[Sequence[StepResult]]
 ) -> StepCell:
     return StepCell.over(
-        [_merged(steps, height) for steps in runs],
+        [merged(steps, height) for steps in runs],
         variant=setup.compensator.method,
         gap=gap,
         height=height,
@@ -373,15 +359,13 @@ def _sum_up(
     )
 
 
-def _merged(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
+def merged(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
     """Return what steps up and down of a height are together; None where there was none."""
-    pair = [step.figures for step in steps if math.isclose(step.height, height, rel_tol=1e-6)]
-    if not steps:
-        return None
+    pair = [one.figures for one in steps if math.isclose(one.height, height, rel_tol=1e-6)]
     return {
         name: float((max if name in _LARGEST else np.mean)([figures[name] for figures in pair]))
-        for name in FIGURES
-    }
+        for name in (FIGURES if steps else ())
+    } or None
 
 
 def default_seeds(rig: BearingRig) -> range:
