@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst._core import FixedForceController, ForceController
-from anhyst.compensate.block import Block
-from anhyst.compensate.force_controller import Native
+from anhyst.compensate.block import Block, Scales
+from anhyst.compensate.current_map import CurrentMap
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.control.biquad import integrator, notch
 from anhyst.control.position import Allocation
@@ -60,37 +61,6 @@ TITLES = {
     "single-valued": "best single-valued curve",
     "full": "inverse of play cells, compiled",
 }
-
-
-@dataclass(frozen=True)
-class PiezoInverse:
-    """What makes the voltage of a wanted displacement: a curve, or a compiled block.
-
-    It goes to other processes; the core's own is made where it runs.
-    """
-
-    curve: FloatArray | None = None  # V, over displacements from 0 to ``top``
-    top: float = 0.0  # m
-    limits: tuple[float, float] = (0.0, 0.0)  # of the amplifier, V
-    block: Block | None = None
-
-    @property
-    def scales(self) -> tuple[float, float]:
-        """Full scales of displacement and voltage, m and V."""
-        return (
-            (1.0, 1.0)
-            if self.block is None
-            else (self.block.scales.demand, self.block.scales.current)
-        )
-
-    def native(self) -> Native:
-        """Return the core's own, its stack at 0 V."""
-        if self.block is None:
-            rows = np.array([self.curve, self.curve])
-            return ForceController.map(rows, 0.0, self.top, 0.0, 1.0, *self.limits)
-        native = FixedForceController.compensator(self.block.kind, self.block.words)
-        native.commit(0, 0)
-        return native
 
 
 METRICS = (
@@ -205,7 +175,7 @@ def judged_from(rig: PiezoRig) -> int:
     return round(LEAD * rig.settings.timing.rate_Hz / rig.settings.moved.frequency_Hz)
 
 
-def find_inverses(rig: PiezoRig) -> dict[str, PiezoInverse]:
+def find_inverses(rig: PiezoRig) -> dict[str, ForceController]:
     """Measure the stage and make every way from displacement to voltage."""
     loops = measure(rig)
     model = whole_search(identify(loops)).model
@@ -254,14 +224,14 @@ def reference(rig: PiezoRig) -> FloatArray:
     return np.asarray(smooth[width : width + ticks])
 
 
-def _constant(loops: Loops, rig: PiezoRig) -> PiezoInverse:
+def _constant(loops: Loops, rig: PiezoRig) -> ForceController:
     drive, answer = (np.concatenate([getattr(loop, name) for loop in loops.loops])
                      for name in ("input", "output"))  # fmt: skip
     slope, offset = np.polyfit(answer, drive, 1)
     return _without_memory(rig, np.polynomial.Polynomial([offset, slope]), float(answer.max()), 1)
 
 
-def _single_valued(loops: Loops, rig: PiezoRig) -> PiezoInverse:
+def _single_valued(loops: Loops, rig: PiezoRig) -> ForceController:
     """Return the best voltage over displacement without memory: a polynomial of fifth degree."""
     loop = loops.loops[0]
     curve = np.polynomial.Polynomial.fit(loop.output, loop.input, 5)
@@ -270,25 +240,27 @@ def _single_valued(loops: Loops, rig: PiezoRig) -> PiezoInverse:
 
 def _without_memory(
     rig: PiezoRig, curve: np.polynomial.Polynomial, top: float, segments: int
-) -> PiezoInverse:
+) -> ForceController:
     """Return a curve over displacements of 0 to top, m, as a table that may not fall."""
     row = np.maximum.accumulate(curve(np.linspace(0.0, top, segments + 1)))
     amplifier = rig.settings.stack_amplifier
-    return PiezoInverse(np.asarray(row), top, (amplifier.low_V, amplifier.high_V))
+    scales = Scales(top, amplifier.high_V, 0.0, 1.0)
+    curves = CurrentMap(np.array([row, row]), scales, (amplifier.low_V, amplifier.high_V))
+    return ForceController("ratio" if segments == 1 else "single-valued", "f64", curves)
 
 
-def _compiled(model: Model, rig: PiezoRig) -> PiezoInverse:
+def _compiled(model: Model, rig: PiezoRig) -> ForceController:
     """Return the inverse of the model as it is compiled, signals of 32 bits."""
     request = CompileRequest("full", "q15", rig.settings.timing.rate_Hz)
-    block = make_plan(replace(model, dynamics=None), request, 0).block
-    assert isinstance(block, Block)
-    return PiezoInverse(block=block)
+    plan = make_plan(replace(model, dynamics=None), request, 0)
+    assert isinstance(plan.block, Block)
+    return ForceController("full", "fixed", HysteresisInverse(plan.block, plan.sizes.iterations))
 
 
 def follow(
     rig: PiezoRig,
     target: FloatArray,
-    inverse: PiezoInverse,
+    inverse: ForceController,
     stage: PiezoStage | None = None,
     noise_seed: int = SEED,
 ) -> Recording:
@@ -305,11 +277,14 @@ def follow(
     expected = np.interp(time - _lateness(rig), time, target)
     filters = [notch(rig.stage.resonance, rig.stage.damping, NOTCH, dt).coefficients]
     pid = integrator(2.0 * np.pi * settings.displacement.bandwidth_Hz * dt).coefficients
+    fresh, coded = inverse.fresh(), inverse.format == "fixed"
+    if coded:
+        fresh.native.commit(0, 0)  # the stack is at 0 V
     scales = {
         "error_full": 1.0,
         "forward_full": 1.0,
-        "demand_full": inverse.scales[0],
-        "current_full": inverse.scales[1],
+        "demand_full": inverse.scales.demand if coded else 1.0,
+        "current_full": inverse.scales.current if coded else 1.0,
         "flux_full": 1.0,
         "gap_low": 0.0,
         "gap_high": 1.0,
@@ -321,7 +296,7 @@ def follow(
         "sensor_step": settings.position_sensor.step_m,
     }
     moved = (stage or rig.stage).motion(dt)
-    table = moved.follow(inverse.native(), filters, pid, scales, target, expected, noise)
+    table = moved.follow(fresh.native, filters, pid, scales, target, expected, noise)
     position, corrected, voltage = table.T.copy()
     error = position - expected
     stroke = settings.moved.stroke_m

@@ -38,7 +38,7 @@ from anhyst.study.bearing.operating import make_ready
 from anhyst.study.bearing.responses import position_resolution, step_figures
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants
 from anhyst.study.force.trials import ForceTrial, plan_trials
-from anhyst.study.piezo import METRICS, PiezoInverse, find_inverses, follow, judged_from, reference
+from anhyst.study.piezo import METRICS, find_inverses, follow, judged_from, reference
 from anhyst.study.tracking.learner import at_work
 from anhyst.study.tracking.measures import (
     AVERAGE,
@@ -251,7 +251,7 @@ class PiezoWork:
     """A nominal stage and what was made for it."""
 
     rig: PiezoRig
-    inverses: Mapping[MethodName, PiezoInverse]
+    inverses: Mapping[MethodName, ForceController]
 
     def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
         """Follow the triangle; the controller knows the nominal stage alone."""

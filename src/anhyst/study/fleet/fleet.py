@@ -14,6 +14,7 @@ from anhyst.compensate.block import Kind as BlockKind
 from anhyst.compensate.twin import Io
 from anhyst.data.formats.text import write_csv
 from anhyst.identification.identify import check_wanted
+from anhyst.identification.space import coordinate_of
 from anhyst.study.fleet.judge import (
     MODEL,
     FleetSettings,
@@ -24,7 +25,7 @@ from anhyst.study.fleet.judge import (
     judge,
     share,
 )
-from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, coordinate_of, spread_of
+from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, spread_of
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of, workers_of
