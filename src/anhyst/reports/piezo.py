@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from anhyst.reports.study.look import verdict_note
+from anhyst.reports.study.look import legend_below, verdict_note
 from anhyst.reports.study.page import (
     Printed,
     hashes,
@@ -37,7 +37,7 @@ def figure_tracking(tracked: PiezoTracking) -> Figure:
         label = f"{TITLES[name]}: {1e9 * tracked.errors[name]['rms_m']:.0f} nm rms"
         lower.plot(time, 1e9 * run["error_m"][judged], color=LOOK[name], lw=1.0, label=label)
     lower.set(xlabel="time (s)", ylabel="deviation (nm)")
-    lower.legend(loc="upper right")
+    legend_below(figure, lower, columns=3)
     return figure
 
 
