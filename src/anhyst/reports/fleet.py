@@ -7,12 +7,14 @@ from matplotlib.figure import Figure
 
 from anhyst.reports.study.page import page_text, picture, write_page
 from anhyst.study.fleet.fleet import Fleet
+from anhyst.study.fleet.spread import FleetSpread
 from anhyst.support.atomic import PathLike
 from anhyst.support.page.blocks import (
     Block,
     Headline,
     Items,
     Note,
+    PageTable,
     Section,
     Text,
     Tile,
@@ -93,21 +95,30 @@ def _scatter(fleet: Fleet) -> Section:
     ax.set_xlabel("deviation from the mean [%]")
     ax.set_xscale("symlog", linthresh=10.0)
     ax.grid(visible=True, alpha=0.25, lw=0.6)
-    rows = [
-        (name, f"{mean:.4g}", f"{scatter:.2g}", f"{100.0 * scatter / abs(mean):.2g}")
-        if mean
-        else (name, f"{mean:.4g}", f"{scatter:.2g}", "")
-        for name, mean, scatter in zip(fleet.quantities, spread.mean, spread.scatter, strict=True)
-    ]
     blocks: tuple[Block, ...] = (
         Text(
             "Mean and scatter of the magnets themselves: what the loops of one leave open is taken "
             "off, and outliers have no say."
         ),
         picture(figure, "scatter", "Fitted quantities of all magnets.", "Crosses: outliers."),
-        table("Quantities", ("quantity", "mean", "scatter", "%"), rows),
+        scatter_table(fleet, spread),
     )
     return Section("scatter", "How they scatter", blocks)
+
+
+def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
+    """Return mean and scatter of every quantity."""
+    rows = [
+        (
+            name,
+            f"{mean:.4g}",
+            f"{scatter:.2g}",
+            f"{100.0 * scatter / abs(mean):.2g}" if mean else "",
+        )
+        for name, mean, scatter in zip(fleet.quantities, spread.mean, spread.scatter, strict=True)
+    ]
+    head = ("quantity", "mean", "scatter", "%")
+    return table("Mean and scatter over the fleet", head, rows)
 
 
 def _magnets(fleet: Fleet) -> Section:

@@ -300,11 +300,9 @@ def loaded(setup: Setup, force: float) -> tuple[Scenario, int]:
 
 def stand_still(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Hold a position: rms of the true gap, its drift, and a limit cycle if there is one."""
-    scenario, begin = standing(trial.setup)
-    recording, lost = _run(trial, scenario)
-    if lost:
+    part = _part(trial, *standing(trial.setup))
+    if part is None:
         return None
-    part = recording.part(begin, len(recording))
     gap = part["gap_m"]
     cycle = limit_cycle(part["t_s"], gap)
     figures = {
@@ -318,11 +316,9 @@ def stand_still(trial: ExperimentTrial) -> ExperimentOutcome | None:
 def follow(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Follow a trajectory for two periods; judge the second."""
     assert isinstance(trial.what, TrajectoryCase)
-    scenario, begin = following(trial.setup, trial.what)
-    recording, lost = _run(trial, scenario)
-    if lost:
+    part = _part(trial, *following(trial.setup, trial.what))
+    if part is None:
         return None
-    part = recording.part(begin, len(recording))
     off = part["gap_m"] - part["reference_m"]
     return ExperimentOutcome(
         {
@@ -336,11 +332,9 @@ def follow(trial: ExperimentTrial) -> ExperimentOutcome | None:
 def step_load(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Step the load by so many newtons: how far the armature gives way, and for how long."""
     assert isinstance(trial.what, float)
-    scenario, begin = loaded(trial.setup, trial.what)
-    recording, lost = _run(trial, scenario)
-    if lost:
+    part = _part(trial, *loaded(trial.setup, trial.what))
+    if part is None:
         return None
-    part = recording.part(begin, len(recording))
     error = part["gap_m"] - part["reference_m"]
     return ExperimentOutcome(
         {
@@ -443,6 +437,12 @@ def _leaves_rest(recording: Recording) -> int:
 
 def _lifted(setup: Setup) -> Script:
     return Script(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
+
+
+def _part(trial: ExperimentTrial, scenario: Scenario, begin: int) -> Recording | None:
+    """Run a scenario and return it from a tick on; None where levitation was lost."""
+    recording, lost = _run(trial, scenario)
+    return None if lost else recording.part(begin, len(recording))
 
 
 def _run(
