@@ -110,8 +110,7 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
     corner = (left + 0.7 * half, below + lid), (middle - 0.7 * half, above - lid)
     draw_arrow(ax, corner, linestyle=(0, (4, 2)))
     floor = below - lid
-    ax.plot([left, left, right], [floor, 0.2, 0.2], color=FALLING, lw=1.3)
-    draw_arrow(ax, [(right, 0.2), (right, floor)], FALLING)
+    draw_arrow(ax, [(right, floor), (right, 0.2), (left, 0.2), (left, floor)], FALLING)
     for x, y, text in (
         (0.5 * (inner[0] + inner[1]), above + 0.08, "serial link\nforce out, status back"),
         (0.5 * (inner[2] + inner[3]), above + 0.08, "current"),
