@@ -23,6 +23,7 @@ from anhyst.rig.force.programs import Program, find_model, loops_at, loops_of_ri
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.recording import Recording
 from anhyst.study.engine.table import FIGURES, StudyResult
+from anhyst.study.engine.verdict import TITLES as VERDICTS
 from anhyst.study.engine.verdict import Judgement
 from anhyst.study.force.trials import (
     Controllers,
@@ -103,7 +104,9 @@ class ForceControl(StudyResult):
         """Whether compensation is worth it, by the worst errors of all stages."""
         if self.lost_in:
             return Judgement("unknown", f"the force was lost: {'; '.join(self.lost_in)}")
-        return Judgement(self.figures["verdict"]["level"], self.figures["verdict"]["text"])
+        judged = self.figures["verdict"]
+        level, sentence = judged["level"], judged["text"]
+        return Judgement(level, sentence.removeprefix(f"{VERDICTS[level]}: "))
 
     def facts(self) -> dict[str, str]:
         """Return where everything is, and the error of each controller's force over all trials."""
