@@ -56,9 +56,11 @@ def table(title: str, headers: Sequence[str]) -> Table:
 
 def from_page(drawn: PageTable) -> tuple[Table, ...] | tuple[Table, str]:
     """Return a table of a page for a terminal, and what stands below it."""
+    from anhyst.support.page.numbers import NBSP
+
     result = table(drawn.title, drawn.head)
     for row in drawn.rows:
-        result.add_row(*(cell.text for cell in row))
+        result.add_row(*(cell.text.replace(NBSP, " ") for cell in row))
     return (result, drawn.caption) if drawn.caption else (result,)
 
 

@@ -105,10 +105,11 @@ def method_table(
     caption: str = "",
 ) -> PageTable:
     """Return a table of one case: a row a method, which gives its figures by key, a column a metric."""
-    rows = [
-        [name, *(interval_text(of(metric.key), factor=metric.factor) for metric in metrics)]
-        for name, of in methods.items()
-    ]
+
+    def cell(of: Callable[[str], Interval | None], metric: Metric) -> str:
+        return interval_text(of(metric.key), factor=metric.factor).replace(" ", NBSP)
+
+    rows = [[name, *(cell(of, metric) for metric in metrics)] for name, of in methods.items()]
     return table(title, ["variant", *(metric.head for metric in metrics)], rows, caption)
 
 

@@ -31,7 +31,7 @@ METRICS = (
     AVERAGE,
     Metric("deviation_m", "deviation over the slit", "nm", 1e9),
     SETTLING,
-    Metric("settling_10_s", "to 10 nm", "ms", 1e3),
+    Metric("settling_10_s", "settling to 10 nm", "ms", 1e3),
     Metric("force_peak_N", "force error, largest", "N"),
     Metric("force_rms_N", "force error, rms", "N"),
 )
