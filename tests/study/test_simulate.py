@@ -30,7 +30,6 @@ from anhyst.rig.recording import COLUMNS, FAULT, HOVER
 from anhyst.study.bearing import simulate as module
 from anhyst.study.bearing.responses import FIGURES
 from anhyst.study.bearing.simulate import Simulation, explore
-from anhyst.study.engine import table
 from anhyst.support.errors import NegativeResult
 from anhyst.support.progress import Progress
 from anhyst.support.units import split_header
@@ -411,7 +410,7 @@ def test_an_interrupted_run_leaves_what_there_was(
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(table, "json_text", stop)
+    monkeypatch.setattr("anhyst.support.json_text.json_text", stop)
     with pytest.raises(KeyboardInterrupt):
         simulate(folder / "rig.toml", folder / "out" / "run.csv")
     assert (folder / "out" / "figures.json").read_text() == "before"

@@ -18,7 +18,7 @@ from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.study.bearing.benefit import Benefit
 from anhyst.study.bearing.benefit import benefit as map_benefit
-from anhyst.study.bearing.on_board import BoardComparison, run_board, write_comparison
+from anhyst.study.bearing.on_board import BoardComparison, run_board
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.simulate import Simulation, explore
 from anhyst.study.engine.monte_carlo import MonteCarlo, Plants
@@ -28,10 +28,10 @@ from anhyst.study.force.force_control import ForceControl, force_control
 from anhyst.study.piezo import PiezoTracking, track
 from anhyst.study.plants import bearing_plants, force_plants, piezo_plants, stage_plants
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable
+from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import workers_of
-from anhyst.support.json_text import json_text
+from anhyst.support.json_text import write_json
 from anhyst.support.kinds import NAMES, TAKES, FileKind
 from anhyst.support.page.style import write_svg
 from anhyst.support.progress import Progress, in_parts
@@ -272,15 +272,14 @@ class _Task:
         self._must_end(".json", "the map is")
         ready = make_ready(*files, (self.out, self.report))
         benefit = map_benefit(ready.rig, ready.controller, progress=self.progress)
-        with atomic_writer(self.out) as stream:
-            stream.write(json_text(benefit.as_dict()))
+        write_json(self.out, benefit.as_dict())
         command = self.command(" --benefit")
         write_page(self.report, render_benefit(ready.rig, ready.controller, benefit, command))
         return benefit
 
     def firmware(self, board: str) -> BoardComparison:
         comparison = run_board(self.rig, self.out, board, self.controller, self.progress)
-        write_comparison(comparison, self.out)
+        write_json(self.out, comparison.as_dict())
         return comparison
 
     def _must_end(self, suffix: str, what: str) -> None:

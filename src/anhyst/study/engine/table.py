@@ -14,8 +14,8 @@ from typing import Any, Self
 from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.recording import Recording
 from anhyst.study.engine.verdict import Interval, Judgement, mean_interval, no_mean
-from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.json_text import json_text
+from anhyst.support.atomic import PathLike
+from anhyst.support.json_text import write_json
 from anhyst.support.result import Result
 
 FIGURES = "figures.json"
@@ -103,5 +103,4 @@ class StudyResult(Result):
 
     def write_figures(self, path: PathLike) -> None:
         """Write the figures."""
-        with atomic_writer(path) as stream:
-            stream.write(json_text(self.as_dict()))
+        write_json(path, self.as_dict())

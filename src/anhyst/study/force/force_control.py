@@ -35,10 +35,10 @@ from anhyst.study.force.trials import (
     plan_trials,
     run_trial,
 )
-from anhyst.support.atomic import PathLike, atomic_writer, whole_folder
+from anhyst.support.atomic import PathLike, whole_folder
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of
-from anhyst.support.json_text import json_text
+from anhyst.support.json_text import write_json
 from anhyst.support.progress import Progress, in_parts
 from anhyst.support.result import columns_of
 
@@ -318,8 +318,7 @@ def _write(
 ) -> None:
     for outcome in outcomes:
         _write_trial(rig, folder / f"{outcome.trial.name}.{recordings}", outcome)
-    with atomic_writer(folder / FIGURES) as stream:
-        stream.write(json_text(figures))
+    write_json(folder / FIGURES, figures)
 
 
 def _write_trial(rig: Rig, path: Path, outcome: ForceOutcome) -> None:

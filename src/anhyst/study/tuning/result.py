@@ -19,7 +19,7 @@ from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.search import FoundGains
 from anhyst.study.tuning.trial import Limit
 from anhyst.support.atomic import atomic_writer
-from anhyst.support.json_text import json_text
+from anhyst.support.json_text import write_json
 from anhyst.support.pays import FEEDBACK, STAGE
 from anhyst.support.result import Result, columns_of
 from anhyst.support.version import running_version
@@ -246,8 +246,7 @@ def aims_text(tuning: Tuning) -> str:
 def write_results(tuning: Tuning, folder: Path) -> None:
     """Write the figures as JSON and the table as Markdown."""
     figures, table = (folder / name for name in RESULTS[:2])
-    with atomic_writer(figures) as stream:
-        stream.write(json_text(figures_of(tuning)))
+    write_json(figures, figures_of(tuning))
     with atomic_writer(table) as stream:
         stream.write(markdown(tuning))
 
