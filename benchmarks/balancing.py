@@ -60,7 +60,7 @@ def balanced(given: tuple[Bench, int]) -> Flown:
         crossed = cross_talk(run, motion, still_axes(rig.settings))
         own = measure(run, motion, rig.settings.scan.slit_s)
         nano = [own.average_m, own.peak_m, 1e-6 * own.settling_50_s]
-        return [1e9 * one for one in (*nano, crossed["z"], crossed["ry"], crossed["rz"])]
+        return [1e9 * one for one in (*nano, crossed["z_m"], crossed["ry_rad"], crossed["rz_rad"])]
 
     figures, learner = [judged()], Learner(law)
     for scan in range(1, max(SCANS) + 1):
@@ -102,7 +102,7 @@ def in_both(given: tuple[Bench, int]) -> list[list[float]]:
             motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
             run = track(replace(setup, rig=rig), motion, Feedforward(), noise)
             averages.append(1e9 * measure(run, motion, rig.settings.scan.slit_s).average_m)
-            turned.append(1e9 * cross_talk(run, motion, ["rz"])["rz"])
+            turned.append(1e9 * cross_talk(run, motion, ["rz"])["rz_rad"])
         return [*averages, turned[0]]
 
     def after(run: Recording) -> list[float]:

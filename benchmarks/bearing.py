@@ -9,7 +9,6 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from anhyst.compensate.force_controller import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, read_controller
@@ -25,6 +24,7 @@ from anhyst.rig.sensor_table import GapSensorTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
+from anhyst.study.engine.table import CaseFigures
 from rows import ROOT, Row
 
 FOLDER = ROOT / "examples" / "bearing"
@@ -115,17 +115,10 @@ def _percent(cell: StepCell) -> str:
     return f"{one.mean:.2f} ± {one.half_width:.2f} %{'' if cell.overshoots else ' ≤ noise'}"
 
 
-def _mean(cell: StepCell, name: str, factor: float, form: str, unit: str) -> str:
+def _mean(cell: CaseFigures, name: str, factor: float, form: str, unit: str) -> str:
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
     return f"{factor * cell.of(name).mean:{form}} {unit}"
-
-
-def _tried(found: Mapping[str, Any], name: str, factor: float, form: str, unit: str) -> str:
-    """Mean of an experiment beside steps."""
-    if found["lost"]:
-        return f"{found['lost']} of {found['runs']} lost"
-    return f"{factor * found[name]['mean']:{form}} {unit}"
 
 
 def quiet(rig: BodyRig) -> BodyRig:
@@ -157,8 +150,8 @@ def slow_table(irons: Sequence[Iron]) -> str:
         gap, load = rig.settings.gap_m, rig.settings.load.force_N
         small = compare(list(setups.values()), [gap], [1e-6], [load], seeds)
         for name, cell in zip(setups, small, strict=True):
-            off = _tried(tried[name], "tracking_rms_m", 1e9, ".0f", "nm")
-            force = _tried(tried[name], "force_error_rms_N", 1.0, ".2f", "N")
+            off = _mean(tried[name], "tracking_rms_m", 1e9, ".0f", "nm")
+            force = _mean(tried[name], "force_error_rms_N", 1.0, ".2f", "N")
             lines.append(
                 f"| {iron.title} | `{name}` | {off} | {force} | {_percent(cell)} | "
                 f"{_mean(cell, *_SETTLING)} |"
@@ -213,7 +206,7 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
         tried = experiments.of_all(experiments.stand_still, setups, default_seeds(iron.rig), None)
         full = tried["full"]
         reported = ", ".join(_standstill_text(name, one) for name, one in tried.items())
-        reached = not full["lost"] and full["rms_m"]["mean"] <= 10e-9 and not full["limit_cycles"]
+        reached = not full.lost and full.of("rms_m").mean <= 10e-9 and not full.cycles
         asked = iron.rig.settings.iron is not None and iron is not irons[0]
         found.append(
             Row(
@@ -226,10 +219,10 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
     return found
 
 
-def _standstill_text(name: str, found: Mapping[str, Any]) -> str:
-    cycles = found.get("limit_cycles", 0)
-    cycling = f" (limit cycle in {cycles} of {found['runs']})" if cycles else ""
-    return f"{name} {_tried(found, 'rms_m', 1e9, '.1f', 'nm')}{cycling}"
+def _standstill_text(name: str, found: experiments.ExperimentFigures) -> str:
+    cycles = len(found.cycles or ())
+    cycling = f" (limit cycle in {cycles} of {found.runs})" if cycles else ""
+    return f"{name} {_mean(found, 'rms_m', 1e9, '.1f', 'nm')}{cycling}"
 
 
 def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
@@ -247,9 +240,9 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
             for a, b in zip(by[0], by[2], strict=True)
         )
         still = [
-            experiments.of_all(experiments.stand_still, {variant: one}, seeds, None)[variant][
-                "rms_m"
-            ]["mean"]
+            experiments.of_all(experiments.stand_still, {variant: one}, seeds, None)[variant]
+            .of("rms_m")
+            .mean
             for one in (setups["f64"], setups["fixed"])
         ]
         worst = max(worst, apart / 0.5, abs(still[1] / still[0] - 1.0) / 0.1)
@@ -274,7 +267,7 @@ def _events(iron: Iron) -> list[Row]:
         tried = experiments.of_all(experiments.recover, iron.setups, seeds, event)
         key = "recovery_s" if event == "overload" else "excess_s"
         reported = ", ".join(
-            f"{name} {_tried(one, key, 1e3, '.1f', 'ms')}" for name, one in tried.items()
+            f"{name} {_mean(one, key, 1e3, '.1f', 'ms')}" for name, one in tried.items()
         )
         what = "back within 1 um after" if event == "overload" else "shows for"
         found.append(
@@ -282,7 +275,7 @@ def _events(iron: Iron) -> list[Row]:
                 f"bearing, {event}: {what}",
                 "no loss of levitation",
                 reported,
-                all(one["lost"] == 0 for one in tried.values()),
+                all(one.lost == 0 for one in tried.values()),
             )
         )
     return found

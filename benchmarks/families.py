@@ -135,10 +135,7 @@ def _triangle(rig: BodyRig, setups: Mapping[MethodName, Setup]) -> dict[str, flo
     still = quiet(rig)
     quieter = {name: Setup(still, s.controller, s.compensator) for name, s in setups.items()}
     tried = experiments.of_all(experiments.follow, quieter, default_seeds(rig), SLOW)
-    return {
-        name: float("nan") if one["lost"] else one["force_error_rms_N"]["mean"]
-        for name, one in tried.items()
-    }
+    return {name: one.of("force_error_rms_N").mean for name, one in tried.items()}
 
 
 def _steps(rig: BodyRig, setups: Mapping[MethodName, Setup]) -> dict[str, list[StepCell]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from anhyst.study.piezo import WORTH_IT, verdict
+from anhyst.study.piezo import WORTH_IT, judge_ratio
 from anhyst.support.pays import PIEZO
 
 
@@ -12,4 +12,4 @@ from anhyst.support.pays import PIEZO
 def test_a_piezo_stage_that_gains_little_names_where_it_would_pay(
     share: float, worth: bool
 ) -> None:
-    assert (PIEZO in verdict(share * WORTH_IT).text) != worth
+    assert (PIEZO in judge_ratio(share * WORTH_IT).text) != worth

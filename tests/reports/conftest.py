@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.reports.bearing import SimulationSubject
+from anhyst.reports.bearing.subject import SimulationSubject
 from anhyst.rig.body import BodyRig
 from tests.reports import bearing_reports
 

@@ -59,7 +59,7 @@ def left(setup: StageSetup, way: str = "x") -> tuple[float, float]:
     there = changed(short(), {"scan.direction": [float(axis == way) for axis in "xyz"]})
     motion = motion_of(scan, peaks)
     run = track(replace(setup, rig=there, drift=plant()), motion, Feedforward(), 2)
-    return measure(run, motion, scan.slit_s).average_m, cross_talk(run, motion, ["rz"])["rz"]
+    return measure(run, motion, scan.slit_s).average_m, cross_talk(run, motion, ["rz"])["rz_rad"]
 
 
 def taught(method: MethodName, run: Recording) -> Learner:

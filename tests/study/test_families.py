@@ -63,8 +63,8 @@ def triangle_error(name: str, variant: MethodName, law: str = "play-cells") -> f
     slow = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
     setups = {variant: quiet(setup_of(name, variant, law))}
     found = experiments.of_all(experiments.follow, setups, range(2), slow)[variant]
-    assert found["lost"] == 0
-    return float(found["force_error_rms_N"]["mean"])
+    assert found.lost == 0
+    return found.of("force_error_rms_N").mean
 
 
 @pytest.mark.slow

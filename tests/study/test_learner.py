@@ -220,7 +220,7 @@ def test_a_stage_that_calibrates_itself_says_what_it_learnt_and_works_better() -
     learnt = own.tried["full"].learnt
     assert learnt is not None
     assert learnt.taken
-    assert own.figures["variants"]["full"]["learnt"]["name"] == "full"
+    assert own.as_dict()["variants"]["full"]["learnt"]["name"] == "full"
     assert plain.tried["full"].learnt is None
     assert own.tried["full"].of("force_rms_N").mean < plain.tried["full"].of("force_rms_N").mean
     curve = own.tried["single-valued"]

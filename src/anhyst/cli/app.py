@@ -18,12 +18,11 @@ from anhyst.cli.console import one_line, say_error, warn
 from anhyst.cli.excite import excite
 from anhyst.cli.export import convert, export, xcp
 from anhyst.cli.fleet import fleet
-from anhyst.cli.force_control import force_control
 from anhyst.cli.identify import identify
 from anhyst.cli.init import init
 from anhyst.cli.inspect import inspect
 from anhyst.cli.live import live
-from anhyst.cli.simulate import simulate
+from anhyst.cli.simulate import force_control, simulate
 from anhyst.cli.tune import calibrate, tune
 from anhyst.cli.use import diff, invert, predict, report, watch
 from anhyst.support.errors import (

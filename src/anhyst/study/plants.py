@@ -32,18 +32,24 @@ from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.loop import Scenario
 from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.recording import Recording, peak, rms
-from anhyst.rig.stage.file import unit_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
-from anhyst.study.bearing.metrics import step_figures
 from anhyst.study.bearing.operating import make_ready
-from anhyst.study.bearing.responses import position_resolution
+from anhyst.study.bearing.responses import position_resolution, step_figures
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants
 from anhyst.study.force.trials import ForceTrial, plan_trials
-from anhyst.study.piezo import PiezoInverse, find_inverses, follow, judged_from, reference
+from anhyst.study.piezo import METRICS, find_inverses, follow, judged_from, reference
 from anhyst.study.tracking.learner import at_work
-from anhyst.study.tracking.measures import cross_talk, measure, still_axes
+from anhyst.study.tracking.measures import (
+    AVERAGE,
+    PEAK,
+    SETTLING,
+    cross_metrics,
+    cross_talk,
+    measure,
+    still_axes,
+)
 from anhyst.study.tracking.simulate import (
     LEARNING,
     OWN,
@@ -125,8 +131,8 @@ def _judge(
         rows = slice(step.begin - 1, step.end)
         found = step_figures(time[rows], reference[rows], read[rows], position_resolution(rig))
         place = number // 2
-        overshoot[place] = max(overshoot[place], found.overshoot)
-        settling[place] = max(settling[place], found.settling_time_in_noise)
+        overshoot[place] = max(overshoot[place], found.overshoot_percent)
+        settling[place] = max(settling[place], found.settling_in_noise_s)
     rest = recording["gap_m"][-round(STANDSTILL_S / rig.dt) :]
     return {
         "overshoot_percent": overshoot,
@@ -233,8 +239,7 @@ def piezo_plants(rig: PiezoRig) -> Plants:
         methods=tuple(METHODS),
         own="full",
         figures=(
-            PlantFigure("rms_m", "deviation, rms", "nm", 1e9),
-            PlantFigure("worst_m", "deviation, worst", "nm", 1e9),
+            *(PlantFigure(one.key, one.title, one.unit, one.factor) for one in reversed(METRICS)),
         ),
         read=(),
         depends={},
@@ -247,7 +252,7 @@ class PiezoWork:
     """A nominal stage and what was made for it."""
 
     rig: PiezoRig
-    inverses: Mapping[MethodName, PiezoInverse]
+    inverses: Mapping[MethodName, ForceController]
 
     def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
         """Follow the triangle; the controller knows the nominal stage alone."""
@@ -311,14 +316,9 @@ def stage_plants(
         work=StageWork(known, made, dict(zip(made, gains, strict=True))),
         methods=tuple(made),
         own=OWN,
-        figures=(
-            PlantFigure("average_m", "moving average", "nm", 1e9, *cases),
-            PlantFigure("peak_m", "peak", "nm", 1e9, *cases),
-            PlantFigure("settling_50_s", "settling to 50 nm", "ms", 1e3, *cases),
-            *(
-                PlantFigure(f"{axis}_{unit_of(axis)}", f"{axis}, largest", unit, 1e9, *cases)
-                for axis, unit in ((one, f"n{unit_of(one)}") for one in still_axes(rig.settings))
-            ),
+        figures=tuple(
+            PlantFigure(metric.key, metric.title, metric.unit, metric.factor, *cases)
+            for metric in (AVERAGE, PEAK, SETTLING, *cross_metrics(rig.settings))
         ),
         read=tuple(rig.measured.files),
         depends={},
@@ -354,8 +354,8 @@ class StageWork:
             if run.loss is not None:
                 return {"lost_s": run.dt * run.loss.tick}
             measures = measure(run, motion, scan.slit_s)
-            for key in ("average_m", "peak_m", "settling_50_s"):
-                found.setdefault(key, []).append(getattr(measures, key))
-            for axis, largest in cross_talk(run, motion, still_axes(setup.rig.settings)).items():
-                found.setdefault(f"{axis}_{unit_of(axis)}", []).append(largest)
+            for metric in (AVERAGE, PEAK, SETTLING):
+                found.setdefault(metric.key, []).append(getattr(measures, metric.key))
+            for key, largest in cross_talk(run, motion, still_axes(setup.rig.settings)).items():
+                found.setdefault(key, []).append(largest)
         return found

@@ -21,10 +21,9 @@ from anhyst.rig.drift import with_iron
 from anhyst.rig.fitting import identify_magnet
 from anhyst.rig.iron_table import NamedCells
 from anhyst.rig.measuring import measure_loops
-from anhyst.study.bearing.linear import Quotient, quotient
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
-from anhyst.study.engine.verdict import Interval, mean_interval
+from anhyst.study.engine.verdict import Interval, Quotient, mean_interval, quotient
 from anhyst.support.jobs import all_of
 from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress

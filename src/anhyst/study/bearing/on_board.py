@@ -26,9 +26,8 @@ from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, injections
 from anhyst.study.bearing.operating import make_ready, read_files
-from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress, in_parts
 
 QEMU = "qemu-mps2"
@@ -210,12 +209,6 @@ def build_firmware(
             code="controller-and-rig-differ",
         )
     return setup, build(board, folder / "c", folder / "firmware")
-
-
-def write_comparison(comparison: BoardComparison, out: PathLike) -> None:
-    """Write the figures of a run as JSON."""
-    with atomic_writer(out) as stream:
-        stream.write(json_text(comparison.as_dict()))
 
 
 def _ending(ending: Ending) -> dict[str, Any]:

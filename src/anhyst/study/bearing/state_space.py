@@ -13,7 +13,7 @@ from anhyst.control.exchange import control_library
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.drift import changed
 from anhyst.rig.from_loops import complete_rig
-from anhyst.study.bearing.linear_plant import Point, voltage_matrices
+from anhyst.study.bearing.linear import Point, voltage_matrices
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.support.atomic import PathLike
 from anhyst.support.numeric import FloatArray
@@ -35,7 +35,7 @@ def linearise(
 
     With the position ``p = gap_middle - gap``, ``m p'' = k_i i + k_s p - d p' - load``; driven by a
     voltage, the winding and the voltage that motion induces come on top
-    (:mod:`anhyst.study.bearing.linear_plant`). The slopes are static ones, rising and falling
+    (:mod:`anhyst.study.bearing.linear`). The slopes are static ones, rising and falling
     branch averaged: just after a reversal iron with hysteresis answers less.
 
     Parameters

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from anhyst._core import allocate
 from anhyst.compensate.flux_feedback import FluxFeedback, FusedInverse
 from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import PROBED
+from anhyst.control.position import shared_by_pair
 from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterName, kind_of
 from anhyst.rig.drift import NO_DRIFT, Drift
@@ -141,8 +141,7 @@ class Motion:
     @cached_property
     def rises(self) -> FloatArray:
         """By how much the root of the force of each magnet that was asked for rises in a tick."""
-        idle = self.rig.idle
-        asked = np.array([allocate(one, idle) for one in self.read["demand_N"].tolist()]).T
+        asked = shared_by_pair(self.read["demand_N"], self.rig.idle)
         return np.diff(np.sqrt(asked), prepend=0.0)
 
     @property

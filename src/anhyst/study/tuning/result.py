@@ -18,7 +18,7 @@ from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.search import FoundGains
 from anhyst.study.tuning.trial import Limit
 from anhyst.support.atomic import atomic_writer
-from anhyst.support.json_text import json_text
+from anhyst.support.json_text import write_json
 from anhyst.support.pays import FEEDBACK, STAGE
 from anhyst.support.result import Result, columns_of
 from anhyst.support.version import running_version
@@ -171,8 +171,8 @@ def _flux(tuning: Tuning) -> str:
 
 
 def _value(one: Tuned) -> str:
-    _, factor, unit, _ = TITLES[one.figures.least]
-    return f"{factor * one.figures.cost:.2f} {unit}"
+    metric = TITLES[one.figures.least]
+    return f"{metric.factor * one.figures.cost:.2f} {metric.unit}"
 
 
 def _interval(one: Tuned) -> Interval:
@@ -245,8 +245,7 @@ def aims_text(tuning: Tuning) -> str:
 def write_results(tuning: Tuning, folder: Path) -> None:
     """Write the figures as JSON and the table as Markdown."""
     figures, table = (folder / name for name in RESULTS[:2])
-    with atomic_writer(figures) as stream:
-        stream.write(json_text(figures_of(tuning)))
+    write_json(figures, figures_of(tuning))
     with atomic_writer(table) as stream:
         stream.write(markdown(tuning))
 
@@ -261,15 +260,15 @@ def _row(tuned: Tuned) -> list[str]:
     check = tuned.found.check
 
     def with_interval(name: str, value: float) -> str:
-        _, factor, _, digits = TITLES[name]
+        factor, digits = TITLES[name].factor, TITLES[name].digits
         text = f"{factor * value:.{digits}f}"
         if check is None or name not in check.widths or not math.isfinite(value):
             return text
         return f"{text} ± {factor * check.widths[name]:.{digits}f}"
 
-    missed = ", ".join(TITLES[name][0] for name in tuned.misses)
+    missed = ", ".join(TITLES[name].title for name in tuned.misses)
     limiting = list(dict.fromkeys(one.what for one in tuned.limits))
-    words = [TITLES[name][0] if name in TITLES else name for name in limiting]
+    words = [TITLES[name].title if name in TITLES else name for name in limiting]
     return [
         tuned.variant,
         *(with_interval(name, value) for name, value in tuned.figures.named().items()),

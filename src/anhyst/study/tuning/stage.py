@@ -334,15 +334,14 @@ class StageLoop:
                 aims,
             ),
         }
-        base, helps = what_helps(partial(_least_average, self.space, seed), eased, jobs)
-        return [
-            Limit(
-                what,
-                f"with {eased[what][0]} linear loops would leave {100.0 * one / base:.0f} % of the "
-                "moving average",
-            )
-            for one, what in helps
-        ]
+        return what_helps(
+            partial(_least_average, self.space, seed),
+            eased,
+            jobs,
+            lambda what, one, base: (
+                f"with {what} linear loops would leave {100.0 * one / base:.0f} % of the moving average"
+            ),
+        )
 
     def gains(self) -> dict[str, float]:
         """Return the gains as files hold them."""
