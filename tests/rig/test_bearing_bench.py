@@ -13,7 +13,7 @@ import pytest
 
 from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.client import ControllerLink, Refused
-from anhyst.link.frames import StatusAnswer, TargetRequest
+from anhyst.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
 from anhyst.link.plant_bus import Q31
 from anhyst.link.process import run_library
 from anhyst.rig.bearing.loop import Setup, position_control
@@ -351,3 +351,15 @@ def test_a_firmware_that_ends_is_said_with_the_tick(bench: BearingBench) -> None
     bench.close()
     with refused("no-answer: tick 11"):
         bench.advance(5)
+
+
+def test_a_board_that_hangs_up_is_said_with_the_tick(firmware: Path) -> None:
+    with closing(BearingBench(bearings.single(), firmware, board="library")) as bench:
+        bench.advance(10)
+
+        def hangs_up(sample: PlantSample) -> PlantDrive:
+            raise ConnectionError(f"it hung up at tick {sample.tick}")
+
+        bench.tap.exchange = hangs_up
+        with refused("no-answer: tick 11"):
+            bench.advance(5)
