@@ -5,6 +5,8 @@
 
 #include <stddef.h>
 
+#include "xcp/tunnel.h"
+
 /* What an answer is made of. */
 typedef struct {
   uint8_t *payload;
@@ -42,18 +44,18 @@ static void say_status(app *a, answer *to)
 {
   const app_control *control = &a->control;
   link_status status;
-  port_lock();
+  port_lock(a->port);
   const anhyst_supervisor *states = app_body_states(control->body);
   status.state = (uint8_t)states->state;
   status.fault = (uint8_t)states->fault;
   status.flags = control->flags;
   app_body_status(control->body, &status);
   status.missed_ticks = control->missed;
-  port_unlock();
+  status.cycles = a->cycles;
+  port_unlock(a->port);
   status.generation = app_word_in_force(a, ANHYST_WORD_GENERATION);
   status.bad_frames = a->session.receiver.bad;
   status.lost_frames = a->session.lost;
-  status.cycles = port_cycles();
   to->type = LINK_TYPE_STATUS;
   to->length = LINK_SIZE_STATUS;
   link_put_status(to->payload, &status);
@@ -209,16 +211,17 @@ static void on_keep(app *a, const uint8_t *p, answer *to)
   const uint16_t rests = ANHYST_CURRENT_ZERO;
   const uint16_t busy = ANHYST_CONDITIONING;
   (void)p;
-  port_lock();
+  port_lock(a->port);
   const int16_t *words = app_body_compensator(a->control.body, 0)->words;
   const uint16_t state = app_body_states(a->control.body)->state;
   const int resting = (state == ANHYST_STATE_IDLE || state == ANHYST_STATE_READY) &&
                       (a->control.flags & (rests | busy)) == rests;
-  port_unlock();
+  port_unlock(a->port);
   if (!resting || words == NULL) {
     say_nak(to, LINK_TYPE_KEEP, LINK_REASON_STATE, state);
   } else {
-    const int kept = port_keep(words, (uint16_t)words[ANHYST_WORD_LENGTH]);
+    const uint16_t length = (uint16_t)words[ANHYST_WORD_LENGTH];
+    const int kept = a->port->keep(a->port->context, words, length);
     say_done(to, LINK_TYPE_KEEP, kept ? LINK_REASON_NONE : LINK_REASON_NOT_KEPT,
              app_word_in_force(a, ANHYST_WORD_GENERATION));
   }
@@ -245,15 +248,10 @@ static const request_kind kinds[] = {
     {LINK_TYPE_KEEP, LINK_SIZE_KEEP, on_keep},
 };
 
-static void answer_xcp(const link_frame *request, answer *to)
+static void answer_xcp(app *a, const link_frame *request, answer *to)
 {
-  const uint16_t count = port_xcp(request->payload, request->length, to->payload);
-  if (count == PORT_NO_XCP) {
-    say_nak(to, request->type, LINK_REASON_TYPE, 0);
-  } else {
-    to->type = LINK_TYPE_XCP_PACKETS;
-    to->length = (uint8_t)count;
-  }
+  to->type = LINK_TYPE_XCP_PACKETS;
+  to->length = (uint8_t)xcp_tunnel(&a->carried, request->payload, request->length, to->payload);
 }
 
 /* Whole words, at least one. */
@@ -279,7 +277,7 @@ uint8_t app_answer(app *a, const link_frame *request, uint8_t *payload, uint8_t 
   if (request->type == LINK_TYPE_BLOCK_DATA) {
     answer_block_data(a, request, &to);
   } else if (request->type == (uint8_t)LINK_TYPE_XCP) {
-    answer_xcp(request, &to);
+    answer_xcp(a, request, &to);
   } else if (kind == NULL) {
     say_nak(&to, request->type, LINK_REASON_TYPE, 0);
   } else if (request->length != kind->length) {

@@ -19,16 +19,19 @@ static void session_start(app_session *session)
   session->lost = 0;
 }
 
-void app_start(app *a, const app_board *board)
+void app_start(app *a, app_body *body, const app_board *board, const struct port *port)
 {
+  a->port = port;
   a->board = board;
   app_settings_start(a->settings, board);
-  app_control_start(&a->control, board);
+  app_control_start(&a->control, body, board);
   session_start(&a->session);
   for (uint16_t i = 0; i < (uint16_t)LINK_SIGNAL_COUNT; i++) {
     a->signals[i] = 0;
   }
   app_download_start(&a->download);
+  xcp_start(&a->carried, a);
+  a->cycles = 0;
 }
 
 static void keep_signals(app *a, const port_sample *sample)
@@ -44,7 +47,7 @@ static void keep_signals(app *a, const port_sample *sample)
 void app_tick(app *a)
 {
   port_sample sample;
-  port_sense(&sample);
+  a->port->sense(a->port->context, &sample);
   if ((sample.status & PORT_NO_SAMPLE) != 0U) {
     sample.gap = PORT_RESERVED;
     sample.force = PORT_RESERVED;
@@ -55,8 +58,9 @@ void app_tick(app *a)
   int32_t drive[PORT_CURRENTS];
   app_control_tick(&a->control, a->board, a->settings, &sample, drive);
   const anhyst_supervisor *states = app_body_states(a->control.body);
-  port_drive(drive, states->state + 256U * states->fault);
+  a->port->drive(a->port->context, drive, states->state + 256U * states->fault);
   keep_signals(a, &sample);
+  xcp_tick(&a->carried);
 }
 
 /* What a request is after the ones before it. */
@@ -183,10 +187,12 @@ static void take_request(app *a, const link_frame *request)
 }
 
 /* Offers the port what is left to send; 1 once nothing is left. */
-static int send_rest(app_session *session)
+static int send_rest(app *a)
 {
+  app_session *session = &a->session;
   if (session->sending_count > 0U) {
-    const uint16_t taken = port_link_write(session->sending, session->sending_count);
+    const uint16_t taken =
+        a->port->link_write(a->port->context, session->sending, session->sending_count);
     session->sending += taken;
     session->sending_count = (uint16_t)(session->sending_count - taken);
   }
@@ -197,17 +203,18 @@ void app_poll(app *a)
 {
   app_session *session = &a->session;
   link_frame request;
-  if (!send_rest(session)) {
+  if (!send_rest(a)) {
     return;
   }
   if (session->chunk_at == session->chunk_count) {
     session->chunk_at = 0;
-    session->chunk_count = port_link_read(session->chunk, (uint16_t)sizeof session->chunk);
+    session->chunk_count =
+        a->port->link_read(a->port->context, session->chunk, (uint16_t)sizeof session->chunk);
   }
   while (session->chunk_at < session->chunk_count) {
     if (link_receive(&session->receiver, session->chunk[session->chunk_at++], &request)) {
       take_request(a, &request);
-      if (!send_rest(session)) {
+      if (!send_rest(a)) {
         return;
       }
     }

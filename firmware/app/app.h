@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The firmware without its hardware: a board includes this, implements port/port.h, and calls
-   app_start once, app_tick once every tick, app_poll in between.
+/* The firmware without its hardware: a board includes this, fills a struct port (port/port.h) and
+   gives the memory; it calls app_start once, app_tick once every tick, app_poll in between. All
+   that a controller remembers is in the two it is given, so that a board may have several.
 
      static app firmware;
-     app_start(&firmware, &board);
+     static app_body body;
+     app_start(&firmware, &body, &board, &port);
      for (;;) {
        if (a tick has begun) {
          app_tick(&firmware);       (or from the tick's interrupt)
@@ -18,6 +20,8 @@
 #include "app/download.h"
 #include "app/settings.h"
 #include "link/frame.h"
+#include "port/port.h"
+#include "xcp/xcp.h"
 
 /* The session with a PC. */
 typedef struct {
@@ -38,20 +42,24 @@ typedef struct {
   uint16_t lost;          /* numbers left out, modulo 65536 */
 } app_session;
 
-typedef struct {
+struct app {
+  const struct port *port;
   const app_board *board;
   app_control control;
   int32_t settings[LINK_SETTING_COUNT];
   int32_t signals[LINK_SIGNAL_COUNT]; /* of the last tick */
   app_session session;
   app_download download;
-} app;
+  xcp_slave carried; /* by the link */
+  uint32_t cycles;   /* of the longest tick so far: a board that counts them puts them here */
+};
 
 /* Starts in the state init. Checks the block built in: about 100 instructions a word. */
-void app_start(app *a, const app_board *board);
+void app_start(app *a, app_body *body, const app_board *board, const struct port *port);
 
 /* One tick of the control task: sample in, current out. The same work in every state and for every
-   sample but for what the compensator's commit saves where the solved current was applied. */
+   sample but for what the compensator's commit saves where the solved current was applied, and for
+   the samples that a master of XCP has ordered. */
 void app_tick(app *a);
 
 /* Sends what is left of an answer; when all is sent, takes bytes from the port and answers the

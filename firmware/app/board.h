@@ -40,6 +40,9 @@ typedef struct {
   uint16_t heartbeat_ms;       /* the most that the setting heartbeat_ticks may allow */
 } app_limits;
 
+/* A controller (app/app.h). */
+typedef struct app app;
+
 /* The state of the body of force (force/force.h) or of position (position/position.h). */
 typedef struct app_body app_body;
 
@@ -48,7 +51,6 @@ typedef struct app_plan app_plan;
 
 typedef struct {
   const char *name;     /* of the actuator, as its description file for XCP is called */
-  app_body *body;       /* memory of the body that the firmware is built with */
   const app_plan *plan; /* of a body of position */
   const anhyst_kernel *kernel;
   const int16_t *words;    /* parameter block built in */

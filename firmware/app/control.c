@@ -3,14 +3,14 @@
 
 #include <stddef.h>
 
-void app_control_start(app_control *control, const app_board *board)
+void app_control_start(app_control *control, app_body *body, const app_board *board)
 {
-  control->body = board->body;
+  control->body = body;
   control->tick = 0;
   control->silent = 0;
   control->flags = ANHYST_CURRENT_ZERO;
   control->missed = 0;
-  app_body_start(control->body, board);
+  app_body_start(body, board);
 }
 
 /* Leaves init at the first tick, for fault where the block built in is not valid. */

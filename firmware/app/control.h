@@ -17,7 +17,7 @@ typedef struct {
 
 /* Starts in init with the board's block; if that is not valid, the first tick goes to fault. Not
    for an interrupt: the block is checked. */
-void app_control_start(app_control *control, const app_board *board);
+void app_control_start(app_control *control, app_body *body, const app_board *board);
 
 /* One tick: watches, lets the body judge the sample and find the currents to drive, q31.
    sample: without values (PORT_NO_SAMPLE) all are PORT_RESERVED. settings: the values of the

@@ -5,16 +5,16 @@
 
 void app_alive(app *a)
 {
-  port_lock();
+  port_lock(a->port);
   a->control.silent = 0;
-  port_unlock();
+  port_unlock(a->port);
 }
 
 uint32_t app_last_tick(const app *a)
 {
-  port_lock();
+  port_lock(a->port);
   const uint32_t tick = a->control.tick;
-  port_unlock();
+  port_unlock(a->port);
   return tick;
 }
 
@@ -26,32 +26,32 @@ uint16_t app_word_in_force(const app *a, uint16_t number)
 
 uint16_t app_demand(app *a, int32_t force)
 {
-  port_lock();
+  port_lock(a->port);
   const uint16_t reason = app_body_demand(a->control.body, force);
-  port_unlock();
+  port_unlock(a->port);
   return reason;
 }
 
 uint16_t app_target(app *a, int32_t position)
 {
-  port_lock();
+  port_lock(a->port);
   const uint16_t reason = app_body_target(a->control.body, position);
-  port_unlock();
+  port_unlock(a->port);
   return reason;
 }
 
 uint16_t app_command(app *a, uint16_t command, uint16_t *state)
 {
-  port_lock();
+  port_lock(a->port);
   const uint16_t reason = app_control_command(&a->control, command);
   *state = app_body_states(a->control.body)->state;
-  port_unlock();
+  port_unlock(a->port);
   return reason;
 }
 
 uint16_t app_setting_write(app *a, uint16_t number, int32_t value, uint16_t *state)
 {
-  port_lock();
+  port_lock(a->port);
   *state = app_body_states(a->control.body)->state;
   uint16_t reason = app_setting_obstacle(a->board, number, value, *state == ANHYST_STATE_RUN);
   if (reason == LINK_REASON_NONE) {
@@ -60,7 +60,7 @@ uint16_t app_setting_write(app *a, uint16_t number, int32_t value, uint16_t *sta
   if (reason == LINK_REASON_NONE) {
     a->settings[number] = value;
   }
-  port_unlock();
+  port_unlock(a->port);
   return reason;
 }
 
@@ -73,7 +73,7 @@ static void swap(app *a, const int16_t *words)
   if (first) {
     (void)anhyst_compensator_init(&fresh, a->board->kernel, words, a->download.announced.words);
   }
-  port_lock();
+  port_lock(a->port);
   if (first) {
     *app_body_compensator(a->control.body, 0) = fresh;
     anhyst_compensator *second = app_body_compensator(a->control.body, 1);
@@ -83,7 +83,7 @@ static void swap(app *a, const int16_t *words)
   } else {
     app_body_swap(a->control.body, words);
   }
-  port_unlock();
+  port_unlock(a->port);
 }
 
 uint16_t app_block_swap(app *a, uint16_t generation, uint16_t *detail)

@@ -23,4 +23,18 @@
 #define ACTUATOR_RATE_HZ ACTUATOR_JOIN(ACTUATOR_MACRO, _RATE_HZ)
 #endif
 
+/* What an app_board says, with limits and a plan (NULL of a body of force) of the board's own. */
+#define ACTUATOR_BOARD(its_rate, its_limits, its_plan)                                             \
+  {                                                                                                \
+      .name = ACTUATOR_CALLED,                                                                     \
+      .plan = (its_plan),                                                                          \
+      .kernel = &ACTUATOR_KERNEL,                                                                  \
+      .words = ACTUATOR_PARAMETERS,                                                                \
+      .words_capacity = ACTUATOR_PARAMETERS_WORDS,                                                 \
+      .scales = (const int16_t[ANHYST_SCALE_WORDS])ACTUATOR_SCALES,                                \
+      .firmware = BOARD_FIRMWARE_VERSION,                                                          \
+      .rate = (its_rate),                                                                          \
+      .limits = (its_limits),                                                                      \
+  }
+
 #endif

@@ -39,8 +39,7 @@ enum {
      generation. */
   LINK_TYPE_KEEP = 15,
   /* A command of XCP, or nothing where only samples are wanted. Is no sign of life by itself: the
-     command is, of a master that has shown the key. A board without XCP does not know the request.
-     */
+     command is, of a master that has shown the key. */
   LINK_TYPE_XCP = 16,
   LINK_TYPE_INFO = 129, /* Who the controller is. */
   LINK_TYPE_STATUS = 130, /* What the controller did in the tick that its head names. */

@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The port contract: what a board gives the firmware, and what each answer must mean.
 
-   A board implements the functions below, calls app_start once, then app_tick once every tick and
-   app_poll as often as it can in between (firmware/app/app.h). app_tick may interrupt app_poll,
-   never the other way round; a board without interrupts calls them in turn.
+   A board fills a struct port for each of its controllers, calls app_start once, then app_tick once
+   every tick and app_poll as often as it can in between (firmware/app/app.h). app_tick may
+   interrupt app_poll, never the other way round; a board without interrupts calls them in turn.
+   Controllers share nothing: each has its own ticks.
 
    Time. Tick n begins at t_n = n/rate. The board samples all sensors at t_n, calls app_tick, and
    lets the current that app_tick drives begin to flow at t_n+1 and not before, however early
-   port_drive was called; it is held until t_n+2. So a tick has one whole period to compute, and
+   the board was told; it is held until t_n+2. So a tick has one whole period to compute, and
    the delay from a sample to what follows from it is one tick, always.
 
    If app_tick of a tick is not done when the next tick begins, the next one is missed: it is not
@@ -50,43 +51,43 @@ typedef struct {
   uint32_t status;                /* bits of PORT_..., or 0 */
 } port_sample;
 
-/* Fills the sample of the tick that began last. Called once by each app_tick. All values are of the
-   same instant t_n. Must not wait: where a converter has not finished, that is PORT_NO_SAMPLE. */
-void port_sense(port_sample *sample);
+/* All functions are there; each is given the context. */
+struct port {
+  void *context; /* the board's own, for this controller */
 
-/* The currents that shall flow from t_n+1 on, q31 of full scale, PORT_CURRENTS of them. Called once
-   by each app_tick, also in the state fault. state is the state of the controller plus 256 times
-   the reason of a fault; a board may show it, and may switch its power stage off in fault once the
-   currents are 0. */
-void port_drive(const int32_t *currents, uint32_t state);
+  /* Fills the sample of the tick that began last. Called once by each app_tick. All values are of
+     the same instant t_n. Must not wait: where a converter has not finished, that is
+     PORT_NO_SAMPLE. */
+  void (*sense)(void *context, port_sample *sample);
 
-/* Takes at most `most` bytes that arrived on the link, in order, and returns how many; 0 where
-   there are none. Must not wait. A byte that the line knows to be broken (framing, overrun) may be
-   dropped or passed on: the checksum finds it either way. */
-uint16_t port_link_read(uint8_t *bytes, uint16_t most);
+  /* The currents that shall flow from t_n+1 on, q31 of full scale, PORT_CURRENTS of them. Called
+     once by each app_tick, also in the state fault. state is the state of the controller plus 256
+     times the reason of a fault; a board may show it, and may switch its power stage off in fault
+     once the currents are 0. */
+  void (*drive)(void *context, const int32_t *currents, uint32_t state);
 
-/* Takes over up to `count` bytes for sending, in order, and returns how many. Must not wait; what
-   it did not take is offered again. Taken means: sent later without further calls. */
-uint16_t port_link_write(const uint8_t *bytes, uint16_t count);
+  /* Takes at most `most` bytes that arrived on the link, in order, and returns how many; 0 where
+     there are none. Must not wait. A byte that the line knows to be broken (framing, overrun) may
+     be dropped or passed on: the checksum finds it either way. */
+  uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t most);
 
-/* Between these two app_tick does not run. Called by app_poll for a few dozen instructions, never
-   nested. Empty on a board that calls app_tick and app_poll in turn. */
-void port_lock(void);
-void port_unlock(void);
+  /* Takes over up to `count` bytes for sending, in order, and returns how many. Must not wait; what
+     it did not take is offered again. Taken means: sent later without further calls. */
+  uint16_t (*link_write)(void *context, const uint8_t *bytes, uint16_t count);
 
-/* Keeps a parameter block of so many words for the next start. Called by app_poll, without current;
-   may take seconds, if in that time no tick begins. 1, or 0 where the board cannot or did not. */
-int port_keep(const int16_t *block, uint16_t words);
+  /* Between these two app_tick of this controller does not run. Called by app_poll for a few dozen
+     instructions, never nested. Empty on a board that calls app_tick and app_poll in turn. */
+  void (*lock)(void *context);
+  void (*unlock)(void *context);
 
-/* What port_xcp returns on a board without XCP. */
-#define PORT_NO_XCP 0xFFFFU
+  /* Keeps a parameter block of so many words for the next start. Called by app_poll, without
+     current; may take seconds, if in that time no tick begins. 1, or 0 where the board cannot or
+     did not. */
+  int (*keep)(void *context, const int16_t *block, uint16_t words);
+};
 
-/* A command of XCP that came over the link, or nothing where its length is 0: does it and writes
-   what the board's slave has to say, LINK_PAYLOAD_MOST bytes at the most (xcp/tunnel.h). Called by
-   app_poll. How many bytes, or PORT_NO_XCP. */
-uint16_t port_xcp(const uint8_t *command, uint16_t length, uint8_t *packets);
+static inline void port_lock(const struct port *port) { port->lock(port->context); }
 
-/* Cycles of the processor in the longest tick so far; 0 where the board does not count them. */
-uint32_t port_cycles(void);
+static inline void port_unlock(const struct port *port) { port->unlock(port->context); }
 
 #endif

@@ -5,15 +5,17 @@
 
 #include "xcp/xcp.h"
 
-/* What an answer is made of. */
+/* A command, and what its answer is made of. */
 typedef struct {
-  uint8_t *bytes; /* the first says that it is an answer */
+  const uint8_t *command;
+  uint16_t count;  /* its bytes */
+  uint8_t *answer; /* the first byte says that it is one */
   uint16_t length;
   uint16_t reason; /* of the firmware, where it refused */
-} xcp_reply;
+} xcp_request;
 
-/* Does a command of n bytes, `c`: fills the answer, or returns the error. */
-typedef uint8_t xcp_action(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to);
+/* Does a command: fills the answer, or returns the error. */
+typedef uint8_t xcp_action(xcp_slave *x, xcp_request *r);
 
 typedef struct {
   uint8_t code;

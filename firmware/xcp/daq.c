@@ -1,19 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "xcp/daq.h"
 
-#include "port/port.h"
-
 /* Stages of allocation: each may be gone on with, or left for the next. */
 enum { STAGE_FREE, STAGE_LISTS, STAGE_PARTS, STAGE_ENTRIES };
 
 void xcp_daq_free(xcp_daq *d)
 {
-  port_lock();
+  port_lock(d->port);
   for (uint8_t i = 0; i < (uint8_t)XCP_LISTS; i++) {
     d->list[i].running = 0;
     d->list[i].selected = 0;
   }
-  port_unlock();
+  port_unlock(d->port);
   d->stage = STAGE_FREE;
   d->lists = 0;
   d->parts = 0;
@@ -26,11 +24,11 @@ void xcp_daq_free(xcp_daq *d)
 void xcp_daq_start(xcp_daq *d)
 {
   xcp_daq_free(d);
-  port_lock();
+  port_lock(d->port);
   d->lost = 0;
   d->head = 0;
   d->tail = 0;
-  port_unlock();
+  port_unlock(d->port);
 }
 
 int xcp_daq_runs(const xcp_daq *d)
@@ -70,9 +68,9 @@ static void put_u32(xcp_daq *d, uint32_t value)
 
 uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t most)
 {
-  port_lock();
+  port_lock(d->port);
   const uint16_t head = d->head;
-  port_unlock();
+  port_unlock(d->port);
   uint16_t at = d->tail;
   if (at == head) {
     return 0;
@@ -86,9 +84,9 @@ uint16_t xcp_daq_take(xcp_daq *d, uint8_t *packet, uint16_t most)
     packet[i] = d->queue[at];
     at = behind(at);
   }
-  port_lock();
+  port_lock(d->port);
   d->tail = at;
-  port_unlock();
+  port_unlock(d->port);
   return length;
 }
 
@@ -262,10 +260,10 @@ static void fill(xcp_daq *d, const xcp_range *entries, uint8_t signal)
 
 static void run(xcp_daq *d, uint16_t list, uint8_t running)
 {
-  port_lock();
+  port_lock(d->port);
   d->list[list].skip = 0;
   d->list[list].running = running;
-  port_unlock();
+  port_unlock(d->port);
 }
 
 uint8_t xcp_daq_clear(xcp_daq *d, uint16_t list)
@@ -331,7 +329,7 @@ uint8_t xcp_daq_synchronise(xcp_daq *d, uint8_t mode)
     return XCP_MODE;
   }
   /* In one piece, so that all lists begin with the same tick. */
-  port_lock();
+  port_lock(d->port);
   for (uint8_t i = 0; i < d->lists; i++) {
     xcp_list *list = &d->list[i];
     if (mode == 0U || list->selected != 0U) {
@@ -340,6 +338,6 @@ uint8_t xcp_daq_synchronise(xcp_daq *d, uint8_t mode)
     }
     list->selected = 0;
   }
-  port_unlock();
+  port_unlock(d->port);
   return XCP_FINE;
 }

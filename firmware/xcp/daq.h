@@ -10,6 +10,7 @@
 #define ANHYST_XCP_DAQ_H
 
 #include "link/frames.h"
+#include "port/port.h"
 #include "xcp/map.h"
 
 /* Answers of XCP to a command that is not done. */
@@ -48,6 +49,7 @@ typedef struct {
 } xcp_list;
 
 typedef struct {
+  const struct port *port; /* keeps the tick out */
   xcp_list list[XCP_LISTS];
   xcp_range part[XCP_ODTS];    /* its entries */
   uint8_t signal[XCP_ENTRIES]; /* number of the signal, or XCP_NO_SIGNAL */

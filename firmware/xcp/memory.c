@@ -29,9 +29,9 @@ static uint8_t fetch_signal(const xcp_slave *x, uint16_t number, uint32_t *value
   if (number >= (uint16_t)LINK_SIGNAL_COUNT) {
     return XCP_RANGE;
   }
-  port_lock();
+  port_lock(x->firmware->port);
   *value = (uint32_t)x->firmware->signals[number];
-  port_unlock();
+  port_unlock(x->firmware->port);
   return XCP_FINE;
 }
 
@@ -54,9 +54,9 @@ static uint8_t fetch_input(const xcp_slave *x, uint16_t number, uint32_t *value)
   if (!takes(x, number)) {
     return XCP_DENIED;
   }
-  port_lock();
+  port_lock(x->firmware->port);
   *value = (uint32_t)app_body_goal(x->firmware->control.body);
-  port_unlock();
+  port_unlock(x->firmware->port);
   return XCP_FINE;
 }
 

@@ -31,146 +31,121 @@ static uint16_t period(uint32_t rate, uint16_t most, uint8_t *power)
   return (uint16_t)ticks;
 }
 
-static uint8_t on_daq_processor(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_processor(xcp_slave *x, xcp_request *r)
 {
-  (void)c;
-  (void)n;
-  to->bytes[1] = DAQ_IS_DYNAMIC | DAQ_HAS_PRESCALER | DAQ_HAS_STAMP | DAQ_OVERLOAD_IS_EVENT;
-  link_put_u16(to->bytes + 2, x->daq.lists);
-  link_put_u16(to->bytes + 4, 1); /* events */
-  to->bytes[6] = 0;               /* lists that always are */
-  to->bytes[7] = DAQ_RELATIVE_PART_BYTE_LIST;
-  to->length = 8;
+  r->answer[1] = DAQ_IS_DYNAMIC | DAQ_HAS_PRESCALER | DAQ_HAS_STAMP | DAQ_OVERLOAD_IS_EVENT;
+  link_put_u16(r->answer + 2, x->daq.lists);
+  link_put_u16(r->answer + 4, 1); /* events */
+  r->answer[6] = 0;               /* lists that always are */
+  r->answer[7] = DAQ_RELATIVE_PART_BYTE_LIST;
+  r->length = 8;
   return XCP_FINE;
 }
 
-static uint8_t on_daq_resolution(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_resolution(xcp_slave *x, xcp_request *r)
 {
   uint8_t power = 0;
-  (void)c;
-  (void)n;
   const uint16_t ticks = period(x->firmware->board->rate, UINT16_MAX, &power);
-  to->bytes[1] = 4; /* an entry is a signal */
-  to->bytes[2] = 4;
-  to->bytes[3] = 0;
-  to->bytes[4] = 0;
-  to->bytes[5] = (uint8_t)(STAMP_IS_FIXED_4_BYTES | ((uint8_t)(power << 4)));
-  link_put_u16(to->bytes + 6, ticks);
-  to->length = 8;
+  r->answer[1] = 4; /* an entry is a signal */
+  r->answer[2] = 4;
+  r->answer[3] = 0;
+  r->answer[4] = 0;
+  r->answer[5] = (uint8_t)(STAMP_IS_FIXED_4_BYTES | ((uint8_t)(power << 4)));
+  link_put_u16(r->answer + 6, ticks);
+  r->length = 8;
   return XCP_FINE;
 }
 
-static uint8_t on_daq_event(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_event(xcp_slave *x, xcp_request *r)
 {
   uint8_t power = 0;
-  (void)n;
-  if (link_get_u16(c + 2) != 0U) {
+  if (link_get_u16(r->command + 2) != 0U) {
     return XCP_RANGE;
   }
   const uint16_t cycle = period(x->firmware->board->rate, 255, &power);
   x->address = (uint32_t)XCP_AREA_EVENT << 16;
-  to->bytes[1] = EVENT_IS_DAQ | EVENT_WHOLE;
-  to->bytes[2] = XCP_LISTS;
-  to->bytes[3] = (uint8_t)(sizeof XCP_EVENT - 1U);
-  to->bytes[4] = (uint8_t)cycle;
-  to->bytes[5] = power;
-  to->bytes[6] = 0;
-  to->length = 7;
+  r->answer[1] = EVENT_IS_DAQ | EVENT_WHOLE;
+  r->answer[2] = XCP_LISTS;
+  r->answer[3] = (uint8_t)(sizeof XCP_EVENT - 1U);
+  r->answer[4] = (uint8_t)cycle;
+  r->answer[5] = power;
+  r->answer[6] = 0;
+  r->length = 7;
   return XCP_FINE;
 }
 
-static uint8_t on_daq_clock(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_clock(xcp_slave *x, xcp_request *r)
 {
-  (void)c;
-  (void)n;
-  link_put_u16(to->bytes + 1, 0);
-  to->bytes[3] = 0;
-  link_put_u32(to->bytes + 4, app_last_tick(x->firmware));
-  to->length = 8;
+  link_put_u16(r->answer + 1, 0);
+  r->answer[3] = 0;
+  link_put_u32(r->answer + 4, app_last_tick(x->firmware));
+  r->length = 8;
   return XCP_FINE;
 }
 
-static uint8_t on_daq_free(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_free(xcp_slave *x, xcp_request *r)
 {
-  (void)c;
-  (void)n;
-  (void)to;
+  (void)r;
   xcp_daq_free(&x->daq);
   return XCP_FINE;
 }
 
-static uint8_t on_daq_alloc(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_alloc(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  (void)to;
-  return xcp_daq_alloc_lists(&x->daq, link_get_u16(c + 2));
+  return xcp_daq_alloc_lists(&x->daq, link_get_u16(r->command + 2));
 }
 
-static uint8_t on_daq_alloc_parts(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_alloc_parts(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  (void)to;
-  return xcp_daq_alloc_parts(&x->daq, link_get_u16(c + 2), c[4]);
+  return xcp_daq_alloc_parts(&x->daq, link_get_u16(r->command + 2), r->command[4]);
 }
 
-static uint8_t on_daq_alloc_entries(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_alloc_entries(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  (void)to;
-  return xcp_daq_alloc_entries(&x->daq, link_get_u16(c + 2), c[4], c[5]);
+  return xcp_daq_alloc_entries(&x->daq, link_get_u16(r->command + 2), r->command[4], r->command[5]);
 }
 
-static uint8_t on_daq_point(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_point(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  (void)to;
-  return xcp_daq_point(&x->daq, link_get_u16(c + 2), c[4], c[5]);
+  return xcp_daq_point(&x->daq, link_get_u16(r->command + 2), r->command[4], r->command[5]);
 }
 
-static uint8_t on_daq_write(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_write(xcp_slave *x, xcp_request *r)
 {
-  const uint8_t signal = xcp_signal_at(link_get_u32(c + 4));
-  (void)n;
-  (void)to;
-  if (c[1] != 0xFFU || c[2] != 4U || c[3] != 0U || signal == XCP_NO_SIGNAL) {
+  const uint8_t signal = xcp_signal_at(link_get_u32(r->command + 4));
+  if (r->command[1] != 0xFFU || r->command[2] != 4U || r->command[3] != 0U ||
+      signal == XCP_NO_SIGNAL) {
     return XCP_RANGE; /* no bits, whole signals */
   }
   return xcp_daq_write(&x->daq, signal);
 }
 
-static uint8_t on_daq_clear(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_clear(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  (void)to;
-  return xcp_daq_clear(&x->daq, link_get_u16(c + 2));
+  return xcp_daq_clear(&x->daq, link_get_u16(r->command + 2));
 }
 
-static uint8_t on_daq_mode(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_mode(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  (void)to;
-  if ((c[1] & LIST_STIM_OR_NO_HEAD) != 0U) {
+  if ((r->command[1] & LIST_STIM_OR_NO_HEAD) != 0U) {
     return XCP_MODE;
   }
-  if (link_get_u16(c + 4) != 0U) {
+  if (link_get_u16(r->command + 4) != 0U) {
     return XCP_RANGE;
   }
-  return xcp_daq_set_prescaler(&x->daq, link_get_u16(c + 2), c[6]);
+  return xcp_daq_set_prescaler(&x->daq, link_get_u16(r->command + 2), r->command[6]);
 }
 
-static uint8_t on_daq_start_stop(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_start_stop(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  to->bytes[1] = 0; /* parts are counted in each list anew */
-  to->length = 2;
-  return xcp_daq_start_stop(&x->daq, link_get_u16(c + 2), c[1]);
+  r->answer[1] = 0; /* parts are counted in each list anew */
+  r->length = 2;
+  return xcp_daq_start_stop(&x->daq, link_get_u16(r->command + 2), r->command[1]);
 }
 
-static uint8_t on_daq_synchronise(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_daq_synchronise(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  (void)to;
-  return xcp_daq_synchronise(&x->daq, c[1]);
+  return xcp_daq_synchronise(&x->daq, r->command[1]);
 }
 
 static const xcp_command list_commands[] = {

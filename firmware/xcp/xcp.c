@@ -39,6 +39,7 @@ void xcp_hang_up(xcp_slave *x)
 void xcp_start(xcp_slave *x, app *firmware)
 {
   x->firmware = firmware;
+  x->daq.port = firmware->port;
   x->address = 0;
   x->seed = 0;
   x->swapped = 0;
@@ -52,9 +53,9 @@ void xcp_tick(xcp_slave *x)
 
 uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t most)
 {
-  port_lock();
+  port_lock(x->firmware->port);
   const uint16_t lost = x->daq.lost;
-  port_unlock();
+  port_unlock(x->firmware->port);
   if ((lost != x->reported) && (most >= 2U)) {
     x->reported = lost;
     packet[0] = PACKET_EVENT;
@@ -66,27 +67,23 @@ uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t most)
 
 /* Session. */
 
-static uint8_t on_connect(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_connect(xcp_slave *x, xcp_request *r)
 {
-  (void)c;
-  (void)n;
   xcp_hang_up(x); /* a master that connects again begins anew */
   x->connected = 1;
-  to->bytes[1] = RESOURCE_CALIBRATION | RESOURCE_DAQ;
-  to->bytes[2] = MORE_TO_BE_ASKED; /* low byte first, addresses count bytes, no blocks */
-  to->bytes[3] = XCP_PACKET;
-  link_put_u16(to->bytes + 4, XCP_PACKET);
-  to->bytes[6] = 1; /* versions of protocol and transport */
-  to->bytes[7] = 1;
-  to->length = 8;
+  r->answer[1] = RESOURCE_CALIBRATION | RESOURCE_DAQ;
+  r->answer[2] = MORE_TO_BE_ASKED; /* low byte first, addresses count bytes, no blocks */
+  r->answer[3] = XCP_PACKET;
+  link_put_u16(r->answer + 4, XCP_PACKET);
+  r->answer[6] = 1; /* versions of protocol and transport */
+  r->answer[7] = 1;
+  r->length = 8;
   return XCP_FINE;
 }
 
-static uint8_t on_disconnect(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_disconnect(xcp_slave *x, xcp_request *r)
 {
-  (void)c;
-  (void)n;
-  (void)to;
+  (void)r;
   xcp_hang_up(x);
   return XCP_FINE;
 }
@@ -96,40 +93,34 @@ static uint8_t protection(const xcp_slave *x)
   return (uint8_t)(x->unlocked != 0U ? 0U : RESOURCE_CALIBRATION);
 }
 
-static uint8_t on_status(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_status(xcp_slave *x, xcp_request *r)
 {
-  (void)c;
-  (void)n;
-  to->bytes[1] = xcp_daq_runs(&x->daq) ? (uint8_t)STATUS_DAQ_RUNS : (uint8_t)0;
-  to->bytes[2] = protection(x);
-  to->bytes[3] = 0;
-  link_put_u16(to->bytes + 4, 0);
-  to->length = 6;
+  r->answer[1] = xcp_daq_runs(&x->daq) ? (uint8_t)STATUS_DAQ_RUNS : (uint8_t)0;
+  r->answer[2] = protection(x);
+  r->answer[3] = 0;
+  link_put_u16(r->answer + 4, 0);
+  r->length = 6;
   return XCP_FINE;
 }
 
 /* The one command whose answer is always an error: it shows that both are in step again. */
-static uint8_t on_synch(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_synch(xcp_slave *x, xcp_request *r)
 {
   (void)x;
-  (void)c;
-  (void)n;
-  to->bytes[0] = PACKET_ERROR;
-  to->bytes[1] = 0;
-  to->length = 2;
+  r->answer[0] = PACKET_ERROR;
+  r->answer[1] = 0;
+  r->length = 2;
   return XCP_FINE;
 }
 
 /* No blocks of packets, no commands ahead of their answers. */
-static uint8_t on_more(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_more(xcp_slave *x, xcp_request *r)
 {
-  (void)c;
-  (void)n;
   for (uint16_t i = 1; i < 7U; i++) {
-    to->bytes[i] = 0;
+    r->answer[i] = 0;
   }
-  to->bytes[7] = (uint8_t)(x->firmware->board->firmware & 0xFFU);
-  to->length = 8;
+  r->answer[7] = (uint8_t)(x->firmware->board->firmware & 0xFFU);
+  r->length = 8;
   return XCP_FINE;
 }
 
@@ -143,40 +134,38 @@ static uint32_t length_of(const char *text)
 }
 
 /* The name is fetched by UPLOAD. Types 0 and 1: text, and name of the file without its ending. */
-static uint8_t on_id(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_id(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
   x->address = (uint32_t)XCP_AREA_NAME << 16;
-  to->bytes[1] = 0;
-  link_put_u16(to->bytes + 2, 0);
-  link_put_u32(to->bytes + 4, c[1] <= 1U ? length_of(x->firmware->board->name) : 0U);
-  to->length = 8;
+  r->answer[1] = 0;
+  link_put_u16(r->answer + 2, 0);
+  link_put_u32(r->answer + 4, r->command[1] <= 1U ? length_of(x->firmware->board->name) : 0U);
+  r->length = 8;
   return XCP_FINE;
 }
 
-static uint8_t on_seed(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_seed(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  if (c[1] != 0U) {
+  if (r->command[1] != 0U) {
     return XCP_SEQUENCE; /* there is no second part */
   }
-  to->length = 2;
-  if (x->unlocked != 0U || c[2] != RESOURCE_CALIBRATION) {
-    to->bytes[1] = 0;
+  r->length = 2;
+  if (x->unlocked != 0U || r->command[2] != RESOURCE_CALIBRATION) {
+    r->answer[1] = 0;
     return XCP_FINE;
   }
   uint8_t tick[KEY_BYTES];
   link_put_u32(tick, app_last_tick(x->firmware));
   x->seed = link_crc32(x->seed + 1U, tick, KEY_BYTES);
   x->asked = 1;
-  to->bytes[1] = KEY_BYTES;
-  link_put_u32(to->bytes + 2, x->seed);
-  to->length = 2U + KEY_BYTES;
+  r->answer[1] = KEY_BYTES;
+  link_put_u32(r->answer + 2, x->seed);
+  r->length = 2U + KEY_BYTES;
   return XCP_FINE;
 }
 
 /* A wrong key ends the connection. */
-static uint8_t on_unlock(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_unlock(xcp_slave *x, xcp_request *r)
 {
   uint8_t seed[KEY_BYTES];
   if (x->asked == 0U) {
@@ -184,62 +173,55 @@ static uint8_t on_unlock(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *
   }
   x->asked = 0;
   link_put_u32(seed, x->seed);
-  if (c[1] != KEY_BYTES || n < 2U + KEY_BYTES ||
-      link_get_u32(c + 2) != link_crc32(XCP_SECRET, seed, KEY_BYTES)) {
+  if (r->command[1] != KEY_BYTES || r->count < 2U + KEY_BYTES ||
+      link_get_u32(r->command + 2) != link_crc32(XCP_SECRET, seed, KEY_BYTES)) {
     xcp_hang_up(x);
     return XCP_LOCKED;
   }
   x->unlocked = 1;
-  to->bytes[1] = protection(x);
-  to->length = 2;
+  r->answer[1] = protection(x);
+  r->length = 2;
   return XCP_FINE;
 }
 
 /* Memory. */
 
-static uint8_t on_address(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_address(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  (void)to;
-  if (c[3] != 0U) {
+  if (r->command[3] != 0U) {
     return XCP_RANGE; /* no extensions */
   }
-  x->address = link_get_u32(c + 4);
+  x->address = link_get_u32(r->command + 4);
   return XCP_FINE;
 }
 
-static uint8_t upload(xcp_slave *x, uint8_t count, xcp_reply *to)
+static uint8_t on_upload(xcp_slave *x, xcp_request *r)
 {
+  const uint8_t count = r->command[1];
   if (count == 0U || count > XCP_PACKET - 1U) {
     return XCP_RANGE;
   }
-  const uint8_t wrong = xcp_read(x, x->address, to->bytes + 1, count);
+  const uint8_t wrong = xcp_read(x, x->address, r->answer + 1, count);
   if (wrong == XCP_FINE) {
     x->address += count;
-    to->length = (uint16_t)(count + 1U);
+    r->length = (uint16_t)(count + 1U);
   }
   return wrong;
 }
 
-static uint8_t on_upload(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_short_upload(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  return upload(x, c[1], to);
+  const uint8_t wrong = on_address(x, r);
+  return wrong == XCP_FINE ? on_upload(x, r) : wrong;
 }
 
-static uint8_t on_short_upload(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+/* Writes the bytes that stand in the command from a place on. */
+static uint8_t download(xcp_slave *x, xcp_request *r, uint16_t from)
 {
-  const uint8_t wrong = on_address(x, c, n, to);
-  return wrong == XCP_FINE ? upload(x, c[1], to) : wrong;
-}
-
-/* Writes `count` bytes, of which there are n. */
-static uint8_t download(xcp_slave *x, const uint8_t *bytes, uint16_t count, uint16_t n,
-                        xcp_reply *to)
-{
+  const uint16_t count = r->command[1];
   uint8_t wrong = XCP_SYNTAX;
-  if (count <= n) {
-    wrong = xcp_write(x, x->address, bytes, count, &to->reason);
+  if (count <= (uint16_t)(r->count - from)) {
+    wrong = xcp_write(x, x->address, r->command + from, count, &r->reason);
   }
   if (wrong == XCP_FINE) {
     x->address += count;
@@ -247,24 +229,20 @@ static uint8_t download(xcp_slave *x, const uint8_t *bytes, uint16_t count, uint
   return wrong;
 }
 
-static uint8_t on_download(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
-{
-  return download(x, &c[2], c[1], (uint16_t)(n - 2U), to);
-}
+static uint8_t on_download(xcp_slave *x, xcp_request *r) { return download(x, r, 2); }
 
 /* Address and bytes in one command: half the way there and back for a demand. */
-static uint8_t on_short_download(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_short_download(xcp_slave *x, xcp_request *r)
 {
-  const uint8_t wrong = on_address(x, c, n, to);
-  return wrong == XCP_FINE ? download(x, &c[8], c[1], (uint16_t)(n - 8U), to) : wrong;
+  const uint8_t wrong = on_address(x, r);
+  return wrong == XCP_FINE ? download(x, r, 8) : wrong;
 }
 
-static uint8_t on_checksum(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_checksum(xcp_slave *x, xcp_request *r)
 {
-  const uint32_t size = link_get_u32(c + 4);
+  const uint32_t size = link_get_u32(r->command + 4);
   uint8_t bytes[32];
   uint32_t sum = 0;
-  (void)n;
   if (size == 0U || size > 0x10000U - (x->address & 0xFFFFU)) {
     return XCP_RANGE;
   }
@@ -277,81 +255,75 @@ static uint8_t on_checksum(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply
     sum = link_crc32(sum, bytes, part);
   }
   x->address += size;
-  to->bytes[1] = CHECKSUM_CRC_32;
-  link_put_u16(to->bytes + 2, 0);
-  link_put_u32(to->bytes + 4, sum);
-  to->length = 8;
+  r->answer[1] = CHECKSUM_CRC_32;
+  link_put_u16(r->answer + 2, 0);
+  link_put_u32(r->answer + 4, sum);
+  r->length = 8;
   return XCP_FINE;
 }
 
 /* Pages of the one segment. */
 
-static uint8_t on_set_page(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_set_page(xcp_slave *x, xcp_request *r)
 {
   uint16_t detail = 0;
-  (void)n;
-  if ((c[1] & PAGE_OF_ALL) == 0U && c[2] != 0U) {
+  if ((r->command[1] & PAGE_OF_ALL) == 0U && r->command[2] != 0U) {
     return XCP_SEGMENT;
   }
-  if ((c[1] & (PAGE_OF_ECU | PAGE_OF_MASTER)) == 0U) {
+  if ((r->command[1] & (PAGE_OF_ECU | PAGE_OF_MASTER)) == 0U) {
     return XCP_MODE;
   }
-  if (c[3] > 1U) {
+  if (r->command[3] > 1U) {
     return XCP_PAGE;
   }
-  if ((c[1] & PAGE_OF_ECU) != 0U) {
-    if (c[3] == 1U) {
-      to->reason = app_block_swap_edited(x->firmware, &detail);
-      if (to->reason != LINK_REASON_NONE) {
+  if ((r->command[1] & PAGE_OF_ECU) != 0U) {
+    if (r->command[3] == 1U) {
+      r->reason = app_block_swap_edited(x->firmware, &detail);
+      if (r->reason != LINK_REASON_NONE) {
         return XCP_PAGE;
       }
     }
-    x->swapped = c[3];
+    x->swapped = r->command[3];
   }
-  if ((c[1] & PAGE_OF_MASTER) != 0U) {
-    x->page = c[3];
+  if ((r->command[1] & PAGE_OF_MASTER) != 0U) {
+    x->page = r->command[3];
   }
   return XCP_FINE;
 }
 
-static uint8_t on_page(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_page(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  if (c[2] != 0U) {
+  if (r->command[2] != 0U) {
     return XCP_SEGMENT;
   }
-  if (c[1] != PAGE_OF_ECU && c[1] != PAGE_OF_MASTER) {
+  if (r->command[1] != PAGE_OF_ECU && r->command[1] != PAGE_OF_MASTER) {
     return XCP_MODE;
   }
-  link_put_u16(to->bytes + 1, 0);
-  to->bytes[3] = c[1] == PAGE_OF_ECU ? x->swapped : x->page;
-  to->length = 4;
+  link_put_u16(r->answer + 1, 0);
+  r->answer[3] = r->command[1] == PAGE_OF_ECU ? x->swapped : x->page;
+  r->length = 4;
   return XCP_FINE;
 }
 
-static uint8_t on_page_info(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_page_info(xcp_slave *x, xcp_request *r)
 {
   (void)x;
-  (void)c;
-  (void)n;
-  to->bytes[1] = 1; /* segments */
-  to->bytes[2] = 0;
-  to->length = 3;
+  r->answer[1] = 1; /* segments */
+  r->answer[2] = 0;
+  r->length = 3;
   return XCP_FINE;
 }
 
 /* Page 0 to page 1: what was changed there is forgotten. */
-static uint8_t on_copy_page(xcp_slave *x, const uint8_t *c, uint16_t n, xcp_reply *to)
+static uint8_t on_copy_page(xcp_slave *x, xcp_request *r)
 {
-  (void)n;
-  (void)to;
-  if (c[1] != 0U || c[3] != 0U) {
+  if (r->command[1] != 0U || r->command[3] != 0U) {
     return XCP_SEGMENT;
   }
-  if (c[4] == 0U) {
+  if (r->command[4] == 0U) {
     return XCP_WRITE_PROTECTED;
   }
-  if (c[2] != 0U || c[4] != 1U) {
+  if (r->command[2] != 0U || r->command[4] != 1U) {
     return XCP_PAGE;
   }
   app_block_forget(x->firmware);
@@ -367,29 +339,29 @@ static const xcp_command commands[] = {
     {0xEA, 3, 0, on_page},     {0xE9, 1, 0, on_page_info},      {0xE4, 5, 1, on_copy_page},
 };
 
-static uint8_t act_on(xcp_slave *x, const uint8_t *command, uint16_t length, xcp_reply *to)
+static uint8_t act_on(xcp_slave *x, xcp_request *r)
 {
-  const xcp_command *found = xcp_daq_command(command[0]);
+  const xcp_command *found = xcp_daq_command(r->command[0]);
   for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
-    if (commands[i].code == command[0]) {
+    if (commands[i].code == r->command[0]) {
       found = &commands[i];
     }
   }
   if (found == NULL) {
     return XCP_UNKNOWN;
   }
-  if (length < found->least || length > XCP_PACKET) {
+  if (r->count < found->least || r->count > XCP_PACKET) {
     return XCP_SYNTAX;
   }
   if (found->wants_key != 0U && x->unlocked == 0U) {
     return XCP_LOCKED;
   }
-  return found->act(x, command, length, to);
+  return found->act(x, r);
 }
 
 uint16_t xcp_answer(xcp_slave *x, const uint8_t *command, uint16_t length, uint8_t *answer)
 {
-  xcp_reply to = {answer, 1, LINK_REASON_NONE};
+  xcp_request r = {command, length, answer, 1, LINK_REASON_NONE};
   if (length == 0U || (x->connected == 0U && command[0] != 0xFFU)) {
     return 0;
   }
@@ -397,12 +369,12 @@ uint16_t xcp_answer(xcp_slave *x, const uint8_t *command, uint16_t length, uint8
     app_alive(x->firmware);
   }
   answer[0] = PACKET_ANSWER;
-  const uint8_t wrong = act_on(x, command, length, &to);
+  const uint8_t wrong = act_on(x, &r);
   if (wrong == XCP_FINE) {
-    return to.length;
+    return r.length;
   }
   answer[0] = PACKET_ERROR;
   answer[1] = wrong;
-  link_put_u16(answer + 2, to.reason);
-  return to.reason != LINK_REASON_NONE ? 4U : 2U;
+  link_put_u16(answer + 2, r.reason);
+  return r.reason != LINK_REASON_NONE ? 4U : 2U;
 }

@@ -2,9 +2,8 @@
 /* A slave of XCP (ASAM MCD-1 XCP) without its transport: a command in, an answer out, samples in
    between. Whoever owns a line puts its head around them.
 
-     static xcp_slave slave;
      xcp_start(&slave, &firmware);             once
-     app_tick(&firmware); xcp_tick(&slave);    at every tick
+     xcp_tick(&slave)                          at every tick
      xcp_answer(&slave, ...), xcp_take(...)    between ticks, as app_poll
      xcp_hang_up(&slave);                      when the line is gone
 
@@ -15,7 +14,7 @@
 #ifndef ANHYST_XCP_H
 #define ANHYST_XCP_H
 
-#include "app/app.h"
+#include "app/board.h"
 #include "xcp/daq.h"
 
 typedef struct {
@@ -33,7 +32,7 @@ typedef struct {
 
 void xcp_start(xcp_slave *x, app *firmware);
 
-/* Behind app_tick, which it must not interrupt. */
+/* At the end of a tick, which it must not interrupt. */
 void xcp_tick(xcp_slave *x);
 
 /* Does a command of `length` bytes and writes its answer, XCP_PACKET bytes at the most: its length,

@@ -2,6 +2,7 @@
 #include "anhyst_plant/bus.h"
 
 #include <math.h>
+#include <stddef.h>
 
 /* Currents of a record stand one after the other. */
 #define MAGNETS (ANHYST_BUS_DRIVE_STATE - ANHYST_BUS_DRIVE_DRIVE)
@@ -30,47 +31,6 @@ static int32_t number(uint32_t word)
 
 static double fraction(uint32_t word) { return (double)number(word) / Q31; }
 
-static void put_words(const uint32_t *words, int count, uint8_t *bytes)
-{
-  for (int i = 0; i < count; i++, bytes += 4) {
-    for (int j = 0; j < 4; j++) {
-      bytes[j] = (uint8_t)(words[i] >> (8 * j));
-    }
-  }
-}
-
-static void get_words(const uint8_t *bytes, int count, uint32_t *words)
-{
-  for (int i = 0; i < count; i++, bytes += 4) {
-    words[i] = (uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 |
-               (uint32_t)bytes[3] << 24;
-  }
-}
-
-/* The check of a record: what makes the exclusive or of all its words the magic number. */
-static uint32_t check(const uint32_t *words, int count)
-{
-  uint32_t found = ANHYST_BUS_MAGIC;
-  for (int i = 0; i < count - 1; i++) {
-    found ^= words[i];
-  }
-  return found;
-}
-
-static int exchange(anhyst_bus_controller *bus, uint32_t *sample)
-{
-  uint8_t out[ANHYST_BUS_SAMPLE_BYTES];
-  uint8_t in[ANHYST_BUS_DRIVE_BYTES];
-  sample[ANHYST_BUS_SAMPLE_CHECK] = check(sample, ANHYST_BUS_SAMPLE_WORDS);
-  put_words(sample, ANHYST_BUS_SAMPLE_WORDS, out);
-  if (!bus->exchange(bus->line, out, in)) {
-    return 0;
-  }
-  get_words(in, ANHYST_BUS_DRIVE_WORDS, bus->drive);
-  return bus->drive[ANHYST_BUS_DRIVE_TICK] == bus->tick &&
-         bus->drive[ANHYST_BUS_DRIVE_CHECK] == check(bus->drive, ANHYST_BUS_DRIVE_WORDS);
-}
-
 void anhyst_bus_controller_tick(void *self, const anhyst_loop_sample *sample,
                                 anhyst_loop_answer *answer)
 {
@@ -79,13 +39,18 @@ void anhyst_bus_controller_tick(void *self, const anhyst_loop_sample *sample,
   uint32_t words[ANHYST_BUS_SAMPLE_WORDS] = {0};
   int i;
   bus->tick++;
+  answer->gone = bus->firmware_tick == NULL;
+  if (answer->gone) {
+    return;
+  }
   words[ANHYST_BUS_SAMPLE_TICK] = bus->tick;
   words[ANHYST_BUS_SAMPLE_POSITION] =
       code((scales->gap_middle - sample->head[0]) / scales->position, Q31);
   for (i = 0; i < MAGNETS && i < sample->magnets; i++) {
     words[ANHYST_BUS_SAMPLE_CURRENT + i] = code(sample->current[i] / scales->current, Q30);
   }
-  answer->gone = !exchange(bus, words);
+  bus->firmware_tick(bus->firmware, words, bus->drive);
+  answer->gone = bus->drive[ANHYST_BUS_DRIVE_TICK] != bus->tick;
   if (answer->gone) {
     return;
   }

@@ -26,7 +26,6 @@ static app_body body;
 
 static app_board board = {
     .name = "bench",
-    .body = &body,
     .kernel = &fake_kernel,
     .words = bench_words,
     .words_capacity = BENCH_WORDS,
@@ -38,56 +37,68 @@ static app_board board = {
 
 static uint8_t sequence;
 
-void port_sense(port_sample *sample) { *sample = bench.sample; }
-
-void port_drive(const int32_t *currents, uint32_t state)
+static void sense(void *context, port_sample *sample)
 {
-  bench.drive = currents[0];
-  bench.drive_state = state;
+  *sample = ((const bench_board *)context)->sample;
 }
 
-uint16_t port_link_read(uint8_t *bytes, uint16_t most)
+static void drive(void *context, const int32_t *currents, uint32_t state)
 {
+  bench_board *b = context;
+  b->drive = currents[0];
+  b->drive_state = state;
+}
+
+static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
+{
+  bench_board *b = context;
   uint16_t count = 0;
-  while (count < most && bench.wire_at < bench.wire_count) {
-    bytes[count++] = bench.wire[bench.wire_at++];
+  while (count < most && b->wire_at < b->wire_count) {
+    bytes[count++] = b->wire[b->wire_at++];
   }
   return count;
 }
 
-uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
+static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
-  const uint16_t taken = count < bench.accepts ? count : bench.accepts;
+  bench_board *b = context;
+  const uint16_t taken = count < b->accepts ? count : b->accepts;
   for (uint16_t i = 0; i < taken; i++) {
-    if (link_receive(&bench.receiver, bytes[i], &bench.answer)) {
-      memcpy(bench.payload, bench.answer.payload, bench.answer.length);
-      bench.answers++;
+    if (link_receive(&b->receiver, bytes[i], &b->answer)) {
+      memcpy(b->payload, b->answer.payload, b->answer.length);
+      b->answers++;
     }
   }
   return taken;
 }
 
-void port_lock(void)
+static void lock(void *context)
 {
-  bench.locks++;
-  bench.locked_calls++;
+  bench_board *b = context;
+  b->locks++;
+  b->locked_calls++;
 }
 
-void port_unlock(void) { bench.locks--; }
+static void unlock(void *context) { ((bench_board *)context)->locks--; }
 
-int port_keep(const int16_t *block, uint16_t words)
+static int keep(void *context, const int16_t *block, uint16_t words)
 {
-  bench.kept = block;
-  bench.kept_words = words;
-  return !bench.refuses_to_keep;
+  bench_board *b = context;
+  b->kept = block;
+  b->kept_words = words;
+  return !b->refuses_to_keep;
 }
 
-uint32_t port_cycles(void) { return 4711; }
+static const struct port port = {.context = &bench,
+                                 .sense = sense,
+                                 .drive = drive,
+                                 .link_read = link_read,
+                                 .link_write = link_write,
+                                 .lock = lock,
+                                 .unlock = unlock,
+                                 .keep = keep};
 
-uint16_t port_xcp(const uint8_t *command, uint16_t length, uint8_t *packets)
-{
-  return bench.carried != NULL ? xcp_tunnel(bench.carried, command, length, packets) : PORT_NO_XCP;
-}
+void bench_restart(void) { app_start(&bench.firmware, &body, &board, &port); }
 
 void bench_power_on(void)
 {
@@ -100,7 +111,7 @@ void bench_power_on(void)
   bench.sample.gap = PORT_ONE / 2;
   sequence = 0;
   link_receiver_start(&bench.receiver);
-  app_start(&bench.firmware, &board);
+  bench_restart();
 }
 
 uint8_t bench_hello(uint8_t number, uint16_t version, uint32_t session)

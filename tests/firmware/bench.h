@@ -6,7 +6,6 @@
 #include "app/app.h"
 #include "fake_compensator.h"
 #include "force/force.h"
-#include "xcp/tunnel.h"
 
 #define BENCH_WORDS 64
 #define BENCH_RATE 1000
@@ -28,9 +27,8 @@ typedef struct {
   int locks;        /* depth */
   int locked_calls; /* how often */
   int refuses_to_keep;
-  const int16_t *kept; /* block that port_keep was given */
+  const int16_t *kept; /* block that was to be kept */
   uint16_t kept_words;
-  xcp_slave *carried; /* by the link; NULL: the board has no XCP */
 } bench_board;
 
 extern bench_board bench;
@@ -43,6 +41,9 @@ void bench_start(void);
 
 /* The same before the hello. */
 void bench_power_on(void);
+
+/* Power off and on: the firmware alone begins anew. */
+void bench_restart(void);
 
 /* A hello with this sequence number; the type of the answer. */
 uint8_t bench_hello(uint8_t sequence, uint16_t version, uint32_t session);

@@ -8,7 +8,6 @@
 #include "force/force.h"
 #include "link/crc.h"
 #include "xcp/line.h"
-#include "xcp/tunnel.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -41,7 +40,6 @@ static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
 
 static const app_board board = {
     .name = ACTUATOR_CALLED,
-    .body = &body,
     .kernel = &ACTUATOR_KERNEL,
     .words = ACTUATOR_PARAMETERS,
     .words_capacity = ACTUATOR_PARAMETERS_WORDS,
@@ -67,9 +65,9 @@ static uint32_t answers;
 static uint32_t requests;
 static uint8_t sequence;
 static int locks;
-static xcp_slave slave; /* spoken to as it is, and by the link */
-static xcp_line serial; /* with checksums, and a slave of its own */
-static uint32_t stamp;  /* of the last sample of list 0 */
+static xcp_slave *const slave = &firmware.carried; /* spoken to as it is, and by the link */
+static xcp_line serial;                            /* with checksums, and a slave of its own */
+static uint32_t stamp;                             /* of the last sample of list 0 */
 
 static void require(int holds)
 {
@@ -95,16 +93,22 @@ static int32_t next32(script *s)
   return link_get_i32(bytes);
 }
 
-void port_sense(port_sample *to) { *to = sample; }
-
-void port_drive(const int32_t *currents, uint32_t state)
+static void sense(void *context, port_sample *to)
 {
+  (void)context;
+  *to = sample;
+}
+
+static void put_drive(void *context, const int32_t *currents, uint32_t state)
+{
+  (void)context;
   drive = currents[0];
   drive_state = state;
 }
 
-uint16_t port_link_read(uint8_t *bytes, uint16_t most)
+static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
 {
+  (void)context;
   uint16_t count = 0;
   while (count < most && wire_at < wire_count) {
     bytes[count++] = wire[wire_at++];
@@ -112,42 +116,60 @@ uint16_t port_link_read(uint8_t *bytes, uint16_t most)
   return count;
 }
 
-uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
+/* Packets of XCP stand one behind the other, and fill what they say. */
+static void check_packets(const link_frame *answer)
 {
+  uint16_t at = 0;
+  while (at < answer->length) {
+    require(answer->payload[at] > 0U && answer->payload[at] <= XCP_PACKET);
+    at = (uint16_t)(at + 1U + answer->payload[at]);
+  }
+  require(at == answer->length);
+}
+
+static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
+{
+  (void)context;
   const uint16_t taken = count < accepts ? count : accepts;
   link_frame answer;
   for (uint16_t i = 0; i < taken; i++) {
     if (link_receive(&line, bytes[i], &answer)) {
       answers++;
       require(answer.type >= 0x80U && answer.version == LINK_VERSION);
+      if (answer.type == LINK_TYPE_XCP_PACKETS) {
+        check_packets(&answer);
+      }
     }
   }
   return taken;
 }
 
-void port_lock(void) { locks++; }
-void port_unlock(void) { locks--; }
-
-int port_keep(const int16_t *block, uint16_t words)
+static void keep_tick_out(void *context)
 {
+  (void)context;
+  locks++;
+}
+
+static void let_tick_in(void *context)
+{
+  (void)context;
+  locks--;
+}
+
+static int keep(void *context, const int16_t *block, uint16_t words)
+{
+  (void)context;
   require(block[ANHYST_WORD_LENGTH] == (int16_t)words);
   return words % 2U == 0U;
 }
 
-uint32_t port_cycles(void) { return 0; }
-
-/* The packets stand one behind the other, and fill what they say. */
-uint16_t port_xcp(const uint8_t *command, uint16_t length, uint8_t *packets)
-{
-  const uint16_t count = xcp_tunnel(&slave, command, length, packets);
-  uint16_t at = 0;
-  while (at < count) {
-    require(packets[at] > 0U && packets[at] <= XCP_PACKET);
-    at = (uint16_t)(at + 1U + packets[at]);
-  }
-  require(at == count && count <= LINK_PAYLOAD_MOST);
-  return count;
-}
+static const struct port port = {.sense = sense,
+                                 .drive = put_drive,
+                                 .link_read = link_read,
+                                 .link_write = link_write,
+                                 .lock = keep_tick_out,
+                                 .unlock = let_tick_in,
+                                 .keep = keep};
 
 static void put_byte(uint8_t byte)
 {
@@ -192,7 +214,6 @@ static void tick(void)
   const int32_t before = drive;
   const int was_live = states->state == ANHYST_STATE_RUN || states->conditioning != 0U;
   app_tick(&firmware);
-  xcp_tick(&slave);
   xcp_line_tick(&serial);
   require(drive >= limits.current_low && drive <= limits.current_high);
   require(states->state <= ANHYST_STATE_FAULT && states->fault < ANHYST_FAULT_COUNT);
@@ -401,7 +422,7 @@ static void start(void)
   sequence = 0;
   locks = 0;
   stamp = 0;
-  xcp_start(&slave, &firmware);
+  xcp_start(slave, &firmware);
   xcp_line_start(&serial, &firmware, 1);
 }
 
@@ -428,7 +449,7 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
   (void)argc;
   (void)argv;
-  app_start(&fresh, &board);
+  app_start(&fresh, &body, &board, &port);
   fresh_body = body;
   require(body.compensator.words != NULL);
   return 0;

@@ -7,8 +7,8 @@
 /* A command of XCP and what may be said of its answer. */
 static uint16_t master(const uint8_t *command, uint16_t length, uint8_t *answer)
 {
-  const int listens = slave.connected != 0U || (length > 0U && command[0] == 0xFFU);
-  const uint16_t count = xcp_answer(&slave, command, length, answer);
+  const int listens = slave->connected != 0U || (length > 0U && command[0] == 0xFFU);
+  const uint16_t count = xcp_answer(slave, command, length, answer);
   require(count <= XCP_PACKET && (count > 0U) == (listens && length > 0U));
   require(count == 0U || answer[0] == 0xFFU || answer[0] == 0xFEU);
   check_session();
@@ -25,7 +25,7 @@ static void unlock(void)
     command[0] = 0xF7;
     command[1] = 4;
     link_put_u32(command + 2, key);
-    require(master(command, 6, answer) == 2U && slave.unlocked != 0U);
+    require(master(command, 6, answer) == 2U && slave->unlocked != 0U);
   }
 }
 
@@ -48,8 +48,8 @@ static void configure(script *s)
 static void take_samples(void)
 {
   uint8_t packet[XCP_PACKET];
-  uint16_t count = xcp_take(&slave, packet, XCP_PACKET);
-  for (; count > 0U; count = xcp_take(&slave, packet, XCP_PACKET)) {
+  uint16_t count = xcp_take(slave, packet, XCP_PACKET);
+  for (; count > 0U; count = xcp_take(slave, packet, XCP_PACKET)) {
     require(count <= XCP_PACKET && locks == 0);
     require(packet[0] < XCP_ODTS || (packet[0] == 0xFDU && count == 2U));
     if (packet[0] == 0U && packet[1] == 0U && count >= 6U) {
@@ -74,7 +74,7 @@ static void xcp_command(script *s)
     configure(s);
     break;
   case 0x80:
-    xcp_hang_up(&slave);
+    xcp_hang_up(slave);
     break;
   case 0xC0:
     command[0] = 0xF6; /* an address in an area that there is, perhaps off its end */

@@ -25,7 +25,7 @@ static void a_block_that_is_not_valid_is_a_fault_that_clear_does_not_cure(void)
 {
   bench_start();
   bench_words[ANHYST_WORD_MAGIC] = 0;
-  app_start(&bench.firmware, bench.firmware.board);
+  bench_restart();
   (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
   bench_ticks(1);
   CHECK(states()->state == ANHYST_STATE_FAULT && states()->fault == ANHYST_FAULT_BLOCK);

@@ -281,6 +281,7 @@ static void a_block_is_kept_at_rest_alone(void)
 static void the_status_tells_the_cycles(void)
 {
   bench_start();
+  bench.firmware.cycles = 4711;
   CHECK(bench_ask(LINK_TYPE_HEARTBEAT, NULL, 0) == LINK_TYPE_STATUS);
   CHECK(link_get_u32(bench.payload + LINK_SIZE_STATUS - 4) == 4711);
 }

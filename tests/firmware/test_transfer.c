@@ -154,7 +154,7 @@ static void a_built_in_block_made_for_other_scales_is_a_fault(void)
 {
   bench_start();
   bench_words[ANHYST_WORD_SCALE_CURRENT] = 1;
-  app_start(&bench.firmware, bench.firmware.board);
+  bench_restart();
   bench_ticks(12);
   CHECK(app_body_states(bench.firmware.control.body)->fault == ANHYST_FAULT_BLOCK &&
         bench.drive == 0);
@@ -257,7 +257,7 @@ static void a_valid_block_cures_an_invalid_one_built_in(void)
 {
   bench_start();
   bench_words[ANHYST_WORD_MAGIC] = 0;
-  app_start(&bench.firmware, bench.firmware.board);
+  bench_restart();
   (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
   bench_ticks(5);
   CHECK(app_body_states(bench.firmware.control.body)->fault == ANHYST_FAULT_BLOCK &&

@@ -9,8 +9,6 @@
 
 #define SAMPLE 39U /* of eight signals, its length in front */
 
-static xcp_slave slave;
-
 /* Carries a command; what came back stands in bench.payload. */
 static uint8_t carry(const uint8_t *command, uint8_t length)
 {
@@ -23,8 +21,6 @@ static uint8_t carry(const uint8_t *command, uint8_t length)
 static void connect_master(void)
 {
   bench_start();
-  xcp_start(&slave, &bench.firmware);
-  bench.carried = &slave;
   CHECK(CARRY(0xFF, 0) == LINK_TYPE_XCP_PACKETS);
   CHECK(bench.answer.length == 9 && bench.payload[0] == 8 && bench.payload[1] == 0xFF);
 }
@@ -37,7 +33,7 @@ static void show_key(void)
   CHECK(carry(command, sizeof command) == LINK_TYPE_XCP_PACKETS && bench.payload[1] == 0xFF);
 }
 
-/* Eight signals, and as many ticks with the slave's beside the firmware's. */
+/* Eight signals, and so many ticks. */
 static void sample(int ticks)
 {
   CHECK(CARRY(0xD6) && CARRY(0xD5, 0, 1, 0) && CARRY(0xD4, 0, 0, 0, 1));
@@ -46,23 +42,12 @@ static void sample(int ticks)
     CHECK(CARRY(0xE1, 0xFF, 4, 0, (uint8_t)(4U * i), 0, 1, 0));
   }
   CHECK(CARRY(0xDE, 1, 0, 0) == LINK_TYPE_XCP_PACKETS && bench.payload[1] == 0xFF);
-  for (int i = 0; i < ticks; i++) {
-    bench_ticks(1);
-    xcp_tick(&slave);
-  }
-}
-
-static void a_board_without_xcp_does_not_know_the_request(void)
-{
-  bench_start();
-  CHECK(CARRY(0xFF, 0) == LINK_TYPE_NAK && bench_reason() == LINK_REASON_TYPE);
+  bench_ticks(ticks);
 }
 
 static void a_command_that_has_no_answer_brings_none(void)
 {
   bench_start();
-  xcp_start(&slave, &bench.firmware);
-  bench.carried = &slave;
   CHECK(CARRY(0xFD) == LINK_TYPE_XCP_PACKETS && bench.answer.length == 0); /* not connected */
 }
 
@@ -127,7 +112,6 @@ static void a_command_longer_than_a_packet_is_refused(void)
 
 int main(void)
 {
-  a_board_without_xcp_does_not_know_the_request();
   a_command_that_has_no_answer_brings_none();
   samples_come_whole_and_none_is_lost();
   what_is_repeated_is_answered_with_the_same_bytes();

@@ -34,6 +34,12 @@ def host_firmware(parameters: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
+def library_firmware(parameters: Path) -> Path:
+    """The firmware in this process."""
+    return build("library", parameters, parameters.parent / "library")
+
+
+@pytest.fixture(scope="session")
 def qemu_firmware(parameters: Path) -> Path:
     """The firmware for the emulated board."""
     return build("qemu-mps2", parameters, parameters.parent / "qemu.elf")

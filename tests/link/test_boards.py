@@ -14,7 +14,7 @@ from anhyst.link import wire
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build, read_sizes
 from anhyst.link.plant_bus import PlantBus, over
-from anhyst.link.process import run_host, run_library, run_qemu, start_host
+from anhyst.link.process import run_host, run_library, run_qemu
 from anhyst.support.errors import NegativeResult
 from tests.refusals import refused
 
@@ -161,27 +161,23 @@ def test_a_controller_that_hangs_up_is_reported() -> None:
 
 
 def test_records_of_the_bus_are_found_again_after_a_slip(host_firmware: Path) -> None:
-    with start_host(host_firmware) as started:
-        bus = PlantBus(NoisyPlant(), over(started.bus))
-        bus.step(3)
-        started.bus.sendall(b"\1\2\3\4\5")
-        bus.step(3)
-        assert bus.tick == 6
+    with run_host(host_firmware, NoisyPlant()) as board:
+        board.bus.step(3)
+        assert board.wire is not None
+        board.wire.sendall(b"\1\2\3\4\5")
+        board.bus.step(3)
+        assert board.bus.tick == 6
 
 
 def test_a_firmware_in_this_process_does_what_one_of_its_own_does(
-    parameters: Path, host_firmware: Path, tmp_path: Path
+    library_firmware: Path, host_firmware: Path
 ) -> None:
-    """Each copy that is loaded is a controller by itself, switched on anew."""
-    program = build("library", parameters, tmp_path / "library")
     drives: list[list[float]] = []
     with (
-        run_library(program, NoisyPlant()) as first,
-        run_library(program, NoisyPlant()) as second,
+        run_library(library_firmware, NoisyPlant()) as here,
         run_host(host_firmware, NoisyPlant()) as process,
     ):
-        second.bus.step(7)
-        for board in (first, process):
+        for board in (here, process):
             with ControllerLink(board.link, timeout=1.0) as controller:
                 board.bus.step(40)
                 controller.command(Command.DEMAGNETISED)
@@ -193,7 +189,5 @@ def test_a_firmware_in_this_process_does_what_one_of_its_own_does(
                     seen.append(board.bus.drive)
                 assert controller.repeated == 0
             drives.append(seen)
-            assert second.bus.tick == 7
-            assert second.bus.state is State.SELFTEST
     assert drives[0] == drives[1]
     assert max(drives[0]) > 0.1

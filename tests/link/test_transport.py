@@ -15,10 +15,12 @@ import pytest
 from anhyst.link import frames
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import HelloRequest, InfoAnswer, NakAnswer, Reason, StatusAnswer
-from anhyst.link.process import Running, start_host
+from anhyst.link.process import Running, run_host
 from anhyst.link.wire import Receiver, encode
 from anhyst.support.errors import InputError
 from tests.refusals import says
+
+from .plant import NoisyPlant
 
 
 def refusal(url: str) -> str:
@@ -63,10 +65,11 @@ def test_a_port_without_a_controller() -> None:
 
 def test_a_controller_that_vanishes(host_firmware: Path) -> None:
     with (
-        start_host(host_firmware) as started,
+        run_host(host_firmware, NoisyPlant()) as started,
         ControllerLink(started.url, timeout=0.02, attempts=3) as controller,
     ):
-        started.bus.close()  # the firmware ends when its plant hangs up
+        assert started.wire is not None
+        started.wire.close()  # the firmware ends when its plant hangs up
         with pytest.raises(InputError) as caught:
             list(controller.stream(range(100)))
         assert caught.value.code in {"no-answer", "port-gone"}

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.link.plant_bus import Plant, PlantBus, over
-from anhyst.link.process import start_host
+from anhyst.link.plant_bus import Plant, PlantBus
+from anhyst.link.process import run_host
 from anhyst.support.errors import InputError
 
 POLL_S = 0.002
@@ -51,8 +51,8 @@ def running(
 ) -> Iterator[Board]:
     """Let a firmware run by the clock until the test ends."""
     done = threading.Event()
-    with start_host(firmware, link, xcp) as (url, ours, port, _):
-        board = Board(url, f"socket://127.0.0.1:{port}", PlantBus(plant, over(ours)), done.set)
+    with run_host(firmware, plant, link, xcp) as host:
+        board = Board(host.url, f"socket://127.0.0.1:{host.xcp}", host.bus, done.set)
 
         def run() -> None:
             last, owed = time.monotonic(), 0.0
@@ -68,7 +68,8 @@ def running(
             except InputError:
                 pass  # the test ended the firmware
             finally:
-                ours.close()  # the firmware ends with it
+                if host.wire is not None:
+                    host.wire.close()  # the firmware ends with it
 
         thread = threading.Thread(target=run)
         thread.start()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ import pytest
 
 from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.client import ControllerLink, Refused
-from anhyst.link.frames import StatusAnswer, TargetRequest
+from anhyst.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
 from anhyst.link.plant_bus import Q31
 from anhyst.link.process import run_library
 from anhyst.rig.bearing.loop import Setup, position_control
@@ -133,6 +133,39 @@ def test_a_bench_of_a_pair_does_so_too(tmp_path: Path) -> None:
     check_same_bits(
         *build_firmware(bearings.pair_rig(), file, bearings.knowledge(), "library", tmp_path)
     )
+
+
+def flight(bench: BearingBench, gap: float) -> Iterator[FloatArray]:
+    """Lift, and go to a gap, piece by piece."""
+    yield bench.advance(UP)
+    bench.command(Command.DEMAGNETISED)
+    bench.command(Command.LIFT)
+    for _ in range(30):
+        yield bench.advance(LIFTED // 30)
+    bench.demand(gap)
+    for _ in range(10):
+        yield bench.advance(137)
+
+
+def test_benches_of_one_firmware_give_bit_for_bit_what_each_gives_alone(firmware: Path) -> None:
+    gaps = (GAP - 20e-6, GAP + 20e-6)
+    alone = []
+    for gap in gaps:
+        with closing(BearingBench(bearings.single(), firmware)) as bench:
+            alone.append(np.concatenate(list(flight(bench, gap))))
+    assert (alone[0][LIFTED:] != alone[1][LIFTED:]).any()
+    with ExitStack() as stack:
+        benches = [
+            stack.enter_context(closing(BearingBench(bearings.single(), firmware))) for _ in gaps
+        ]
+        flights = [flight(bench, gap) for bench, gap in zip(benches, gaps, strict=True)]
+        rows: list[list[FloatArray]] = [[] for _ in gaps]
+        order = np.random.default_rng(1).permutation([0] * 41 + [1] * 41)
+        for number in order:
+            rows[number].append(next(flights[number]))
+        together = [np.concatenate(one) for one in rows]
+    for one, other in zip(alone, together, strict=True):
+        assert np.array_equal(one, other)
 
 
 def test_all_signals_of_a_hover_are_those_of_the_physics(bench: BearingBench) -> None:
@@ -318,3 +351,15 @@ def test_a_firmware_that_ends_is_said_with_the_tick(bench: BearingBench) -> None
     bench.close()
     with refused("no-answer: tick 11"):
         bench.advance(5)
+
+
+def test_a_board_that_hangs_up_is_said_with_the_tick(firmware: Path) -> None:
+    with closing(BearingBench(bearings.single(), firmware, board="library")) as bench:
+        bench.advance(10)
+
+        def hangs_up(sample: PlantSample) -> PlantDrive:
+            raise ConnectionError(f"it hung up at tick {sample.tick}")
+
+        bench.tap.exchange = hangs_up
+        with refused("no-answer: tick 11"):
+            bench.advance(5)

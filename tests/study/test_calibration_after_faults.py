@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from anhyst.control.states import Command, Fault, State
-from anhyst.link.frames import PlantSample
+from anhyst.link.frames import PlantDrive, PlantSample
 from anhyst.link.plant_bus import Q31
 from anhyst.rig.bearing.loop import position_control
 from anhyst.rig.bench.bearing import BearingBench
@@ -42,12 +42,11 @@ class Flight:
         self._full = position_control(setup()).settings("fixed")
         self._gap = math.nan
 
-    def _look(self, record: bytes) -> bytes:
-        sample = PlantSample.unpack(record)
+    def _look(self, sample: PlantSample) -> PlantDrive:
         if sample.position > NO_NUMBER:
             read = sample.position / Q31 * self._full["position_full"]
             self._gap = self._full["gap_middle"] - read
-        return self._exchange(record)
+        return self._exchange(sample)
 
     def fly(self, ticks: int, act: Act = lambda *_: True) -> None:
         running = self.running

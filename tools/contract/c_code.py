@@ -130,17 +130,17 @@ def plant_code(record: Entry) -> str:
 
 
 def bus_header(plant: Entry) -> str:
-    """Return the header of the plant's side of its bus."""
-    parts = [f"#define ANHYST_BUS_MAGIC UINT32_C({plant['magic']:#010x})"]
+    """Return the header by which the plant knows the records, without their check."""
+    parts = []
     for record in plant["record"]:
         prefix = f"ANHYST_BUS_{record['name'].removeprefix('plant_').upper()}"
-        lines = [comment(f"Words of a record, its check the last. {record['doc']}"), "enum {"]
+        lines = [comment(record["doc"]), "enum {"]
         for field in record["fields"]:
             lines += line_of(f"{prefix}_{field['name'].upper()},", field["doc"])
-        parts.append("\n".join([*lines, f"  {prefix}_CHECK,", f"  {prefix}_WORDS", "};"]))
+        parts.append("\n".join([*lines, f"  {prefix}_WORDS", "};"]))
     about = (
-        "Records of the bus between a virtual plant and a controller, 32-bit words, low byte first. "
-        "Made by tools/contract from contract/frames.toml."
+        "What a virtual plant and a firmware tell each other at a tick, 32-bit words. Made by "
+        "tools/contract from contract/frames.toml."
     )
     return guarded("ANHYST_PLANT_BUS_WORDS_H", about, ["#include <stdint.h>", *parts])
 

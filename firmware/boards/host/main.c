@@ -27,7 +27,6 @@
 #include <unistd.h>
 
 #include "lockstep.h"
-#include "port/port.h"
 #include "xcp_port.h"
 
 #ifndef B921600
@@ -37,6 +36,7 @@
 #define BAD_USAGE 2
 #define NONE (-1)
 
+static lockstep controller;
 static int listener = NONE; /* where a link on TCP comes in */
 static int link_fd = NONE;
 static int plant_fd = NONE;
@@ -185,8 +185,9 @@ static void drop_link(void)
 
 static int would_block(void) { return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR; }
 
-uint16_t port_link_read(uint8_t *bytes, uint16_t most)
+static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
 {
+  (void)context;
   if (link_fd == NONE || !more_to_read) {
     return 0;
   }
@@ -201,8 +202,9 @@ uint16_t port_link_read(uint8_t *bytes, uint16_t most)
   return 0;
 }
 
-uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
+static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
+  (void)context;
   if (link_fd == NONE) {
     return count; /* into the air */
   }
@@ -215,45 +217,48 @@ uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
   return taken > 0 ? (uint16_t)taken : 0;
 }
 
-void board_plant_write(const uint8_t *bytes, uint16_t count)
+static void answer_plant(const uint8_t *drive)
 {
+  size_t count = LINK_SIZE_PLANT_DRIVE;
   while (count > 0) {
-    const ssize_t taken = write(plant_fd, bytes, count);
+    const ssize_t taken = write(plant_fd, drive, count);
     if (taken < 0 && errno == EINTR) {
       continue;
     }
     if (taken <= 0) {
       exit(EXIT_SUCCESS); /* the plant hung up */
     }
-    bytes += taken;
-    count = (uint16_t)(count - taken);
+    drive += taken;
+    count -= (size_t)taken;
   }
 }
 
 static void receive_plant(void)
 {
   uint8_t bytes[256];
+  uint8_t drive[LINK_SIZE_PLANT_DRIVE];
   const ssize_t count = read(plant_fd, bytes, sizeof bytes);
   if (count == 0 || (count < 0 && !would_block())) {
     exit(EXIT_SUCCESS);
   }
   for (ssize_t i = 0; i < count; ++i) {
-    lockstep_receive(bytes[i]);
+    if (lockstep_receive(&controller, bytes[i], drive)) {
+      answer_plant(drive);
+      xcp_port_tick();
+    }
   }
 }
 
 /* Port 0 of XCP takes a free one. */
-static void open_xcp(app *firmware, const char *port)
+static void open_xcp(const char *port)
 {
   const int number = number_after("", port);
   const int fd = listen_on(number);
   if (fcntl(fd, F_SETFL, O_NONBLOCK) != 0) {
     quit("xcp", strerror(errno));
   }
-  xcp_port_start(firmware, fd);
+  xcp_port_start(&controller.firmware, fd);
 }
-
-void board_ticked(void) { xcp_port_tick(); }
 
 /* Sleeps until the link, XCP or the plant has something. */
 static void wait_and_serve(void)
@@ -287,12 +292,12 @@ int main(int argc, char **argv)
   (void)signal(SIGPIPE, SIG_IGN); /* write reports who hung up */
   open_link(argv[1]);
   open_plant(argv[2]);
-  app *firmware = lockstep_start();
+  lockstep_start(&controller, link_read, link_write);
   if (with_xcp) {
-    open_xcp(firmware, argv[4]);
+    open_xcp(argv[4]);
   }
   for (;;) {
-    lockstep_poll();
+    app_poll(&controller.firmware);
     wait_and_serve();
   }
 }

@@ -3,67 +3,71 @@
 
 #include <string.h>
 
-#include "link/frames.h"
 #include "lockstep.h"
-#include "port/port.h"
 
-static const uint8_t *in; /* what the caller has for the link, and how much of it is left */
-static uint16_t in_count;
-static uint8_t out[16384]; /* what the firmware has said and nobody took; more stays with it */
-static uint16_t out_count;
-static uint8_t *answer; /* where the drive of the tick belongs */
+typedef struct {
+  lockstep lockstep;
+  const uint8_t *in; /* what the caller has for the link, and how much of it is left */
+  uint16_t in_count;
+  uint16_t out_count;
+  uint8_t out[16384]; /* what the firmware has said and nobody took; more stays with it */
+} library;
 
-uint16_t port_link_read(uint8_t *bytes, uint16_t most)
+static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
 {
-  const uint16_t count = in_count < most ? in_count : most;
+  library *l = context;
+  const uint16_t count = l->in_count < most ? l->in_count : most;
   if (count > 0U) {
-    memcpy(bytes, in, count);
-    in += count;
-    in_count = (uint16_t)(in_count - count);
+    memcpy(bytes, l->in, count);
+    l->in += count;
+    l->in_count = (uint16_t)(l->in_count - count);
   }
   return count;
 }
 
-uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
+static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
-  const uint16_t room = (uint16_t)(sizeof out - out_count);
+  library *l = context;
+  const uint16_t room = (uint16_t)(sizeof l->out - l->out_count);
   const uint16_t taken = count < room ? count : room;
-  memcpy(out + out_count, bytes, taken);
-  out_count = (uint16_t)(out_count + taken);
+  memcpy(l->out + l->out_count, bytes, taken);
+  l->out_count = (uint16_t)(l->out_count + taken);
   return taken;
 }
 
-void board_plant_write(const uint8_t *bytes, uint16_t count)
+size_t library_bytes(void) { return sizeof(library); }
+
+void library_start(void *controller)
 {
-  memcpy(answer, bytes, count);
-  answer += count;
+  library *l = controller;
+  l->in_count = 0;
+  l->out_count = 0;
+  lockstep_start(&l->lockstep, link_read, link_write);
 }
 
-void board_ticked(void) {}
-
-void library_start(void) { (void)lockstep_start(); }
-
-void library_tick(const uint8_t *sample, uint8_t *drive)
+void library_tick(void *controller, const void *sample, void *drive)
 {
-  answer = drive;
-  for (unsigned i = 0; i < LINK_SIZE_PLANT_SAMPLE; ++i) {
-    lockstep_receive(sample[i]);
-  }
-  lockstep_poll();
+  lockstep *l = &((library *)controller)->lockstep;
+  memcpy(&l->sample, sample, sizeof l->sample);
+  lockstep_tick(l);
+  memcpy(drive, &l->drive, sizeof l->drive);
+  app_poll(&l->firmware);
 }
 
-uint16_t library_link(const uint8_t *bytes, uint16_t count, uint8_t *said, uint16_t most)
+uint16_t library_link(void *controller, const uint8_t *bytes, uint16_t count, uint8_t *said,
+                      uint16_t most)
 {
+  library *l = controller;
   uint16_t before = 0;
-  in = bytes;
-  in_count = count;
+  l->in = bytes;
+  l->in_count = count;
   do {
-    before = (uint16_t)(in_count + out_count);
-    lockstep_poll();
-  } while (in_count + out_count != before);
-  const uint16_t taken = out_count < most ? out_count : most;
-  memcpy(said, out, taken);
-  memmove(out, out + taken, (size_t)(out_count - taken));
-  out_count = (uint16_t)(out_count - taken);
+    before = (uint16_t)(l->in_count + l->out_count);
+    app_poll(&l->lockstep.firmware);
+  } while (l->in_count + l->out_count != before);
+  const uint16_t taken = l->out_count < most ? l->out_count : most;
+  memcpy(said, l->out, taken);
+  memmove(l->out, l->out + taken, (size_t)(l->out_count - taken));
+  l->out_count = (uint16_t)(l->out_count - taken);
   return taken;
 }

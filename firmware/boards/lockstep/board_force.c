@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a virtual magnet is to a controller of force. */
+#include <stddef.h>
+
 #include "boards/actuator.h"
-#include "force/force.h"
 #include "lockstep.h"
 
 /* A virtual plant is trusted to show noise, as a real one does: a code that repeats for 256 ticks
@@ -21,18 +22,4 @@ static const app_limits limits = {
     .heartbeat_ms = 500,
 };
 
-static app_body body;
-
-static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
-
-const app_board lockstep_board = {
-    .name = ACTUATOR_CALLED,
-    .body = &body,
-    .kernel = &ACTUATOR_KERNEL,
-    .words = ACTUATOR_PARAMETERS,
-    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
-    .scales = scales,
-    .firmware = BOARD_FIRMWARE_VERSION,
-    .rate = ACTUATOR_RATE_HZ,
-    .limits = &limits,
-};
+const app_board lockstep_board = ACTUATOR_BOARD(ACTUATOR_RATE_HZ, &limits, NULL);

@@ -1,94 +1,83 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "lockstep.h"
 
-#include "port/port.h"
-#include "xcp/tunnel.h"
-
-static app firmware;
-static xcp_slave carried; /* by the link */
-static uint8_t record[LINK_SIZE_PLANT_SAMPLE];
-static uint16_t filled;
-static link_plant_sample sample;
-static link_plant_drive drive;
-
-app *lockstep_start(void)
+static void sense(void *context, port_sample *to)
 {
-  app_start(&firmware, &lockstep_board);
-  xcp_start(&carried, &firmware);
-  return &firmware;
+  const link_plant_sample *sample = &((const lockstep *)context)->sample;
+  to->tick = sample->tick;
+  to->gap = sample->gap;
+  to->force = sample->force;
+  to->position = sample->position;
+  to->current[0] = sample->current[0];
+  to->current[1] = sample->current[1];
+  to->status = sample->status;
 }
 
-void lockstep_poll(void) { app_poll(&firmware); }
-
-/* Sends what the tick drove, and the signals that the plant does not know. */
-static void answer(void)
+static void drive(void *context, const int32_t *currents, uint32_t state)
 {
-  uint8_t bytes[LINK_SIZE_PLANT_DRIVE];
-  const int32_t *signals = firmware.signals;
-  drive.tick = sample.tick;
-  drive.mode =
-      (uint32_t)signals[LINK_SIGNAL_FLAGS] + (65536U * (uint32_t)signals[LINK_SIGNAL_PHASE]);
-  drive.demand = signals[LINK_SIGNAL_DEMAND];
-  drive.reference = signals[LINK_SIGNAL_REFERENCE];
-  drive.flux = signals[LINK_SIGNAL_FLUX];
-  drive.expected = signals[LINK_SIGNAL_EXPECTED];
-  link_put_plant_drive(bytes, &drive);
-  board_plant_write(bytes, LINK_SIZE_PLANT_DRIVE);
-}
-
-void lockstep_receive(uint8_t byte)
-{
-  record[filled++] = byte;
-  if (filled < LINK_SIZE_PLANT_SAMPLE) {
-    return;
-  }
-  if (link_get_plant_sample(&sample, record)) {
-    filled = 0;
-    app_tick(&firmware);
-    answer();
-    xcp_tick(&carried);
-    board_ticked();
-    return;
-  }
-  for (uint16_t i = 1; i < LINK_SIZE_PLANT_SAMPLE; ++i) {
-    record[i - 1] = record[i];
-  }
-  --filled;
-}
-
-void port_sense(port_sample *to)
-{
-  to->tick = sample.tick;
-  to->gap = sample.gap;
-  to->force = sample.force;
-  to->position = sample.position;
-  to->current[0] = sample.current[0];
-  to->current[1] = sample.current[1];
-  to->status = sample.status;
-}
-
-void port_drive(const int32_t *currents, uint32_t state)
-{
-  drive.drive[0] = currents[0];
-  drive.drive[1] = currents[1];
-  drive.state = state;
+  lockstep *l = context;
+  l->drive.drive[0] = currents[0];
+  l->drive.drive[1] = currents[1];
+  l->drive.state = state;
 }
 
 /* app_tick and app_poll are called in turn. */
-void port_lock(void) {}
-void port_unlock(void) {}
+static void nothing(void *context) { (void)context; }
 
-/* A process and an emulator forget all when they end, and their cycles say nothing. */
-int port_keep(const int16_t *block, uint16_t words)
+/* A process and an emulator forget all when they end. */
+static int keep(void *context, const int16_t *block, uint16_t words)
 {
+  (void)context;
   (void)block;
   (void)words;
   return 0;
 }
 
-uint32_t port_cycles(void) { return 0; }
-
-uint16_t port_xcp(const uint8_t *command, uint16_t length, uint8_t *packets)
+void lockstep_start(lockstep *l,
+                    uint16_t (*link_read)(void *context, uint8_t *bytes, uint16_t most),
+                    uint16_t (*link_write)(void *context, const uint8_t *bytes, uint16_t count))
 {
-  return xcp_tunnel(&carried, command, length, packets);
+  const struct port port = {.context = l,
+                            .sense = sense,
+                            .drive = drive,
+                            .link_read = link_read,
+                            .link_write = link_write,
+                            .lock = nothing,
+                            .unlock = nothing,
+                            .keep = keep};
+  l->port = port;
+  l->arrived = 0;
+  app_start(&l->firmware, &l->body, &lockstep_board, &l->port);
+}
+
+void lockstep_tick(lockstep *l)
+{
+  const int32_t *signals = l->firmware.signals;
+  app_tick(&l->firmware);
+  l->drive.tick = l->sample.tick;
+  l->drive.mode =
+      (uint32_t)signals[LINK_SIGNAL_FLAGS] + (65536U * (uint32_t)signals[LINK_SIGNAL_PHASE]);
+  l->drive.demand = signals[LINK_SIGNAL_DEMAND];
+  l->drive.reference = signals[LINK_SIGNAL_REFERENCE];
+  l->drive.flux = signals[LINK_SIGNAL_FLUX];
+  l->drive.expected = signals[LINK_SIGNAL_EXPECTED];
+}
+
+int lockstep_receive(lockstep *l, uint8_t byte, uint8_t *answer)
+{
+  l->arriving[l->arrived++] = byte;
+  if (l->arrived < LINK_SIZE_PLANT_SAMPLE) {
+    return 0;
+  }
+  if (link_get_plant_sample(&l->sample, l->arriving)) {
+    l->arrived = 0;
+    lockstep_tick(l);
+    link_put_plant_drive(answer, &l->drive);
+    return 1;
+  }
+  for (uint16_t i = 1; i < LINK_SIZE_PLANT_SAMPLE; ++i) {
+    l->arriving[i - 1] = l->arriving[i];
+  }
+  --l->arrived;
+  return 0;
 }

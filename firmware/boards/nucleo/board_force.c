@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the magnet on a Nucleo is to a controller of force. */
+#include <stddef.h>
+
 #include "boards/actuator.h"
-#include "force/force.h"
 #include "nucleo.h"
+#include "port/port.h"
 
 static const app_limits limits = {
     .gap = {-PORT_ONE / 20, PORT_ONE / 20 * 21, PORT_ONE / 20, 256},
@@ -18,18 +20,4 @@ static const app_limits limits = {
     .heartbeat_ms = 500,
 };
 
-static app_body body;
-
-static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
-
-const app_board nucleo_board = {
-    .name = ACTUATOR_CALLED,
-    .body = &body,
-    .kernel = &ACTUATOR_KERNEL,
-    .words = ACTUATOR_PARAMETERS,
-    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
-    .scales = scales,
-    .firmware = BOARD_FIRMWARE_VERSION,
-    .rate = ACTUATOR_RATE_HZ,
-    .limits = &limits,
-};
+const app_board nucleo_board = ACTUATOR_BOARD(ACTUATOR_RATE_HZ, &limits, NULL);

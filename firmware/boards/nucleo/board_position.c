@@ -23,19 +23,4 @@ static const app_plan plan = {
     .magnets = ACTUATOR_CONTROLLER_MAGNETS,
 };
 
-static app_body body;
-
-static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
-
-const app_board nucleo_board = {
-    .name = ACTUATOR_CALLED,
-    .body = &body,
-    .plan = &plan,
-    .kernel = &ACTUATOR_KERNEL,
-    .words = ACTUATOR_PARAMETERS,
-    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
-    .scales = scales,
-    .firmware = BOARD_FIRMWARE_VERSION,
-    .rate = ACTUATOR_CONTROLLER_RATE_HZ,
-    .limits = &limits,
-};
+const app_board nucleo_board = ACTUATOR_BOARD(ACTUATOR_CONTROLLER_RATE_HZ, &limits, &plan);

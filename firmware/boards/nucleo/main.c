@@ -18,19 +18,18 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include BOARD_BODY /* force/force.h or position/position.h */
 #include "boards/actuator.h"
 #include "app/app.h"
 #include "clocks.h"
 #include "memory.h"
 #include "nucleo.h"
 #include "place.h"
-#include "port/port.h"
 #include "registers.h"
 #include "serial.h"
 #include "services/thermal.h"
 #include "stage.h"
 #include "xcp/line.h"
-#include "xcp/tunnel.h"
 
 /* Of about 8 kHz: 5 ms and four ticks. */
 #define WATCHDOG_COUNTS (40U + 32000U / ACTUATOR_RATE_HZ)
@@ -61,8 +60,8 @@
 
 static uint32_t tick;
 static app firmware;
+static app_body body;
 static xcp_line xcp;
-static xcp_slave carried; /* by the link */
 
 /* What counts until a set is kept: a code of the encoder is 2^-16 of the position's full scale. */
 static memory_set set = {
@@ -77,7 +76,6 @@ static memory_set set = {
 static app_board in_use;
 static thermal_plan winding_plan;
 static thermal windings[PORT_CURRENTS];
-static uint32_t cycles;
 
 static void sense_position(port_sample *sample)
 {
@@ -93,8 +91,9 @@ static void sense_position(port_sample *sample)
 
 static int32_t found(uint32_t adc) { return (int32_t)(ADC_JDR1(adc) & 0xFFFU); }
 
-void port_sense(port_sample *sample)
+static void sense(void *context, port_sample *sample)
 {
+  (void)context;
   sample->tick = tick;
   sample->status = stage_status();
   sample->gap = calibration_value(&set.gap, found(GAP_ADC));
@@ -113,8 +112,9 @@ void port_sense(port_sample *sample)
 static void set_pin(uint32_t pin, int high) { GPIOA_BSRR = high ? 1U << pin : 1U << (pin + 16U); }
 
 /* The converter holds the code back until the next tick begins. */
-void port_drive(const int32_t *currents, uint32_t state)
+static void drive(void *context, const int32_t *currents, uint32_t state)
 {
+  (void)context;
   const int32_t current = currents[0];
   const uint32_t now = state & 0xFFU;
   DAC_DHR12R1 = current > 0 ? (uint32_t)current >> 19 : 0U;
@@ -132,22 +132,34 @@ void board_panic(void)
   DAC_DHR12R1 = 0;
 }
 
-uint16_t port_link_read(uint8_t *bytes, uint16_t most)
+static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
 {
+  (void)context;
   return serial_read(&serial_link, bytes, most);
 }
 
-uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
+static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
+  (void)context;
   return serial_write(&serial_link, bytes, count);
 }
 
-void port_lock(void) { startup_interrupts_off(); }
-void port_unlock(void) { startup_interrupts_on(); }
+static void lock(void *context)
+{
+  (void)context;
+  startup_interrupts_off();
+}
+
+static void unlock(void *context)
+{
+  (void)context;
+  startup_interrupts_on();
+}
 
 /* The counter of ticks goes back to where it was: none has begun, for all that anybody saw. */
-int port_keep(const int16_t *block, uint16_t words)
+static int keep(void *context, const int16_t *block, uint16_t words)
 {
+  (void)context;
   startup_interrupts_off();
   set.words = words;
   for (uint16_t i = 0; i < words; i++) {
@@ -161,12 +173,13 @@ int port_keep(const int16_t *block, uint16_t words)
   return kept;
 }
 
-uint32_t port_cycles(void) { return cycles; }
-
-uint16_t port_xcp(const uint8_t *command, uint16_t length, uint8_t *packets)
-{
-  return xcp_tunnel(&carried, command, length, packets);
-}
+static const struct port port = {.sense = sense,
+                                 .drive = drive,
+                                 .link_read = link_read,
+                                 .link_write = link_write,
+                                 .lock = lock,
+                                 .unlock = unlock,
+                                 .keep = keep};
 
 /* The three values are there: computes the tick. One that began meanwhile is missed: what it
    converted is left alone, and the number of the next sample shows it. */
@@ -178,10 +191,9 @@ static void converted(void)
   tick = TIM5_CNT;
   app_tick(&firmware);
   xcp_line_tick(&xcp);
-  xcp_tick(&carried);
   const uint32_t took = DWT_CYCCNT - began;
-  if (took > cycles) {
-    cycles = took;
+  if (took > firmware.cycles) {
+    firmware.cycles = took;
   }
   if (TIM5_CNT != tick) {
     ADC_SR(GAP_ADC) = none;
@@ -288,9 +300,8 @@ static void start_app(void)
     in_use.words = set.block;
     in_use.words_capacity = (uint16_t)set.words;
   }
-  app_start(&firmware, &in_use);
+  app_start(&firmware, &body, &in_use, &port);
   xcp_line_start(&xcp, &firmware, 1);
-  xcp_start(&carried, &firmware);
 }
 
 static void start_services(void)

@@ -27,7 +27,7 @@ extern serial serial_xcp;
 /* Once, both: pins, clocks, interrupts. */
 void serial_start(void);
 
-/* As port_link_read and port_link_write. */
+/* As link_read and link_write of a struct port. */
 uint16_t serial_read(serial *s, uint8_t *bytes, uint16_t most);
 uint16_t serial_write(serial *s, const uint8_t *bytes, uint16_t count);
 

@@ -5,7 +5,6 @@
 #include <stdint.h>
 
 #include "lockstep.h"
-#include "port/port.h"
 #include "startup.h"
 #include "xcp/line.h"
 
@@ -44,6 +43,7 @@ typedef struct {
   volatile uint8_t bytes[RING];
 } ring;
 
+static lockstep controller;
 static ring from_link;
 static ring from_plant;
 static ring from_xcp;
@@ -93,17 +93,20 @@ static void send(uint32_t uart, uint8_t byte)
   UART_DATA(uart) = byte;
 }
 
-void board_ticked(void) { xcp_line_tick(&xcp); }
-
-void board_plant_write(const uint8_t *bytes, uint16_t count)
+static void receive_from_plant(uint8_t byte)
 {
-  for (uint16_t i = 0; i < count; ++i) {
-    send(UART_PLANT, bytes[i]);
+  uint8_t drive[LINK_SIZE_PLANT_DRIVE];
+  if (lockstep_receive(&controller, byte, drive)) {
+    for (uint16_t i = 0; i < LINK_SIZE_PLANT_DRIVE; ++i) {
+      send(UART_PLANT, drive[i]);
+    }
+    xcp_line_tick(&xcp);
   }
 }
 
-uint16_t port_link_read(uint8_t *bytes, uint16_t most)
+static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
 {
+  (void)context;
   uint16_t count = 0;
   while (count < most && from_link.tail != from_link.head) {
     bytes[count++] = from_link.bytes[from_link.tail % RING];
@@ -125,8 +128,9 @@ static uint16_t write(uint32_t uart, const uint8_t *bytes, uint16_t count)
   return taken;
 }
 
-uint16_t port_link_write(const uint8_t *bytes, uint16_t count)
+static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
 {
+  (void)context;
   return write(UART_LINK, bytes, count);
 }
 
@@ -161,18 +165,19 @@ static void open_uart(uint32_t uart)
 
 int main(void)
 {
-  xcp_line_start(&xcp, lockstep_start(), 0);
+  lockstep_start(&controller, link_read, link_write);
+  xcp_line_start(&xcp, &controller.firmware, 0);
   open_uart(UART_LINK);
   open_uart(UART_PLANT);
   open_uart(UART_XCP);
   NVIC_ENABLE(IRQ_LINK_RX) = (1U << IRQ_LINK_RX) | (1U << IRQ_LINK_TX) | (1U << IRQ_PLANT_RX) |
                              (1U << IRQ_XCP_RX) | (1U << IRQ_XCP_TX);
   for (;;) {
-    lockstep_poll();
+    app_poll(&controller.firmware);
     while (from_plant.tail != from_plant.head) {
       const uint8_t byte = from_plant.bytes[from_plant.tail % RING];
       ++from_plant.tail;
-      lockstep_receive(byte);
+      receive_from_plant(byte);
     }
     while (serve_xcp()) {
     }

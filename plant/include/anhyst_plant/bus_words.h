@@ -1,16 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Records of the bus between a virtual plant and a controller, 32-bit words, low byte first. Made
-   by tools/contract from contract/frames.toml. */
+/* What a virtual plant and a firmware tell each other at a tick, 32-bit words. Made by
+   tools/contract from contract/frames.toml. */
 /* clang-format off */
 #ifndef ANHYST_PLANT_BUS_WORDS_H
 #define ANHYST_PLANT_BUS_WORDS_H
 
 #include <stdint.h>
 
-#define ANHYST_BUS_MAGIC UINT32_C(0x616e6879)
-
-/* Words of a record, its check the last. Plant to controller: what the sensors show at the
-   beginning of a tick. */
+/* Plant to controller: what the sensors show at the beginning of a tick. */
 enum {
   ANHYST_BUS_SAMPLE_TICK, /* counts from 1 */
   ANHYST_BUS_SAMPLE_GAP, /* q30: 0 is the low end of the model's gaps, 1.0 the high one */
@@ -19,12 +16,11 @@ enum {
   ANHYST_BUS_SAMPLE_CURRENT, /* q30 of the full-scale current, of the first magnet */
   ANHYST_BUS_SAMPLE_CURRENT_2, /* of the second */
   ANHYST_BUS_SAMPLE_STATUS, /* bits of PORT_... in port/port.h */
-  ANHYST_BUS_SAMPLE_CHECK,
   ANHYST_BUS_SAMPLE_WORDS
 };
 
-/* Words of a record, its check the last. Controller to plant: what is to flow from the beginning of
-   the next tick on. Then signals that a plant does not know by itself. */
+/* Controller to plant: what is to flow from the beginning of the next tick on. Then signals that a
+   plant does not know by itself. */
 enum {
   ANHYST_BUS_DRIVE_TICK, /* of the sample from which this was computed */
   ANHYST_BUS_DRIVE_DRIVE, /* q31 of the full-scale current, of the first magnet */
@@ -35,7 +31,6 @@ enum {
   ANHYST_BUS_DRIVE_REFERENCE, /* position controlled to, q31 of the controller's full scale */
   ANHYST_BUS_DRIVE_FLUX, /* flux of the model of the first magnet after the commit, q30 */
   ANHYST_BUS_DRIVE_EXPECTED, /* force that this model expects, q31 */
-  ANHYST_BUS_DRIVE_CHECK,
   ANHYST_BUS_DRIVE_WORDS
 };
 

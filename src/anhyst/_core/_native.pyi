@@ -503,9 +503,9 @@ class FixedPosition(_Position):
     ) -> None: ...
 
 class BusController(LoopController):
-    """A controller at the other end of a plant bus, plant/include/anhyst_plant/bus.h."""
+    """A firmware as the controller of a loop, plant/include/anhyst_plant/bus.h."""
 
-    def __init__(self, address: int, scales: _Numbers) -> None: ...
+    def __init__(self, tick: int, firmware: int, scales: _Numbers) -> None: ...  # addresses
     def take(self) -> NDArray[np.uint32]: ...  # its answers since the last time, a row a tick
     def end(self) -> None: ...  # before its firmware is unloaded
     @property

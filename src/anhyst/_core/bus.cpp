@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A controller at the other end of the plant bus: a firmware in this process, and what it answered.
+// A firmware in this process as the controller of a loop, and what it answered.
 #include "anhyst_plant/bus.h"
 
 #include <vector>
@@ -12,29 +12,24 @@ namespace {
 
 using OutWords = nb::ndarray<nb::numpy, uint32_t, nb::ndim<2>>;
 
-// library_tick of firmware/boards/library/library.h
-using Tick = void (*)(const uint8_t *sample, uint8_t *drive);
-
 class Bus : public LoopController {
 public:
-  // The address is that of the firmware's library_tick; it stays loaded until end().
-  Bus(uintptr_t address, const nb::dict &scales) : firmware_(reinterpret_cast<Tick>(address))
+  // Addresses of library_tick and of a controller's memory (firmware/boards/library/library.h);
+  // both stay until end().
+  Bus(uintptr_t tick, uintptr_t firmware, const nb::dict &scales)
   {
     Settings from(scales);
     bus_.scales = {from.take<double>("gap_middle"),   from.take<double>("position_full"),
                    from.take<double>("current_full"), from.take<double>("demand_full"),
                    from.take<double>("load_full"),    from.take<double>("flux_full")};
     from.finish();
-    bus_.line = this;
-    bus_.exchange = [](void *line, const uint8_t *sample, uint8_t *drive) {
-      const Tick firmware = static_cast<Bus *>(line)->firmware_;
-      return firmware != nullptr ? (firmware(sample, drive), 1) : 0;
-    };
+    bus_.firmware = reinterpret_cast<void *>(firmware);
+    bus_.firmware_tick = reinterpret_cast<decltype(bus_.firmware_tick)>(tick);
   }
 
   anhyst_loop_controller handle() override { return {this, tick}; }
 
-  void end() { firmware_ = nullptr; }
+  void end() { bus_.firmware_tick = nullptr; }
 
   uint32_t last() const { return bus_.tick; }
 
@@ -60,7 +55,6 @@ private:
     }
   }
 
-  Tick firmware_;
   anhyst_bus_controller bus_{};
   std::vector<uint32_t> answers_;
 };
@@ -70,7 +64,7 @@ private:
 void bind_bus(nb::module_ &m)
 {
   nb::class_<Bus, LoopController>(m, "BusController")
-      .def(nb::init<uintptr_t, const nb::dict &>(), "address"_a, "scales"_a)
+      .def(nb::init<uintptr_t, uintptr_t, const nb::dict &>(), "tick"_a, "firmware"_a, "scales"_a)
       .def("take", &Bus::take)
       .def("end", &Bus::end)
       .def_prop_ro("tick", &Bus::last);

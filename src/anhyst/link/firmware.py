@@ -134,6 +134,7 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
         )
     major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
     defines = {"BOARD_FIRMWARE_VERSION": str(256 * major + minor), **actuator_defines(actuator)}
+    defines["BOARD_BODY"] = f'"{body}/{body}.h"'
     if board.port_header and (folder / "port" / board.port_header).is_file():
         include.append(folder / "port")
         defines["ANHYST_PORT_HEADER"] = f'"{board.port_header}"'

@@ -303,8 +303,7 @@ class KeepRequest(Message):
 class XcpRequest(Message):
     """A command of XCP, or nothing where only samples are wanted.
 
-    Is no sign of life by itself: the command is, of a master that has shown the key. A board
-    without XCP does not know the request.
+    Is no sign of life by itself: the command is, of a master that has shown the key.
     """
 
     TYPE: ClassVar[int] = 0x10

@@ -22,7 +22,7 @@ Q30 = float(1 << 30)
 Q31 = float(1 << 31)
 _RESERVED = -(1 << 31)
 _LEAST, _MOST = _RESERVED + 1, (1 << 31) - 1
-DRIVE_BYTES = PlantDrive.FIXED.size + 4
+_DRIVE_BYTES = PlantDrive.FIXED.size + 4
 _CURRENTS, _DRIVES = (
     [field.name for field in fields(record) if field.name.startswith(signal)]
     for record, signal in ((PlantSample, "current"), (PlantDrive, "drive"))
@@ -50,20 +50,20 @@ class Plant(Protocol):
         """Go on by one tick, to the beginning of tick number `tick`."""
 
 
-Exchange = Callable[[bytes], bytes]
-"""Hands the record of a sample to the controller and returns its drive."""
+Exchange = Callable[[PlantSample], PlantDrive]
+"""Hands a sample to the controller and returns its drive."""
 
 
 def over(connection: socket.socket, timeout: float = 10.0) -> Exchange:
     """Exchange records with a process at the other end of a socket."""
     wait_at_most(connection, timeout)
 
-    def exchange(sample: bytes) -> bytes:
-        connection.sendall(sample)
-        data = connection.recv(DRIVE_BYTES, socket.MSG_WAITALL)
+    def exchange(sample: PlantSample) -> PlantDrive:
+        connection.sendall(sample.pack())
+        data = connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
         if not data:
             raise ConnectionError("it hung up")
-        return data
+        return PlantDrive.unpack(data)
 
     return exchange
 
@@ -94,7 +94,7 @@ class PlantBus:
     def _step(self, tick: int) -> None:
         sample = _encode(tick, self.plant.step(tick, self.drives))
         try:
-            drive = PlantDrive.unpack(self.exchange(sample.pack()))
+            drive = self.exchange(sample)
         except (OSError, ValueError) as error:
             raise InputError(
                 f"the controller did not finish tick {tick}: {error}; see its output",

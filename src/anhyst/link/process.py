@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import ctypes
-import os
 import shutil
 import socket
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
-from anhyst.link.plant_bus import DRIVE_BYTES, Plant, PlantBus, over
+from anhyst.link.frames import PlantDrive, PlantSample
+from anhyst.link.plant_bus import Plant, PlantBus, over
 from anhyst.link.wire import LinkPort
 from anhyst.support.errors import InputError
 
@@ -41,64 +39,55 @@ def check_runs_here(board: str) -> None:
 class Running:
     """A firmware that runs."""
 
-    url: str  # its link, or what it is called where that is in this process
+    link: str | LinkPort  # for :class:`anhyst.link.client.ControllerLink`
     bus: PlantBus  # its plant; without :meth:`PlantBus.step` no time passes for it
-    xcp: int  # port of this machine on which a master of XCP may come in; 0: there is none
-    process: int  # its number
-    own: LinkPort | None = None  # its link where that is in this process
+    xcp: int = 0  # port of this machine on which a master of XCP may come in; 0: there is none
+    wire: socket.socket | None = None  # that the bus runs over; none where it is in this process
 
     @property
-    def link(self) -> str | LinkPort:
-        """For :class:`anhyst.link.client.ControllerLink`."""
-        return self.own or self.url
-
-
-class Started(NamedTuple):
-    """A firmware that runs, with nothing that drives its bus yet."""
-
-    url: str  # as of :class:`Running`
-    bus: socket.socket  # the plant's end of its bus
-    xcp: int
-    process: int
+    def url(self) -> str:
+        """Its link, or what it is called where that is in this process."""
+        return self.link if isinstance(self.link, str) else self.link.url
 
 
 class LibraryBoard:
-    """A copy of the firmware that was loaded; it is on until it is closed.
+    """A controller of a firmware in this process; it is on until it is switched off.
 
-    Both ends of it: the port of its link, and the exchange of the plant's bus.
+    Both ends of it: the port of its link, and the exchange with its plant.
     """
 
     def __init__(self, program: Path) -> None:
         from _ctypes import dlclose  # not on Windows
 
         self.url = str(program)
-        with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
-            # What the firmware remembers belongs to the file: each copy is another controller.
-            copy = Path(scratch, "firmware")
-            shutil.copyfile(program, copy)
-            try:
-                self._board = ctypes.CDLL(str(copy))
-            except OSError as error:
-                raise InputError(
-                    f"{program}: cannot be loaded: {error}", code="did-not-start"
-                ) from error
+        try:
+            self._firmware = ctypes.CDLL(str(program.resolve()))
+        except OSError as error:
+            raise InputError(
+                f"{program}: cannot be loaded: {error}", code="did-not-start"
+            ) from error
+        self._firmware.library_bytes.restype = ctypes.c_size_t
+        self._firmware.library_link.restype = ctypes.c_uint16
         self._answered = ctypes.create_string_buffer(_LINK_MOST)
-        self._drive = ctypes.create_string_buffer(DRIVE_BYTES)
+        self._drive = ctypes.create_string_buffer(PlantDrive.FIXED.size)
         self._rest = b""
         self._off, self._unload = False, dlclose
-        self._board.library_link.restype = ctypes.c_uint16
-        self._board.library_start()
+        self._memory = ctypes.create_string_buffer(self._firmware.library_bytes())
+        self._firmware.library_start(self._memory)
 
-    def exchange(self, sample: bytes) -> bytes:
-        """Run a tick: record of a sample in, record of the drive out."""
+    def exchange(self, sample: PlantSample) -> PlantDrive:
+        """Run a tick."""
         if self._off:
             raise ValueError("it is switched off")
-        self._board.library_tick(sample, self._drive)
-        return self._drive.raw
+        words = sample.FIXED.pack(*vars(sample).values())
+        self._firmware.library_tick(self._memory, words, self._drive)
+        return PlantDrive(*PlantDrive.FIXED.unpack(self._drive.raw))
 
     def write(self, data: bytes) -> None:
         """Send bytes over the link; what they bring about is kept for :meth:`read`."""
-        count = self._board.library_link(data, len(data), self._answered, _LINK_MOST)
+        count = self._firmware.library_link(
+            self._memory, data, len(data), self._answered, _LINK_MOST
+        )
         self._rest += ctypes.string_at(self._answered, count)
 
     def read(self, timeout: float) -> bytes:
@@ -112,14 +101,15 @@ class LibraryBoard:
         """Leave the link; the controller stays on."""
 
     @property
-    def tick(self) -> int:
-        """Address of its function of a tick, for :class:`anhyst._core.BusController`."""
-        return ctypes.cast(self._board.library_tick, ctypes.c_void_p).value or 0
+    def tick(self) -> tuple[int, int]:
+        """Addresses of its function of a tick and of its memory, for `anhyst._core.BusController`."""
+        function = ctypes.cast(self._firmware.library_tick, ctypes.c_void_p).value or 0
+        return function, ctypes.addressof(self._memory)
 
-    def unload(self) -> None:
-        """Switch it off."""
+    def switch_off(self) -> None:
+        """End it; with the last of them the firmware is unloaded."""
         self._off = True
-        self._unload(self._board._handle)
+        self._unload(self._firmware._handle)
 
 
 @contextmanager
@@ -127,9 +117,9 @@ def run_library(program: Path, plant: Plant) -> Iterator[Running]:
     """Run a firmware built for the board ``library``."""
     board = LibraryBoard(program)
     try:
-        yield Running(board.url, PlantBus(plant, board.exchange), 0, os.getpid(), board)
+        yield Running(board, PlantBus(plant, board.exchange))
     finally:
-        board.unload()
+        board.switch_off()
 
 
 @contextmanager
@@ -137,13 +127,6 @@ def run_host(
     program: Path, plant: Plant, link: str = HOST_LINK, xcp: int | None = None
 ) -> Iterator[Running]:
     """Run a firmware built for the board ``host``."""
-    with start_host(program, link, xcp) as (url, ours, port, process):
-        yield Running(url, PlantBus(plant, over(ours)), port, process)
-
-
-@contextmanager
-def start_host(program: Path, link: str = HOST_LINK, xcp: int | None = None) -> Iterator[Started]:
-    """Start a firmware built for the board ``host``, with nothing that drives its bus yet."""
     ours, theirs = socket.socketpair()
     command = [str(Path(program).resolve()), link, f"fd:{theirs.fileno()}"]
     command += [] if xcp is None else ["--xcp", str(xcp)]
@@ -153,7 +136,7 @@ def start_host(program: Path, link: str = HOST_LINK, xcp: int | None = None) -> 
             address = _printed(process, program)
             url = address if link == "pty" else f"socket://127.0.0.1:{address}"
         offered = 0 if xcp is None else int(_printed(process, program))
-        yield Started(url, ours, offered, process.pid)
+        yield Running(url, PlantBus(plant, over(ours)), offered, ours)
 
 
 def _printed(process: subprocess.Popen[bytes], program: Path) -> str:
@@ -184,9 +167,9 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     if xcp:
         command += _serial("xcp", served[1])
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
-    with ours, _started(command, [*listeners, theirs]) as process:
+    with ours, _started(command, [*listeners, theirs]):
         url = f"socket://127.0.0.1:{ports[0]}"
-        yield Running(url, PlantBus(plant, over(ours)), ports[1] if xcp else 0, process.pid)
+        yield Running(url, PlantBus(plant, over(ours)), ports[1] if xcp else 0, ours)
 
 
 def find_qemu() -> str:

@@ -17,7 +17,7 @@ from anhyst._core import POSITION_MAGNETS, BusController, Plant
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
-from anhyst.link.plant_bus import DRIVE_BYTES, Q30, Q31, Exchange, Reading
+from anhyst.link.plant_bus import Q30, Q31, Exchange, Reading
 from anhyst.link.process import VIRTUAL_BOARDS, LibraryBoard
 from anhyst.link.wire import LinkPort
 from anhyst.rig.bearing.loop import Setup, position_control
@@ -129,8 +129,7 @@ _FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_ful
 _STATE = 1 + len(_OF_PLANT) + [signal.name for signal in _OF_FIRMWARE].index("state")
 """In rows of a bench; the fault stands two places behind the state."""
 _WORD = {field.name: at for at, field in enumerate(fields(PlantDrive))}
-_SAMPLE_BYTES = PlantSample.FIXED.size + 4
-_Tick = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+_Tick = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
 
 
 class BusTap:
@@ -143,23 +142,26 @@ class BusTap:
         self._last = PlantDrive(*(0 for _ in fields(PlantDrive)))
 
     @property
-    def tick(self) -> int:
-        """Address of a function of a tick, for :class:`anhyst._core.BusController`."""
-        return ctypes.cast(self._call, ctypes.c_void_p).value or 0
+    def tick(self) -> tuple[int, int]:
+        """Addresses of a function of a tick and of no memory, for `anhyst._core.BusController`."""
+        return ctypes.cast(self._call, ctypes.c_void_p).value or 0, 0
 
-    def _pass(self, sample: int, drive: int) -> None:
-        ctypes.memset(drive, 0, DRIVE_BYTES)  # no answer
-        seen = PlantSample.unpack(ctypes.string_at(sample, _SAMPLE_BYTES))
+    def _pass(self, memory: int | None, sample: int, drive: int) -> None:
+        del memory  # the firmware's own is behind the exchange
+        ctypes.memset(drive, 0, PlantDrive.FIXED.size)  # no answer
+        words = ctypes.string_at(sample, PlantSample.FIXED.size)
+        seen = PlantSample(*PlantSample.FIXED.unpack(words))
         if self.missed:
             self.missed -= 1
             self._last = replace(self._last, tick=seen.tick)
         else:
             shown = seen if self.shown is None else self.shown(seen)
             try:
-                self._last = PlantDrive.unpack(self.exchange(shown.pack()))
+                self._last = self.exchange(shown)
             except (OSError, ValueError):
                 return  # the loop sees that none came
-        ctypes.memmove(drive, self._last.pack(), DRIVE_BYTES)
+        answer = self._last.FIXED.pack(*vars(self._last).values())
+        ctypes.memmove(drive, answer, len(answer))
 
 
 class _Unplugged:
@@ -209,13 +211,13 @@ class BearingBench(LockStepBench[BusController]):
                 port = running.link
             else:
                 port = source = LibraryBoard(firmware)
-                self._open.callback(source.unload)
+                self._open.callback(source.switch_off)
             self.link = self._open.enter_context(ControllerLink(port))
             self._heartbeat = Heartbeat(self.link)
             pidd2 = setup.controller.pidd2()
             gains = pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd
             self._settings = ControllerSettings(self.link, position_settings(gains))
-            self._bus = BusController(source.tick, {name: self._scales[name] for name in _FULL})
+            self._bus = BusController(*source.tick, {name: self._scales[name] for name in _FULL})
             self._open.callback(self._bus.end)
             self._loop = ClosedLoop(self.bearing, self._bus, current_loops(rig), tuple(_OF_PLANT))
             self.demand(gap)
