@@ -121,15 +121,15 @@ def stage() -> list[Row]:
     rig = read_piezo_rig(ROOT / "examples" / "piezo" / "rig.toml")
     found = track(rig)
     texts = ", ".join(
-        f"{name} {1e9 * one.rms_m:.0f} nm rms, {1e9 * one.worst_m:.0f} worst"
+        f"{name} {1e9 * one['rms_m']:.0f} nm rms, {1e9 * one['worst_m']:.0f} worst"
         for name, one in found.errors.items()
     )
     return [
         Row(
             "virtual piezo stage, 100 Hz bandwidth, triangle of 30 um at 10 Hz: with over without",
             "<= 0.2",
-            f"{found.ratio:.3f}: {texts}",
-            found.ratio <= 0.2,
+            f"{found.ratio():.3f}: {texts}",
+            found.ratio() <= 0.2,
         ),
         *_compiled(rig.settings.timing.rate_Hz, measure(rig), reference(rig)),
     ]

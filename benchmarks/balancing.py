@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.rig.bearing.drift import changed, draw_plant
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed, draw_plant
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.bodies import law_of
@@ -59,7 +60,7 @@ def balanced(given: tuple[Bench, int]) -> Flown:
         crossed = cross_talk(run, motion, still_axes(rig.settings))
         own = measure(run, motion, rig.settings.scan.slit_s)
         nano = [own.average_m, own.peak_m, 1e-6 * own.settling_50_s]
-        return [1e9 * one for one in (*nano, crossed["z"], crossed["ry"], crossed["rz"])]
+        return [1e9 * one for one in (*nano, crossed["z_m"], crossed["ry_rad"], crossed["rz_rad"])]
 
     figures, learner = [judged()], Learner(law)
     for scan in range(1, max(SCANS) + 1):
@@ -76,7 +77,7 @@ WAYS = {"x": None, "y": [11.0, 6.0, 9.0]}
 JUDGED = ("x, average, nm", "y, average, nm", "rz, nrad")
 
 
-def along(rig: StageRig, way: str) -> StageRig:
+def along(rig: BodyRig, way: str) -> BodyRig:
     """Return the stage with its set-points in another direction."""
     peaks = WAYS[way] or rig.settings.scan.test_m_per_s2
     direction = [float(axis == way) for axis in "xyz"]
@@ -101,7 +102,7 @@ def in_both(given: tuple[Bench, int]) -> list[list[float]]:
             motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
             run = track(replace(setup, rig=rig), motion, Feedforward(), noise)
             averages.append(1e9 * measure(run, motion, rig.settings.scan.slit_s).average_m)
-            turned.append(1e9 * cross_talk(run, motion, ["rz"])["rz"])
+            turned.append(1e9 * cross_talk(run, motion, ["rz"])["rz_rad"])
         return [*averages, turned[0]]
 
     def after(run: Recording) -> list[float]:

@@ -9,20 +9,21 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.rig.bearing.drift import changed, with_iron
-from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Setup
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.case_table import TrajectoryCase
+from anhyst.rig.drift import changed, with_iron
+from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.iron_table import SteelTable
+from anhyst.rig.measuring import measure_loops
 from anhyst.rig.sensor_table import GapSensorTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
+from anhyst.study.engine.table import CaseFigures
 from anhyst.support.kinds import MethodName, NumberFormat
 from rows import ROOT, Row
 
@@ -44,7 +45,7 @@ VARIANTS: tuple[MethodName, ...] = (
 class Iron:
     """One iron of the comparison, and what is known of it."""
 
-    rig: BearingRig
+    rig: BodyRig
     at: OperatingPoint
     knowledge: IdentifiedMagnet
     setups: Mapping[MethodName, Setup]
@@ -58,12 +59,12 @@ class Iron:
         return f"{share} (pathological)" if self.at.slopes.label == "pathological" else share
 
 
-def read() -> tuple[BearingRig, ControllerFile]:
+def read() -> tuple[BodyRig, ControllerFile]:
     """Read the example."""
     return read_bearing(FOLDER / "rig.toml"), read_controller(FOLDER / "controller.toml")
 
 
-def make_iron(rig: BearingRig, controller: ControllerFile, fraction: float) -> Iron:
+def make_iron(rig: BodyRig, controller: ControllerFile, fraction: float) -> Iron:
     """Measure the loops of an iron, identify its model, fit every variant."""
     own = with_iron(rig, fraction)
     knowledge = identify_magnet(measure_loops(own))
@@ -114,20 +115,13 @@ def _percent(cell: StepCell) -> str:
     return f"{one.mean:.2f} ± {one.half_width:.2f} %{'' if cell.overshoots else ' ≤ noise'}"
 
 
-def _mean(cell: StepCell, name: str, factor: float, form: str, unit: str) -> str:
+def _mean(cell: CaseFigures, name: str, factor: float, form: str, unit: str) -> str:
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
     return f"{factor * cell.of(name).mean:{form}} {unit}"
 
 
-def _tried(found: Mapping[str, Any], name: str, factor: float, form: str, unit: str) -> str:
-    """Mean of an experiment beside steps."""
-    if found["lost"]:
-        return f"{found['lost']} of {found['runs']} lost"
-    return f"{factor * found[name]['mean']:{form}} {unit}"
-
-
-def quiet(rig: BearingRig) -> BearingRig:
+def quiet(rig: BodyRig) -> BodyRig:
     """Return the rig with a sensor of 5 nm rms instead of the encoder."""
     sensor = rig.settings.gap_sensor
     capacitive = GapSensorTable(
@@ -156,8 +150,8 @@ def slow_table(irons: Sequence[Iron]) -> str:
         gap, load = rig.settings.gap_m, rig.settings.load.force_N
         small = compare(list(setups.values()), [gap], [1e-6], [load], seeds)
         for name, cell in zip(setups, small, strict=True):
-            off = _tried(tried[name], "tracking_rms_m", 1e9, ".0f", "nm")
-            force = _tried(tried[name], "force_error_rms_N", 1.0, ".2f", "N")
+            off = _mean(tried[name], "tracking_rms_m", 1e9, ".0f", "nm")
+            force = _mean(tried[name], "force_error_rms_N", 1.0, ".2f", "N")
             lines.append(
                 f"| {iron.title} | `{name}` | {off} | {force} | {_percent(cell)} | "
                 f"{_mean(cell, *_SETTLING)} |"
@@ -212,7 +206,7 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
         tried = experiments.of_all(experiments.stand_still, setups, default_seeds(iron.rig), None)
         full = tried["full"]
         reported = ", ".join(_standstill_text(name, one) for name, one in tried.items())
-        reached = not full["lost"] and full["rms_m"]["mean"] <= 10e-9 and not full["limit_cycles"]
+        reached = not full.lost and full.of("rms_m").mean <= 10e-9 and not full.cycles
         asked = iron.rig.settings.iron is not None and iron is not irons[0]
         found.append(
             Row(
@@ -225,10 +219,10 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
     return found
 
 
-def _standstill_text(name: str, found: Mapping[str, Any]) -> str:
-    cycles = found.get("limit_cycles", 0)
-    cycling = f" (limit cycle in {cycles} of {found['runs']})" if cycles else ""
-    return f"{name} {_tried(found, 'rms_m', 1e9, '.1f', 'nm')}{cycling}"
+def _standstill_text(name: str, found: experiments.ExperimentFigures) -> str:
+    cycles = len(found.cycles or ())
+    cycling = f" (limit cycle in {cycles} of {found.runs})" if cycles else ""
+    return f"{name} {_mean(found, 'rms_m', 1e9, '.1f', 'nm')}{cycling}"
 
 
 def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
@@ -246,9 +240,9 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
             for a, b in zip(by[0], by[2], strict=True)
         )
         still = [
-            experiments.of_all(experiments.stand_still, {variant: one}, seeds, None)[variant][
-                "rms_m"
-            ]["mean"]
+            experiments.of_all(experiments.stand_still, {variant: one}, seeds, None)[variant]
+            .of("rms_m")
+            .mean
             for one in (setups["f64"], setups["fixed"])
         ]
         worst = max(worst, apart / 0.5, abs(still[1] / still[0] - 1.0) / 0.1)
@@ -273,7 +267,7 @@ def _events(iron: Iron) -> list[Row]:
         tried = experiments.of_all(experiments.recover, iron.setups, seeds, event)
         key = "recovery_s" if event == "overload" else "excess_s"
         reported = ", ".join(
-            f"{name} {_tried(one, key, 1e3, '.1f', 'ms')}" for name, one in tried.items()
+            f"{name} {_mean(one, key, 1e3, '.1f', 'ms')}" for name, one in tried.items()
         )
         what = "back within 1 um after" if event == "overload" else "shows for"
         found.append(
@@ -281,7 +275,7 @@ def _events(iron: Iron) -> list[Row]:
                 f"bearing, {event}: {what}",
                 "no loss of levitation",
                 reported,
-                all(one["lost"] == 0 for one in tried.values()),
+                all(one.lost == 0 for one in tried.values()),
             )
         )
     return found

@@ -16,11 +16,12 @@ import numpy as np
 
 import balancing
 import levitated
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CalibratedMethod
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.drift import changed
+from anhyst.rig.fitting import IdentifiedMagnet
+from anhyst.rig.measuring import measure_loops
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import StageSetup, identify_stage, track
 from anhyst.study.tracking.learner import FORGET_S, WORK, Learner
 from anhyst.study.tracking.measures import Measures
@@ -220,7 +221,7 @@ def of_iron(iron: str, method: str, found: Found) -> Row:
     return found.row(f"{iron}, {method}, 4 scans", reach, met)
 
 
-def iron_of(given: tuple[str, StageRig]) -> tuple[str, StageRig, IdentifiedMagnet]:
+def iron_of(given: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedMagnet]:
     """Measure the loops of another iron and identify it."""
     name, rig = given
     if name in CELLS:
@@ -229,7 +230,7 @@ def iron_of(given: tuple[str, StageRig]) -> tuple[str, StageRig, IdentifiedMagne
     else:
         iron = tomllib.loads(IRONS.read_text(encoding="utf-8"))[name]
     other = with_iron(rig, iron)
-    return name, other, identify_stage(other, measure_loops(other.bearing))
+    return name, other, identify_stage(other, measure_loops(other))
 
 
 def kept_at_it(bench: Bench) -> tuple[float, float]:

@@ -19,11 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.rig.bearing.drift import Drift, changed, draw_drift
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CalibratedMethod
+from anhyst.rig.drift import Drift, changed, draw_drift
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.plants import ERRORS
@@ -102,7 +103,7 @@ class Bench:
     """One method on one iron, with the gains of the plant that is as it should be."""
 
     iron: str
-    rig: StageRig
+    rig: BodyRig
     magnet: IdentifiedMagnet
     method: MethodName
     gains: Feedforward  # as fitted
@@ -113,7 +114,7 @@ class Bench:
 _laws: dict[tuple[str, ...], MotionLaw] = {}
 
 
-def bench_of(given: tuple[str, StageRig, IdentifiedMagnet, MethodName]) -> Bench:
+def bench_of(given: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench:
     """Find the gains, on the training set-point, on which it is calibrated too, or on the move."""
     iron, rig, magnet, method = given
     law = law_of(rig, magnet, method)
@@ -183,7 +184,7 @@ class Trial:
         return figures, learner.found
 
 
-def training(rig: StageRig) -> SetPoint:
+def training(rig: BodyRig) -> SetPoint:
     """Return the set-point that is calibrated on."""
     return motion_of(rig.settings.scan, rig.settings.scan.train_m_per_s2)
 

@@ -18,13 +18,15 @@ import numpy as np
 
 from anhyst.compensate.current_map import CurrentMap
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.file import BearingRig, read_bearing, step_ends
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, position_control
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
-from anhyst.rig.bearing.plant import STOP_RESONANCE, current_gains, make_bearing
-from anhyst.rig.bearing.scenario import Scenario, Script
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.body import BodyRig, read_bearing, step_ends
+from anhyst.rig.drift import changed
+from anhyst.rig.fitting import IdentifiedMagnet
+from anhyst.rig.loop import Scenario
 from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.plant import STOP_RESONANCE, current_gains, make_plant
 from anhyst.study.bearing.operating import make_ready
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray
@@ -57,7 +59,7 @@ class Flier(Protocol):
 class Case:
     """The example as everyone gets it."""
 
-    rig: BearingRig
+    rig: BodyRig
     controller: ControllerFile
     knowledge: IdentifiedMagnet
 
@@ -87,7 +89,7 @@ def example() -> Case:
     return Case(rig, controller, make_ready(rig, controller).knowledge())
 
 
-def plant_of(rig: BearingRig) -> Plant:
+def plant_of(rig: BodyRig) -> Plant:
     """Hand the numbers of a rig file to the baselines."""
     magnet, mechanics = rig.settings.magnet, rig.settings.body
     poles = magnet.poles
@@ -240,14 +242,14 @@ def open_loop(simulator: Flier, current: float, load: float, gap: float) -> Arra
 class Own:
     """The plant of this project as the baselines are."""
 
-    def __init__(self, rig: BearingRig, substeps: int) -> None:
+    def __init__(self, rig: BodyRig, substeps: int) -> None:
         fine = {"timing.substeps": substeps, "amplifier.dac_bits": 24, "load.force_N": 0.0}
         self._rig = changed(rig, fine)
 
     def start(self, gap: float, current: float, load: float) -> float:
         """Hold position, the load given as weight; return the pull."""
         weight = {"body.gravity_m_per_s2": load / self._rig.settings.body.mass_kg}
-        self._plant = make_bearing(changed(self._rig, weight), 0)
+        self._plant = make_plant(changed(self._rig, weight), 0)
         self._plant.place([gap], [0.0])
         self._plant.hold(current, 0)
         return self._plant.force
@@ -259,7 +261,7 @@ class Own:
         return self._plant.gap, self._plant.force
 
 
-def errors(rig: BearingRig, fliers: dict[str, Flier]) -> dict[str, float]:
+def errors(rig: BodyRig, fliers: dict[str, Flier]) -> dict[str, float]:
     """Return the rms error of the force, parts of its range, against 64 sub-steps."""
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
     exact = Own(rig, 64)
@@ -284,7 +286,7 @@ class Trial:
     """For the same 3 ms."""
 
 
-def tried(rig: BearingRig) -> list[Trial]:
+def tried(rig: BodyRig) -> list[Trial]:
     """Try every method of ``solve_ivp`` at every tolerance."""
     plant = plant_of(rig)
     gap, load = rig.settings.gap_m, rig.settings.load.force_N

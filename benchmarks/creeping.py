@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
-from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.body import BodyRig
+from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
+from anhyst.rig.measuring import measure_loops
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.measures import measure
@@ -76,7 +77,7 @@ def drawn(family: str, number: int) -> dict[str, Any]:
     return own | sharp | curve
 
 
-def average(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> float:
+def average(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> float:
     """Return the moving average that a method leaves, nm; infinite where the loop is lost."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
     gains = find_gains(setup, motion_of(scan, scan.train_m_per_s2))
@@ -87,7 +88,7 @@ def average(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> floa
 def judged(iron: tuple[str, int]) -> tuple[str, bool, float, float, float]:
     """Return the law that is taken, whether something was said, and what curve, cells and it leave."""
     rig = with_iron(read_stage(RIG), drawn(*iron))
-    loops = measure_loops(rig.bearing)
+    loops = measure_loops(rig)
     cells = identify_magnet(loops, rig.settings.loops)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", CreepWarning)

@@ -20,13 +20,14 @@ from anhyst.compensate.twin import twin_of
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
 from anhyst.identification.run import IdentifyTable
-from anhyst.rig.bearing.drift import changed, with_iron
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.bearing.plant import make_magnet
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import TrajectoryCase
+from anhyst.rig.drift import changed, with_iron
+from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
+from anhyst.rig.measuring import measure_loops
+from anhyst.rig.plant import make_magnet
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import BASELINES, STANDSTILLS, Benefit, benefit
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
@@ -87,14 +88,14 @@ class Tried:
     refused: str = ""
 
 
-def rigs() -> dict[str, BearingRig]:
+def rigs() -> dict[str, BodyRig]:
     """Return the bearing with every iron; the first has its own."""
     rig, _ = read()
     others = {name: changed(rig, {"iron": table}) for name, table in irons().items()}
     return {BUNDLED: rig, **others}
 
 
-def with_first(rig: BearingRig, loops: Loops) -> Loops:
+def with_first(rig: BodyRig, loops: Loops) -> Loops:
     """Return loops with a record more at every gap, which begins demagnetised."""
     fresh = measure_loops(changed(rig, {"measurement.conditioning_cycles": 0}))
     record = rig.settings.measurement.records[0].name
@@ -103,7 +104,7 @@ def with_first(rig: BearingRig, loops: Loops) -> Loops:
 
 
 def _setups(
-    rig: BearingRig, controller: ControllerFile, loops: Loops
+    rig: BodyRig, controller: ControllerFile, loops: Loops
 ) -> tuple[dict[MethodName, Setup], IdentifiedMagnet]:
     """Fit the baselines, and `full` with play cells."""
     table = controller.settings
@@ -114,7 +115,7 @@ def _setups(
     return setups, knowledge
 
 
-def _by_paper(rig: BearingRig, controller: ControllerFile, loops: Loops) -> Setup | str:
+def _by_paper(rig: BodyRig, controller: ControllerFile, loops: Loops) -> Setup | str:
     """Fit `full` with the law of the paper, or report why it cannot be."""
     knowledge = identify_magnet(loops, IdentifyTable(law=PAPER))
     try:
@@ -123,24 +124,21 @@ def _by_paper(rig: BearingRig, controller: ControllerFile, loops: Loops) -> Setu
         return str(error)
 
 
-def _unpinned(rig: BearingRig, controller: ControllerFile) -> Setup:
+def _unpinned(rig: BodyRig, controller: ControllerFile) -> Setup:
     """Fit the best single-valued curve to hardly any hysteresis: what the loop itself overshoots."""
     soft = with_iron(rig, None, NARROW)
     knowledge = identify_magnet(measure_loops(soft), IdentifyTable(law=PAPER))
     return make_setup(soft, controller.settings, knowledge, "single-valued", "fixed")
 
 
-def _triangle(rig: BearingRig, setups: Mapping[MethodName, Setup]) -> dict[str, float]:
+def _triangle(rig: BodyRig, setups: Mapping[MethodName, Setup]) -> dict[str, float]:
     still = quiet(rig)
     quieter = {name: Setup(still, s.controller, s.compensator) for name, s in setups.items()}
     tried = experiments.of_all(experiments.follow, quieter, default_seeds(rig), SLOW)
-    return {
-        name: float("nan") if one["lost"] else one["force_error_rms_N"]["mean"]
-        for name, one in tried.items()
-    }
+    return {name: one.of("force_error_rms_N").mean for name, one in tried.items()}
 
 
-def _steps(rig: BearingRig, setups: Mapping[MethodName, Setup]) -> dict[str, list[StepCell]]:
+def _steps(rig: BodyRig, setups: Mapping[MethodName, Setup]) -> dict[str, list[StepCell]]:
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
     return {
         variant: compare([setup], [gap], HEIGHTS, [load], default_seeds(rig))
@@ -148,7 +146,7 @@ def _steps(rig: BearingRig, setups: Mapping[MethodName, Setup]) -> dict[str, lis
     }
 
 
-def held_drift(rig: BearingRig, knowledge: IdentifiedMagnet) -> tuple[float, float]:
+def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]:
     """Hold forces under noise of demand and gap; return how far iron and model drift, % of F_max.
 
     Noise is that of the compiler's own check. Compared are the means of the first second of noise
@@ -180,7 +178,7 @@ def held_drift(rig: BearingRig, knowledge: IdentifiedMagnet) -> tuple[float, flo
     return worst[0], worst[1]
 
 
-def measure(name: str, rig: BearingRig, controller: ControllerFile) -> Tried:
+def measure(name: str, rig: BodyRig, controller: ControllerFile) -> Tried:
     """Measure everything of one iron."""
     loops = measure_loops(rig)
     setups, knowledge = _setups(rig, controller, loops)

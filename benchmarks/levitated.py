@@ -22,11 +22,12 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from anhyst import Calibration, calibrate
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_bearing
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
-from anhyst.rig.bearing.make_setup import calibrated, fit_magnets, identify_magnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.make_setup import fit_magnets, make_setup
+from anhyst.rig.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant
+from anhyst.rig.fitting import calibrated, identify_magnet
 from anhyst.rig.iron_table import IronEntry, NamedIron
+from anhyst.rig.measuring import measure_loops
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.operating import Ready, make_ready, read_files
@@ -54,7 +55,7 @@ def judged(setup: Setup, drift: Drift) -> Figures:
     found = []
     for noise in NOISES:
         steps = BearingWork({setup.name: setup}).run(setup.name, drift, noise)
-        plant = drifted_bearing(setup.rig, drift, noise)
+        plant = drifted_plant(setup.rig, drift, noise)
         run = SimulatedLoop(setup, bearing=plant).run(scenario).part(begin, scenario.ticks)
         found.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
     overshoot, force = np.mean(found, axis=0).tolist()
@@ -63,7 +64,7 @@ def judged(setup: Setup, drift: Drift) -> Figures:
 
 def recorded(setup: Setup, drift: Drift) -> Recording:
     """Lift a plant off and step it up and down."""
-    return SimulatedLoop(setup, bearing=drifted_bearing(setup.rig, drift, 0)).run(
+    return SimulatedLoop(setup, bearing=drifted_plant(setup.rig, drift, 0)).run(
         parts_of_run(setup)[0]
     )
 

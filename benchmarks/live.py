@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.scenario import Scenario, Script, land_time
+from anhyst.rig.bearing.scenario import Script, land_time
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.pace import PacedBench, Pacing
+from anhyst.rig.loop import Scenario
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.support.states import Command, State

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst._core import PlantLoop
-from anhyst.rig.bearing.drift import NO_DRIFT, drifted_stage
-from anhyst.rig.bearing.plant import current_loops
-from anhyst.rig.recording import Recording, column
-from anhyst.rig.stage.file import StageRig, mass_matrix, read_stage, weight
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import NO_DRIFT, drifted_plant
+from anhyst.rig.loop import ClosedLoop, Scenario
+from anhyst.rig.plant import current_loops
+from anhyst.rig.stage.file import mass_matrix, read_stage, weight
 from anhyst.rig.stage.loop import (
     StageSetup,
     identify_stage,
@@ -43,7 +43,7 @@ SETTLED_S = 5e-3
 class Path:
     """A way along x and y: places, m, and accelerations, m/s2, a row a time."""
 
-    rig: StageRig
+    rig: BodyRig
 
     @property
     def along(self) -> SetPoint:
@@ -89,15 +89,13 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     frame = wide.copy()
     frame[:, 0] += strayed(rig, late, time)
     frame[:, 1] += strayed(rig, 0.0, time)
-    bearing = drifted_stage(rig.bearing, NO_DRIFT, 1)
-    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
+    bearing = drifted_plant(rig, NO_DRIFT, 1)
+    loop = ClosedLoop(bearing, make_loop_controller(setup), current_loops(rig))
     off, flags = np.zeros((n, len(free))), 0
     for begin in range(0, n, PIECE):
         end = min(begin + PIECE, n)
-        still, part = np.zeros((end - begin) * len(free)), np.zeros(end - begin)
-        given = wide[begin:end].ravel(), part, still, wrench[begin:end].ravel()
-        table = loop.run(*given, part.astype(np.uint32), frame[begin : end + 1].ravel())
-        run = Recording.of_table(table, [column(*signal) for signal in loop.signals])
+        part = Scenario(wide[begin:end], feed=wrench[begin:end], frame=frame[begin : end + 1])
+        run = loop.run(part)
         poses = np.column_stack([run[name] for name in of_axes("pose", free)])
         off[begin:end] = wide[begin:end] - poses - frame[begin:end]
         flags |= int(np.bitwise_or.reduce(run["flags"].astype(int)))

@@ -19,9 +19,9 @@ from anhyst.compensate.sources import Operating, Sources
 from anhyst.compilation.play import Answer, CycleErrors, cycle_errors, rms, worst
 from anhyst.data import Loops
 from anhyst.data.reading import read_loops
-from anhyst.rig.bearing.file import read_bearing
-from anhyst.rig.bearing.make_setup import identify_magnet
-from anhyst.rig.bearing.plant import static_map
+from anhyst.rig.body import read_bearing
+from anhyst.rig.fitting import identify_magnet
+from anhyst.rig.plant import static_map
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 

@@ -14,19 +14,18 @@ from functools import partial
 import numpy as np
 from tests.study.test_losses import laid
 
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import LossCase
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.fitting import IdentifiedMagnet
+from anhyst.rig.measuring import measure_loops
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, identify_stage, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.engine.verdict import Interval
 from anhyst.study.tracking.losses import Losses
 from anhyst.study.tracking.measures import cross_talk, measure
 from anhyst.study.tracking.simulate import (
     OF_AXES,
     TrackingStudy,
-    TriedVariant,
     explore_stage,
     find_gains,
 )
@@ -43,25 +42,20 @@ MEASURES = (
     ("x, peak", "peak_m", 1e9, "nm", 0.15),
     ("x, moving average", "average_m", 1e9, "nm", 0.15),
     ("x, settling to 50 nm", "settling_50_s", 1e3, "ms", 0.3),
-    ("z, peak", "z", 1e9, "nm", 0.3),
-    ("ry, peak", "ry", 1e9, "nrad", 0.3),
-    ("rz, peak", "rz", 1e9, "nrad", None),
+    ("z, peak", "z_m", 1e9, "nm", 0.3),
+    ("ry, peak", "ry_rad", 1e9, "nrad", 0.3),
+    ("rz, peak", "rz_rad", 1e9, "nrad", None),
 )
 """What, name, factor, unit, and what is to be reached in parts of the best curve's."""
 FAST_HZ, FAST_M = 300.0, 2e-9
 """The high crossover, and the moving average in the cruise that `full` is to reach there."""
 
 
-def measured(one: TriedVariant, name: str) -> Interval:
-    """Return a measure of the set-point's axis, or the largest error of another."""
-    return one.cross_talk(name) if name in one.crossed else one.of(name)
-
-
 def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
     """Return the lines of one iron."""
     found = []
     for what, name, factor, unit, reach in MEASURES:
-        means = {variant: measured(one, name).mean for variant, one in study.tried.items()}
+        means = {variant: one.of(name).mean for variant, one in study.tried.items()}
         share = means["full"] / means["single-valued"]
         each = ", ".join(f"{variant} {factor * mean:.3g}" for variant, mean in means.items())
         aim = "stated" if reach is None else f"<= {reach:g} of single-valued"
@@ -71,7 +65,7 @@ def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
 
 
 def at_300(
-    rig: StageRig, magnet: IdentifiedMagnet, method: MethodName
+    rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName
 ) -> tuple[float, float, float]:
     """Return moving average and peak along x, m, and the largest ry, rad: means over the seeds."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
@@ -80,12 +74,12 @@ def at_300(
     for seed in range(1, rig.settings.noise_seeds + 1):
         run = track(setup, motion, gains, seed)
         own = measure(run, motion, scan.slit_s)
-        found.append((own.average_m, own.peak_m, cross_talk(run, motion, ["ry"])["ry"]))
+        found.append((own.average_m, own.peak_m, cross_talk(run, motion, ["ry"])["ry_rad"]))
     average, peak, turned = np.mean(found, axis=0).tolist()
     return average, peak, turned
 
 
-def fast_row(iron: str, rig: StageRig, magnet: IdentifiedMagnet) -> Row:
+def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
     """Return the line of one iron at the high crossover."""
     held = OF_AXES[1:]  # the constant ratio loses the loop
     found = dict(zip(held, all_of(partial(at_300, rig, magnet), held), strict=True))
@@ -139,7 +133,7 @@ def rows() -> list[Row]:
     found = []
     for name in NAMES:
         rig = with_iron(read_stage(RIG), families[name])
-        magnet = identify_stage(rig, measure_loops(rig.bearing))
+        magnet = identify_stage(rig, measure_loops(rig))
         found += of_iron(name, explore_stage(rig, magnet))
         fast = with_iron(read_stage(RIG), families[name], FAST_HZ)
         found.append(fast_row(name, fast, magnet))

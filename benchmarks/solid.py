@@ -21,10 +21,11 @@ from anhyst.data.speeds import speeds_of
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.drift import changed
+from anhyst.rig.fitting import identify_magnet
 from anhyst.rig.magnet_table import SolidTable
+from anhyst.rig.measuring import measure_loops
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
@@ -137,7 +138,7 @@ def on_stage(iron: str) -> dict[MethodName, Measures]:
             "control.format": "f64",
         },
     )
-    magnet = identify_magnet(measure_loops(rig.bearing), rig.settings.loops)
+    magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
     scan, found = rig.settings.scan, {}
     train, test = (motion_of(scan, one) for one in (scan.train_m_per_s2, scan.test_m_per_s2))
     for name in STAGE:

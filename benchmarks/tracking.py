@@ -13,11 +13,12 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import TypeAdapter
 
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.iron_table import IronEntry, NamedIron
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.measuring import measure_loops
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
@@ -34,19 +35,19 @@ CREEPS = "duhem-usual"
 VARIANTS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
 
 
-def with_iron(rig: StageRig, iron: dict[str, object], crossover: float = 130.0) -> StageRig:
+def with_iron(rig: BodyRig, iron: dict[str, object], crossover: float = 130.0) -> BodyRig:
     """Return the stage with other iron and crossover."""
     schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
     table = schema.validate_python({"name": "own", **iron})
     return changed(rig, {"iron": table, "control.crossover_Hz": crossover})
 
 
-def without_noise(rig: StageRig) -> StageRig:
+def without_noise(rig: BodyRig) -> BodyRig:
     """Return the stage whose position and gap are read without noise, so that no current ripples."""
     return changed(rig, {"position_sensor.noise_m": 0.0, "gap_sensor.noise_m": 0.0})
 
 
-def irons(rig: StageRig) -> Iterator[tuple[str, dict[str, object]]]:
+def irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
     """Yield the irons that are tried, the three of the requirement first."""
     own = rig.settings.steel.model_dump()
     for share in REVERSIBLE:
@@ -126,7 +127,7 @@ def learning(study: TrackingStudy) -> list[Row]:
     ]
 
 
-def formats(rig: StageRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> list[Row]:
+def formats(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> list[Row]:
     """Return what fixed point and the sub-steps of the plant change, with the same noise."""
     table = rig.settings.scan
     motion = motion_of(table, table.test_m_per_s2)
@@ -162,7 +163,7 @@ def rows() -> list[Row]:
     found: list[Row] = []
     for number, (title, iron) in enumerate(irons(rig)):
         slow = with_iron(rig, iron)
-        magnet = identify_stage(slow, measure_loops(slow.bearing))
+        magnet = identify_stage(slow, measure_loops(slow))
         study = explore_stage(slow, magnet)
         found += of_iron(title, study)
         if title == CREEPS:

@@ -12,8 +12,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from anhyst.rig.bearing.file import read_bearing
-from anhyst.rig.bearing.measuring import loop_texts, measure_loops
+from anhyst.rig.body import read_bearing
+from anhyst.rig.measuring import loop_texts, measure_loops
 
 HERE = Path(__file__).resolve().parent
 NOTES = """\

@@ -50,6 +50,10 @@ void anhyst_bus_controller_tick(void *self, const anhyst_loop_sample *sample,
     words[ANHYST_BUS_SAMPLE_CURRENT + i] = code(sample->current[i] / scales->current, Q30);
   }
   bus->firmware_tick(bus->firmware, words, bus->drive);
+  answer->gone = bus->drive[ANHYST_BUS_DRIVE_TICK] != bus->tick;
+  if (answer->gone) {
+    return;
+  }
   for (i = 0; i < MAGNETS && i < sample->magnets; i++) {
     answer->current[i] = fraction(bus->drive[ANHYST_BUS_DRIVE_DRIVE + i]) * scales->current;
   }

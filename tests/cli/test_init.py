@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.controller_file import read_controller
-from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.loop import check_controller
+from anhyst.rig.body import read_bearing
 from tests.refusals import says
 
 from .command import contents, quick, refused

@@ -16,7 +16,7 @@ import typer
 import anhyst
 from anhyst.cli.app import app, main
 from anhyst.data.formats import FORMATS
-from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.body import read_bearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.cli import app as cli
-from anhyst.rig.stage.file import calibration_of, read_stage
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, track
 from anhyst.study.plants import ERRORS
 from anhyst.study.tracking import calibrate as calibration
@@ -138,7 +138,7 @@ def test_calibrate_says_what_was_learnt_and_writes_what_a_rig_file_can_name(fold
     assert "run.csv" in refused("simulate", "rig.toml", "--out", "again.csv", cwd=folder)
     change(folder / "rig.toml", '"run.csv"', '"calibration.toml"')
     rig = read_stage(folder / "rig.toml")
-    found = calibration_of(rig, "full")
+    found = rig.learnt("full")
     assert found is not None
     assert found.value("lag_s") > 20e-6
     assert says(

@@ -39,7 +39,7 @@ def load() -> None:
             "model.predict_file",
         ),
         *(
-            "reports.bearing.from_simulation",
+            "reports.simulate",
             "study.bearing.simulate",
             "compilation",
             "draft.bearing",

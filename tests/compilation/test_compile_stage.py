@@ -14,7 +14,7 @@ import pytest
 
 import anhyst
 from anhyst.cli.app import main
-from anhyst.rig.bearing.drift import Drift
+from anhyst.rig.drift import Drift
 from anhyst.rig.stage.loop import (
     Feedforward,
     StageSetup,

@@ -20,10 +20,12 @@ from anhyst.compilation.vectors import INPUTS, LEVITATION_COLUMNS
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
 from anhyst.model.file import read_model
-from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
-from anhyst.rig.bearing.scenario import DROP, Scenario, Script
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.body import BodyRig, read_bearing
+from anhyst.rig.fitting import IdentifiedMagnet
+from anhyst.rig.loop import DROP, Scenario
 from anhyst.rig.recording import Recording
 from anhyst.support.states import Command, Flag, Phase, State
 from tests.compilation.test_compile import compiles_alone_on_16_bits
@@ -153,7 +155,7 @@ def test_currents_are_words_of_the_converter(compiled: Compiled) -> None:
     assert amperes.max() <= 4.5
 
 
-def pair_rig(place: Path) -> BearingRig:
+def pair_rig(place: Path) -> BodyRig:
     """Return the bundled bearing with a second magnet and less load."""
     text = (place / "rig.toml").read_text()
     text = bearings.pair_text(text, 100.0).replace("force_N = 150.0", "force_N = 60.0")

@@ -34,22 +34,24 @@ def test_the_files_are_made_again_byte_by_byte(name: str, tmp_path: Path) -> Non
 
 
 def test_the_virtual_stack_has_a_loop_creeps_and_rings() -> None:
-    stage = read_piezo_rig(PIEZO / "rig.toml").stage
+    rig = read_piezo_rig(PIEZO / "rig.toml")
     dt = 1e-4
-    held = stage.run(np.full(40_000, 100.0), dt)
+    held = rig.motion(dt).run(np.full(40_000, 100.0))
     fast, later = held[200:1000].mean(), held[-1000:].mean()
     assert 1.005 < later / fast < 1.02
     around = held[5:60] - fast
     turns = np.flatnonzero(np.diff(np.sign(around)))
-    assert 0.5 / (np.diff(turns).mean() * dt) == pytest.approx(stage.resonance, rel=0.05)
+    assert 0.5 / (np.diff(turns).mean() * dt) == pytest.approx(
+        rig.settings.flexure.resonance_Hz, rel=0.05
+    )
     slow = 75.0 * (1.0 - np.cos(2.0 * np.pi * np.arange(2000) / 2000))
-    found = stage.run(slow, 1e-3)
+    found = rig.motion(1e-3).run(slow)
     assert found[1500] - found[500] == pytest.approx(5.2e-6, rel=0.15)
 
 
 def test_a_voltage_that_is_not_changed_leaves_the_stage_at_rest() -> None:
-    stage = read_piezo_rig(PIEZO / "rig.toml").stage
-    assert np.all(stage.run(np.zeros(10), 1e-4) == 0.0)
+    stage = read_piezo_rig(PIEZO / "rig.toml").motion(1e-4)
+    assert np.all(stage.run(np.zeros(10)) == 0.0)
 
 
 @pytest.mark.slow

@@ -13,12 +13,12 @@ import pytest
 from scipy.optimize import brentq
 
 from anhyst.data.reading import read_loops
-from anhyst.rig.bearing.drift import with_iron
-from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.bearing.plant import static_map
+from anhyst.rig.body import BodyRig, read_bearing
+from anhyst.rig.drift import with_iron
 from anhyst.rig.iron_table import SteelTable
+from anhyst.rig.measuring import measure_loops
 from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.plant import static_map
 from anhyst.support.numeric import FloatArray
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "bearing"
@@ -39,7 +39,7 @@ def example() -> ModuleType:
 
 
 @pytest.fixture(scope="module")
-def rig() -> BearingRig:
+def rig() -> BodyRig:
     return read_bearing(FOLDER / "rig.toml")
 
 
@@ -53,7 +53,7 @@ def test_the_loops_are_what_the_script_makes(example: ModuleType) -> None:
         assert (FOLDER / name).read_text() == text, f"{name}: run make_loops.py again"
 
 
-def test_the_loops_read_as_they_were_measured(rig: BearingRig) -> None:
+def test_the_loops_read_as_they_were_measured(rig: BodyRig) -> None:
     read, made = read_loops(rig.measured.places[0]), measure_loops(rig)
     assert len(read.loops) == len(made.loops) == 12
     for kept, fresh in zip(read.loops, made.loops, strict=True):
@@ -62,7 +62,7 @@ def test_the_loops_read_as_they_were_measured(rig: BearingRig) -> None:
         np.testing.assert_allclose(kept.output, fresh.output, atol=1e-4)
 
 
-def both_ways(rig: BearingRig, gap: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+def both_ways(rig: BodyRig, gap: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Current, force rising and falling, and the largest flux density, after conditioning."""
     current = np.linspace(0.0, HIGH, 401)
     path = np.concatenate([PAST, current[1:], current[::-1][1:]])
@@ -78,7 +78,7 @@ def opening(current: FloatArray, rising: FloatArray, falling: FloatArray) -> Flo
     return 100.0 * width / HIGH
 
 
-def test_the_table_of_gaps(rig: BearingRig) -> None:
+def test_the_table_of_gaps(rig: BodyRig) -> None:
     table = rows(r"^\| 0\.\d\d mm.*$")
     mechanics, measured = rig.settings.body, rig.settings.measurement.gaps_m
     wanted = sorted({*measured, rig.settings.gap_m})
@@ -96,7 +96,7 @@ def test_the_table_of_gaps(rig: BearingRig) -> None:
         assert (where == "`loops.csv`") == (gap in measured)
 
 
-def test_the_table_of_reversible_fractions(rig: BearingRig) -> None:
+def test_the_table_of_reversible_fractions(rig: BodyRig) -> None:
     table = rows(r"^\| 0\.\d\d \|.*$")
     steel, gap = rig.settings.steel, rig.settings.gap_m
     assert isinstance(steel, SteelTable)
@@ -104,7 +104,7 @@ def test_the_table_of_reversible_fractions(rig: BearingRig) -> None:
     for fraction, on, back, part, width in table:
         changed = with_iron(rig, float(fraction))
 
-        def force(*currents: float, rig: BearingRig = changed) -> float:
+        def force(*currents: float, rig: BodyRig = changed) -> float:
             path = np.array([*PAST, *currents])
             return float(static_map(rig, path, np.full(path.size, gap))[0][-1])
 
@@ -120,7 +120,7 @@ def test_the_table_of_reversible_fractions(rig: BearingRig) -> None:
     assert [float(row[3]) < 0.25 for row in table] == [False, True, False]
 
 
-def test_the_numbers_in_the_text(rig: BearingRig) -> None:
+def test_the_numbers_in_the_text(rig: BodyRig) -> None:
     settings = rig.settings
     steel = settings.steel.steel()
     assert isinstance(steel, CellSteel)

@@ -16,9 +16,11 @@ from anhyst.exchange import stage_part
 from anhyst.exchange.export import export_fmu
 from anhyst.exchange.part import Part, model_description
 from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
-from anhyst.rig.bearing.scenario import Scenario, Script
+from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.scenario import Script
 from anhyst.rig.calibration import CENTRE
+from anhyst.rig.fitting import IdentifiedMagnet
+from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording, of_magnets
 from anhyst.rig.stage.file import error_columns, read_stage, scan_direction, unit_of
 from anhyst.rig.stage.loop import (
@@ -26,9 +28,9 @@ from anhyst.rig.stage.loop import (
     demand_columns,
     fed_wrench,
     feed,
-    fly,
     make_stage,
     pose_columns,
+    stage_loop,
     track,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
@@ -518,9 +520,9 @@ def test_six_axes_lift_off_and_land_at_a_command_as_the_simulation_does_bit_for_
     setup = make_stage(rig, bearings.knowledge(), "full")
     free, still = rig.settings.body.free, np.zeros(count)
     frame, forward = np.zeros((count + 1, len(free))), fed_wrench(setup.believed, still)
-    commands = np.zeros(count, dtype=np.uint32)
-    commands[[0, up, down]] = Command.IDLE, Command.LIFT, Command.LAND
-    run = fly(setup, 0, frame[:count], frame, forward, commands)
+    scenario = Scenario(frame[:count], feed=forward, frame=frame)
+    scenario.command[[0, up, down]] = Command.IDLE, Command.LIFT, Command.LAND
+    run = stage_loop(setup).run(scenario)
     held = np.repeat([Command.IDLE, Command.LIFT, Command.LAND], [up, down - up, count - down])
     inputs = {"command": held.astype(np.float64).tolist()} | {
         f"feedforward_{axis}_N{'_m' * axis.startswith('r')}": forward[:, place].tolist()

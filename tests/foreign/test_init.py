@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from anhyst.control.controller_file import read_controller
-from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.loop import check_controller
+from anhyst.rig.body import read_bearing
 from anhyst.rig.force.file import read_rig
 from tests.cli.command import quick
 from tests.foreign.magnets import MAGNETS

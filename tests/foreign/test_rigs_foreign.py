@@ -10,7 +10,7 @@ import pytest
 
 from anhyst.data import Loops
 from anhyst.data.reading import read_loops
-from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.body import read_bearing
 from anhyst.rig.distance import along, distance, follower
 from anhyst.rig.from_loops import FittedPlant, complete_rig, fit_magnet
 from anhyst.rig.magnet_table import MagnetTable
@@ -230,7 +230,7 @@ def test_an_error_of_force_control_leaves_nothing(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
     from anhyst.model.writer import write_model
-    from anhyst.rig.bearing.make_setup import check_plant
+    from anhyst.rig.fitting import check_plant
     from anhyst.study.bearing.operating import make_ready, read_files
 
     example = ROOT / "examples" / "bearing"

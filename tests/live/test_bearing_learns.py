@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from anhyst.dashboard.verb import opened
-from anhyst.rig.bearing.drift import Drift, changed, drifted_file
-from anhyst.rig.bearing.make_setup import calibrated
 from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.drift import Drift, changed, drifted_file
+from anhyst.rig.fitting import calibrated
 from anhyst.study.prepared import PreparedBearing, block_of
 from anhyst.study.tracking.beside import BearingLearner
 from anhyst.study.tracking.learner import Learner

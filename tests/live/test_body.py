@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from anhyst.rig.bench.stage import StageVariant, bench_of
-from anhyst.rig.stage.file import StageRig, pull_rows, read_stage
+from anhyst.rig.body import BodyRig
+from anhyst.rig.stage.file import pull_rows, read_stage
 from anhyst.rig.stage.loop import Feedforward, make_stage
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, seen, state_is, until
@@ -18,7 +19,7 @@ from tests.study.test_axes import planar, three_magnets
 pytestmark = [pytest.mark.needs("chromium"), pytest.mark.slow]
 
 
-def variants(rig: StageRig) -> list[StageVariant]:
+def variants(rig: BodyRig) -> list[StageVariant]:
     setups = [make_stage(rig, bearings.knowledge(), name) for name in ("single-valued", "full")]
     return [StageVariant(one, Feedforward()) for one in setups]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from anhyst.dashboard.drift import make_curves
 from anhyst.data.reading import read_loops
-from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.body import read_bearing
 from anhyst.rig.force.file import read_rig
 from tests.study import bearings
 

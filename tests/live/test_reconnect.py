@@ -16,7 +16,6 @@ from anhyst.dashboard.recorder import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.link.plant_bus import Reading
 from anhyst.link.xcp import XcpMaster
-from anhyst.rig.bearing.board import BearingPlant
 from anhyst.rig.bench.force import StandPlant
 from anhyst.rig.bench.hardware import HardwareBench
 from anhyst.rig.force.programs import Program
@@ -28,6 +27,7 @@ from tests.live.test_hardware import HeldArmature, board, manifest, operated, pr
 from tests.live.test_recorder import numbers
 from tests.refusals import refused, says
 from tests.rig import forces
+from tests.rig.lockstep import SteppedBearing
 from tests.study import bearings
 
 __all__ = ["board", "manifest", "program"]
@@ -213,7 +213,7 @@ def test_a_controller_on_a_serial_port_is_found_again(power: Power, manifest: Ma
             operated(session)
 
 
-class WatchedBearing(BearingPlant):
+class WatchedBearing(SteppedBearing):
     """The bundled bearing, and how fast its armature moved at most."""
 
     def __init__(self) -> None:

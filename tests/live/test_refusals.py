@@ -47,7 +47,7 @@ def values(bench: Bench, seconds: float) -> dict[str, float]:
 def led(bench: Bench, way: Sequence[tuple[Command, float]]) -> dict[str, float]:
     last = values(bench, 0.1)
     for command, after in way:
-        known = command is not Command.LIFT or command in bench.commands()
+        known = command is not Command.LIFT or command in bench.commands
         bench.command(command if known else Command.RUN)
         last = values(bench, after)
     return last
@@ -66,11 +66,11 @@ def is_refused(bench: Bench, command: Command) -> bool:
 def test_what_is_greyed_is_what_the_controller_refuses(opening: Open, way: str) -> None:
     bench = opening()
     now = standing(led(bench, WAYS[way]))
-    greyed = {command for command in bench.commands() if refusal(command, now)}
+    greyed = {command for command in bench.commands if refusal(command, now)}
     refused = {command for command in greyed if is_refused(bench, command)}
     bench.close()
     assert greyed == refused
-    for command in set(bench.commands()) - greyed:
+    for command in set(bench.commands) - greyed:
         bench = opening()
         led(bench, WAYS[way])
         assert not is_refused(bench, command), command
@@ -83,13 +83,13 @@ def test_the_next_step_that_is_named_leads_back_to_run(opening: Open) -> None:
     for _ in range(200):
         if now.state is State.RUN:
             break
-        message, _, steps = next_step(bench.commands(), now).partition("press ")
+        message, _, steps = next_step(bench.commands, now).partition("press ")
         if not message:
             pressed.append(Command[steps.split(maxsplit=1)[0].strip(",").upper()])
             bench.command(pressed[-1])
         now = standing(values(bench, 0.05))
     assert now.state is State.RUN
-    assert next_step(bench.commands(), now) == ""
+    assert next_step(bench.commands, now) == ""
     bearing = [Command.CLEAR, Command.CONDITION, Command.LIFT]
-    assert pressed == (bearing if Command.LIFT in bench.commands() else [Command.RUN])
+    assert pressed == (bearing if Command.LIFT in bench.commands else [Command.RUN])
     bench.close()

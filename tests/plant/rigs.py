@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from anhyst._core import Plant
-from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.plant import make_bearing
+from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.file import RigFile
 from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles
+from anhyst.rig.plant import make_plant
 
 PATH = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
 GAP = 0.45e-3
@@ -37,7 +37,7 @@ def _example() -> RigFile:
     return read_bearing(PATH).settings
 
 
-def rig(changes: dict[str, Any] | None = None, pair: bool = False) -> BearingRig:
+def rig(changes: dict[str, Any] | None = None, pair: bool = False) -> BodyRig:
     """Return the example's rig with other values, by the names of its attributes.
 
     A pair has a second magnet on the other side, as far from the armature at `GAP`.
@@ -47,11 +47,11 @@ def rig(changes: dict[str, Any] | None = None, pair: bool = False) -> BearingRig
         second = LikeTable(name="opposite", like="magnet", direction=OPENS, gap_m=GAP)
         file = file.changed({"magnets": [file.magnet, second], "control.bias_N": 100.0})
     file = file.changed(changes or {})
-    return BearingRig(PATH, RigFile.model_validate(file.model_dump(by_alias=True)))
+    return BodyRig(PATH, RigFile.model_validate(file.model_dump(by_alias=True)))
 
 
 def bearing(changes: dict[str, Any] | None = None, seed: int = 0, pair: bool = False) -> Plant:
-    return make_bearing(rig(changes, pair), seed)
+    return make_plant(rig(changes, pair), seed)
 
 
 def example_steel() -> CellSteel:

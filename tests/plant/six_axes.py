@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from anhyst._core import Plant
-from anhyst.rig.bearing.plant import plant_numbers
 from anhyst.rig.parts.magnet import iron_magnet
+from anhyst.rig.plant import plant_numbers
 from anhyst.support.numeric import FloatArray
 from tests.plant.rigs import GAP, OPEN_LOOP, example_poles, example_steel, rig
 

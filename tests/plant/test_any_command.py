@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anhyst.rig.bearing.plant import STOP_RESONANCE
+from anhyst.rig.plant import STOP_RESONANCE
 from tests.plant.oracle import Ledger, Shape, middles
 from tests.plant.rigs import OPEN_LOOP, bearing, example_steel
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from anhyst._core import Coil, Magnet
-from anhyst.rig.bearing.plant import make_bearing
 from anhyst.rig.parts.magnet import flux_table_of, iron_magnet, law_magnet
+from anhyst.rig.plant import make_plant
 from anhyst.support.numeric import FloatArray
 from tests.actuators import GAPS
 from tests.actuators import magnet as model
@@ -128,7 +128,7 @@ CASES = {
 def run(case: Case, substeps: int, lift: float) -> FloatArray:
     """Return gap, velocity, force and current at each tick of 3 ms of moving commands."""
     changes = OPEN_LOOP | {"timing.delay_ticks": 1.0, "body.gravity_m_per_s2": lift}
-    plant = make_bearing(
+    plant = make_plant(
         rig(changes | case.changes | {"timing.substeps": substeps}), 0, *case.magnets
     )
     plant.place([GAP], [0.0])
@@ -143,7 +143,7 @@ def run(case: Case, substeps: int, lift: float) -> FloatArray:
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
 def test_the_whole_bearing_is_of_second_order(case: Case) -> None:
-    plant = make_bearing(rig(OPEN_LOOP | case.changes), 0, *case.magnets)
+    plant = make_plant(rig(OPEN_LOOP | case.changes), 0, *case.magnets)
     plant.place([GAP], [0.0])
     plant.hold(case.current, 0)
     lift = plant.force / 2.0

@@ -10,23 +10,28 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.control.controller_file import ControllerTable, read_controller
-from anhyst.reports.bearing import SimulationSubject
-from anhyst.reports.bearing.over_frequency import Response
-from anhyst.reports.bearing.over_runs import (
-    BenefitCell,
-    GainsPoint,
-    TuningPicture,
-)
-from anhyst.reports.bearing.over_time import LoopCurve, StepPanel
-from anhyst.reports.bearing.subject import FigureTable, Tracking, grouped
-from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.scenario import ReferenceStep
+from anhyst.reports.bearing.figures import LoopCurve, Response, StepPanel
+from anhyst.reports.bearing.subject import SimulationSubject, Tracking
+from anhyst.reports.tuning import GainsPoint, TuningPicture
+from anhyst.rig.body import BodyRig, read_bearing
+from anhyst.rig.loop import ReferenceStep
 from anhyst.rig.recording import COLUMNS, Recording
+from anhyst.study.bearing.benefit import (
+    MEASURES,
+    Benefit,
+    Comparison,
+    IronFigures,
+    MapCell,
+    Measure,
+)
+from anhyst.study.bearing.experiments import ExperimentFigures, Experiments
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.responses import StepCell
-from anhyst.study.engine.verdict import Interval, no_mean
+from anhyst.study.bearing.verdict import grouped
+from anhyst.study.engine.verdict import Interval, Quotient
+from anhyst.study.tuning.aims import TITLES
 from anhyst.support.kinds import MethodName
-from anhyst.support.page import Items, Note
+from anhyst.support.page import Note
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 SHOWN: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
@@ -41,7 +46,7 @@ NOISE = 0.5
 
 
 @cache
-def rig() -> BearingRig:
+def rig() -> BodyRig:
     """The bundled bearing."""
     return read_bearing(EXAMPLE / "rig.toml")
 
@@ -78,11 +83,11 @@ def response(overshoot: float, seed: int) -> Recording:
 def cells() -> list[StepCell]:
     return [
         StepCell(
-            name,
-            GAP,
-            height,
-            150.0,
-            {
+            variant=name,
+            gap=GAP,
+            height=height,
+            load=150.0,
+            figures={
                 "overshoot_percent": Interval(*OVERSHOOT[name][place], 20),
                 "noise_percent": Interval(NOISE, 0.05, 20),
                 "settling_in_noise_s": Interval(6.25e-3, 0.1e-3, 20),
@@ -107,29 +112,60 @@ def runs() -> dict[MethodName, Recording]:
     return {name: response(OVERSHOOT[name][0][0], place) for place, name in enumerate(SHOWN)}
 
 
+def tried(lost: int, rest: Interval | None) -> ExperimentFigures:
+    return ExperimentFigures(
+        figures={} if rest is None else {"rms_m": rest, "mean_error_m": rest},
+        lost=lost,
+        runs=20,
+        cycles=None if lost else (),
+    )
+
+
+def tuning() -> TuningPicture:
+    """What a tuning may choose from."""
+    chosen = GainsPoint("full", 5.5e-3, 2.125, kept=True)
+    others = (
+        GainsPoint("full", 4e-3, 3.5, kept=True),
+        GainsPoint("full", math.inf, 1.2, kept=False),
+    )
+    return TuningPicture((chosen, *others), {"full": chosen}, 6e-3, 3.0, TITLES["settling_time_s"])
+
+
+def gains() -> Benefit:
+    """A map of two irons and two heights: nearly nothing is left of ratio, most of the strongest."""
+    irons = (
+        IronFigures(1.0, 0.05, 0.02, None, 0.1, "pathological"),
+        IronFigures(2.0, 0.15, 0.05, None, 0.5, "regular"),
+    )
+    cells = tuple(
+        MapCell(
+            iron=iron,
+            height=height,
+            figures={},
+            standstill={},
+            strongest=compared("single-valued", 0.9 + more, certain=False),
+            ratio=compared("ratio", 0.3 + more, certain=True),
+            flux={},
+        )
+        for iron, more in zip(irons, (0.0, 0.08), strict=True)
+        for height in (10e-6, 50e-6)
+    )
+    return Benefit("rig", "controller", GAP, 150.0, 20, cells)
+
+
+def compared(baseline: MethodName, ratio: float, *, certain: bool) -> dict[Measure, Comparison]:
+    gain = certain or ratio < 0.95
+    difference = Interval(1.0, 0.1 if gain else 2.0, 20)
+    one = Comparison(baseline, Quotient(ratio, 0.5 * ratio, 2.0 * ratio), difference)
+    return dict.fromkeys(MEASURES, one)
+
+
 @cache
 def subject() -> SimulationSubject:
     """Everything that a report can hold."""
     step = ReferenceStep(BEGIN, 800, GAP + HEIGHT / 2, GAP - HEIGHT / 2)
     overshoot = {name: Interval(*OVERSHOOT[name][0], 20) for name in SHOWN}
     current = np.concatenate([np.linspace(0.0, 4.0, 40), np.linspace(4.0, 0.0, 40)])
-    benefit = tuple(
-        BenefitCell(
-            "overshoot", against, baseline, width, share, share < 0.1, height, ratio, outcome
-        )
-        for against, baseline, base in (
-            ("ratio", "ratio", 0.3),
-            ("the strongest", "single-valued", 0.9),
-        )
-        for width, share, ratio in ((0.02, 0.05, base), (0.05, 0.15, base + 0.08))
-        for height in (10e-6, 50e-6)
-        for outcome in (("gain" if ratio < 0.95 else "no gain"),)
-    )
-    chosen = GainsPoint("full", 5.5e-3, 2.125, kept=True)
-    others = (
-        GainsPoint("full", 4e-3, 3.5, kept=True),
-        GainsPoint("full", math.inf, 1.2, kept=False),
-    )
     margins = Margins(True, 0.31, 3.7, 41.5, 1.2e-4, 392.0, 1.82, 650.0)
     return SimulationSubject(
         rig=rig(),
@@ -149,19 +185,15 @@ def subject() -> SimulationSubject:
         linear_sensitivity={"full": lag(700.0, 1.5)},
         loop_gain={"full": lag(90.0, 40.0)},
         margins={"full": margins},
-        tables={
-            "standstill": (
-                FigureTable(
-                    "Standstill <rms>",
-                    "nm",
-                    1e9,
-                    {"still": {"full": Interval(14.25e-9, 5e-10, 20), "ratio": no_mean(3, 20)}},
-                ),
-            )
-        },
-        blocks={"tuning": (Items("What limits", ("The encoder of 50 nm limits.",)),)},
-        benefit=benefit,
-        tuning=TuningPicture((chosen, *others), {"full": chosen}, 6e-3, 3.0),
+        experiments=Experiments(
+            {
+                "full": tried(0, Interval(14.25e-9, 5e-10, 20)),
+                "ratio": tried(3, None),
+            },
+            (),
+            (),
+            {},
+        ),
         notes=(Note("warn", "Note", "noise <b>was</b> added"),),
         files={"rig.toml": "ab" * 32},
         command="anhyst simulate rig.toml --out run.csv",

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.reports.bearing import SimulationSubject
-from anhyst.rig.bearing.file import BearingRig
+from anhyst.reports.bearing.subject import SimulationSubject
+from anhyst.rig.body import BodyRig
 from tests.reports import bearing_reports
 
 
 @pytest.fixture(scope="module", name="rig")
-def _rig() -> BearingRig:
+def _rig() -> BodyRig:
     return bearing_reports.rig()
 
 

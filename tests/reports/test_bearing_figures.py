@@ -15,31 +15,27 @@ from matplotlib.figure import Figure
 
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
 from anhyst.data.loops import Loop, Loops
-from anhyst.reports.bearing import SimulationSubject
+from anhyst.reports.bearing.benefit import figure_benefit
 from anhyst.reports.bearing.block_diagram import figure_structure
-from anhyst.reports.bearing.look import COLOURS, DASHES, MOST_POINTS, thinned
-from anhyst.reports.bearing.over_frequency import figure_sensitivity
-from anhyst.reports.bearing.over_runs import (
-    GainsPoint,
-    Outcome,
-    Spread,
-    figure_benefit,
-    figure_drift,
-    figure_pareto,
-    pareto_front,
-)
-from anhyst.reports.bearing.over_time import (
+from anhyst.reports.bearing.figures import (
     LoopCurve,
     figure_force_current,
     figure_forces,
+    figure_sensitivity,
     figure_steps,
     nearest_loops,
 )
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.file import BearingRig
+from anhyst.reports.bearing.subject import SimulationSubject
+from anhyst.reports.plants import Spread, figure_drift
+from anhyst.reports.study.look import COLOURS, DASHES, MOST_POINTS, thinned
+from anhyst.reports.tuning import GainsPoint, figure_pareto, pareto_front
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed
 from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.recording import Recording
 from anhyst.rig.tables import DisturbanceTable
+from anhyst.study.bearing.benefit import Comparison, Measure
+from anhyst.study.engine.verdict import Interval
 from anhyst.support.kinds import MethodName
 from anhyst.support.units import QUANTITIES
 from tests.reports import bearing_reports
@@ -61,7 +57,7 @@ def texts_of(figure: Figure) -> list[str]:
 
 
 def test_the_diagram_holds_the_numbers_of_the_files(
-    rig: BearingRig, controller: ControllerTable
+    rig: BodyRig, controller: ControllerTable
 ) -> None:
     reported = texts_of(figure_structure(rig, controller))
     gains = controller.pidd2_gains()
@@ -76,7 +72,7 @@ def test_the_diagram_holds_the_numbers_of_the_files(
     assert "mass 3.5 kg" in texts_of(figure_structure(heavier, controller))
 
 
-def fullest(rig: BearingRig) -> BearingRig:
+def fullest(rig: BodyRig) -> BodyRig:
     """A rig in which every block has as much to say as it can."""
     second = LikeTable(name="opposite", like="magnet", direction=OPENS, gap_m=0.45e-3)
     changes = {
@@ -119,7 +115,7 @@ def tuned(controller: ControllerTable) -> ControllerTable:
     ],
 )
 def test_no_text_of_the_diagram_leaves_its_box_or_meets_another(
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerTable,
     variant: MethodName,
     full: bool,
@@ -263,15 +259,15 @@ def test_sensitivities_beyond_the_figure_widen_it() -> None:
     assert ax.get_ylim()[1] > 20.0 * math.log10(40.0)
 
 
-def test_cells_without_a_certain_gain_are_hatched(subject: SimulationSubject) -> None:
-    figure = figure_benefit(subject.benefit, "full")
+def test_cells_without_a_certain_gain_are_hatched() -> None:
+    figure = figure_benefit(bearing_reports.gains(), "overshoot_percent")
     maps = [ax for ax in figure.axes if ax.get_title(loc="left")]
     hatched = {ax.get_title(loc="left"): len(ax.patches) for ax in maps}
     assert hatched == {
         "10 µm, against ratio": 0,
         "50 µm, against ratio": 0,
-        "10 µm, against the strongest": 1,
-        "50 µm, against the strongest": 1,
+        "10 µm, against the strongest baseline": 1,
+        "50 µm, against the strongest baseline": 1,
     }
     for ax in maps:
         (squares,) = ax.collections
@@ -281,13 +277,22 @@ def test_cells_without_a_certain_gain_are_hatched(subject: SimulationSubject) ->
     )
 
 
-def test_every_outcome_but_a_gain_has_a_hatch_of_its_own(subject: SimulationSubject) -> None:
-    outcomes: tuple[Outcome, ...] = ("gain", "no gain", "nothing to gain", "loss")
-    cells = [
-        replace(subject.benefit[0], reversible=0.1 * place, outcome=outcome)
-        for place, outcome in enumerate(outcomes)
-    ]
-    figure = figure_benefit(cells, "full")
+def test_every_outcome_but_a_gain_has_a_hatch_of_its_own() -> None:
+    outcomes = {"gain": (1.0, 0.1), "no gain": (0.0, 1.0), "nothing to gain": (0.0, 0.1),
+                "loss": (-1.0, 0.1)}  # fmt: skip
+    found = bearing_reports.gains()
+    cells = []
+    for place, (outcome, difference) in enumerate(outcomes.items()):
+        comparison = replace(
+            found.cells[0].ratio["overshoot_percent"],
+            difference=Interval(*difference, 20),
+            small=outcome == "nothing to gain",
+        )
+        assert comparison.outcome == outcome
+        iron = replace(found.cells[0].iron, reversible_fraction=0.1 * place)
+        ratio: Mapping[Measure, Comparison] = {"overshoot_percent": comparison}
+        cells.append(replace(found.cells[0], iron=iron, ratio=ratio, strongest={}))
+    figure = figure_benefit(replace(found, cells=tuple(cells)), "overshoot_percent")
     (ax,) = (ax for ax in figure.axes if ax.get_title(loc="left"))
     hatches = {patch.get_hatch() for patch in ax.patches}
     assert len(hatches) == len(ax.patches) == 3
@@ -313,11 +318,8 @@ def test_nothing_on_the_front_is_beaten() -> None:
     assert {id(one) for one in front} == {id(one) for one in tried} - {id(one) for one in beaten}
 
 
-def test_the_pareto_picture_shows_what_was_chosen_and_leaves_out_what_never_settles(
-    subject: SimulationSubject,
-) -> None:
-    assert subject.tuning is not None
-    (ax,) = figure_pareto(subject.tuning).axes
+def test_the_pareto_picture_shows_what_was_chosen_and_leaves_out_what_never_settles() -> None:
+    (ax,) = figure_pareto(bearing_reports.tuning()).axes
     labels = [str(line.get_label()) for line in ax.lines]
     assert "chosen, full: 5.50 ms, peak 2.12" in labels
     assert sum(np.asarray(points.get_offsets()).shape[0] for points in ax.collections) == 2

@@ -13,10 +13,9 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.compensate.methods import BASELINES
 from anhyst.control.controller_file import read_controller
-from anhyst.reports.bearing.from_simulation import subject_of_benefit
-from anhyst.reports.bearing.look import interval_text
-from anhyst.reports.bearing.page import render
-from anhyst.rig.bearing.file import read_bearing
+from anhyst.reports.bearing.benefit import render_benefit
+from anhyst.reports.study.look import interval_text
+from anhyst.rig.body import read_bearing
 from anhyst.study.bearing.benefit import benefit
 from anhyst.study.engine.verdict import Interval
 from anhyst.support.page import number
@@ -135,7 +134,7 @@ def test_the_map_of_benefit_is_reported_cell_by_cell(small: Path) -> None:
     rig = read_bearing(small / "rig.toml")
     controller = read_controller(small / "controller.toml")
     found = benefit(rig, controller, scales=(1.0,), fractions=(0.05, 0.3), jobs=1)
-    page = Page(render(subject_of_benefit(rig, controller, found, "anhyst simulate")))
+    page = Page(render_benefit(rig, controller, found, "anhyst simulate"))
     assert page.sections() == ["structure", "benefit", "origin"]
     for measure, title in (
         ("overshoot_percent", "Overshoot"),

@@ -12,11 +12,12 @@ import pytest
 
 from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.loop import Setup, lost_at
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.make_setup import make_setup
-from anhyst.rig.bearing.plant import flux_table
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed
+from anhyst.rig.loop import Scenario
+from anhyst.rig.plant import flux_table
 from anhyst.rig.recording import HOVER, READY, Recording
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.study.bearing.operating import find_operating_point
@@ -30,7 +31,7 @@ FULL = bearings.single
 
 
 def levitate(
-    rig: BearingRig, seconds: float = 0.3, setup: Setup | None = None
+    rig: BodyRig, seconds: float = 0.3, setup: Setup | None = None
 ) -> tuple[Recording, Recording]:
     """Lift, hold, step up, land; return the levitating plant and what holds its position."""
     setup = setup or Setup(rig, FULL().controller, FULL().compensator)
@@ -163,7 +164,7 @@ def test_a_rendered_load_pushes_back() -> None:
 
 
 @pytest.fixture
-def law(tmp_path: Path) -> BearingRig:
+def law(tmp_path: Path) -> BodyRig:
     """A magnet whose force the model identified from the example makes."""
     write_model(bearings.knowledge().model, tmp_path / "model.toml")
     table = flux_table(bearings.example())
@@ -174,7 +175,7 @@ def law(tmp_path: Path) -> BearingRig:
     return replace(rig, path=tmp_path / "rig.toml")
 
 
-def with_table(rig: BearingRig) -> BearingRig:
+def with_table(rig: BodyRig) -> BodyRig:
     return changed(rig, {"magnet.flux_table": "flux.csv", "magnet.iron": None, "irons": []})
 
 
@@ -183,7 +184,7 @@ def with_table(rig: BearingRig) -> BearingRig:
     "change", [pytest.param(lambda rig: rig, id="made"), pytest.param(with_table, id="measured")]
 )
 def test_an_identified_law_makes_the_force(
-    law: BearingRig, change: Callable[[BearingRig], BearingRig]
+    law: BodyRig, change: Callable[[BodyRig], BodyRig]
 ) -> None:
     """The controller meets its own model as the truth: the demand is the force then.
 
@@ -206,7 +207,22 @@ def test_an_identified_law_makes_the_force(
     assert recording["flux_Wb"].max() > 0.01
 
 
-def test_a_measured_flux_table_is_the_one_it_was_made_from(law: BearingRig) -> None:
+def test_a_measured_flux_table_is_the_one_it_was_made_from(law: BodyRig) -> None:
     made, measured = levitate(law)[0], levitate(with_table(law))[0]
     assert np.abs(made["gap_m"] - measured["gap_m"]).max() < 1e-6
     assert np.abs(made["flux_Wb"] - measured["flux_Wb"]).max() < 1e-4
+
+
+def test_a_scenario_in_parts_leads_to_where_the_whole_one_does() -> None:
+    """What it leaves out is nothing at every tick; a frame has a row more than each part has ticks."""
+    setup, rng = bearings.single(), np.random.default_rng(1)
+    target = np.full(400, GAP)
+    load, frame = rng.normal(size=400), 1e-6 * np.cumsum(rng.normal(size=401))
+    whole = Scenario(target, load, frame=frame)
+    wanted = SimulatedLoop(setup).run(whole)
+    silent = replace(whole, feed=np.zeros(400), command=np.zeros(400, dtype=np.uint32))
+    assert np.array_equal(SimulatedLoop(setup).run(silent).table, wanted.table)
+    loop = SimulatedLoop(setup)
+    parts = [loop.run(whole.part(begin, begin + 100)) for begin in range(0, 400, 100)]
+    assert np.array_equal(Recording.joined(parts).table, wanted.table)
+    assert np.ptp(wanted["gap_m"]) > 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
@@ -10,16 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.link.client import Refused
+from anhyst.link.client import ControllerLink, Refused
+from anhyst.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
 from anhyst.link.plant_bus import Q31
-from anhyst.rig.bearing.board import BearingPlant, firmware_run
+from anhyst.link.process import run_library
 from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.scenario import Scenario, Script, land_time
+from anhyst.rig.bearing.scenario import Script, land_time
 from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.loop import Scenario
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, Phase, State
 from tests.refusals import refused
+from tests.rig.lockstep import SteppedBearing
 from tests.study import bearings
 from tests.study.bearings import GAP
 
@@ -75,6 +79,27 @@ def follow(bench: BearingBench, scenario: Scenario, pieces: np.random.Generator)
     return np.concatenate(rows)
 
 
+def stepped(setup: Setup, firmware: Path, scenario: Scenario) -> FloatArray:
+    """Return gap, speed, both currents, state and fault of a scenario, tick by tick in Python."""
+    plant, rows, goal = SteppedBearing(setup), [], None
+    full = position_control(setup).settings("fixed")
+    with run_library(firmware, plant) as running, ControllerLink(running.link) as link:
+        for n in range(scenario.ticks):
+            if command := Command(int(scenario.command[n])):
+                link.command(command)
+            part = (full["gap_middle"] - scenario.target[n]) / full["position_full"]
+            if goal != (goal := math.floor(part * Q31 + 0.5)):
+                link.request(TargetRequest(goal), StatusAnswer)
+            if n % 800 == 0:
+                link.status()
+            plant.load = float(scenario.load[n])
+            running.bus.step()
+            of_plant = plant.bearing.gap, plant.bearing.velocity
+            drives = [drive * full["current_full"] for drive in running.bus.drives]
+            rows.append((*of_plant, *drives, running.bus.state, running.bus.fault))
+    return np.array(rows)
+
+
 def check_same_bits(setup: Setup, firmware: Path) -> None:
     """Hold a run on the bench, in pieces, to the same run tick by tick in Python."""
     load = setup.rig.settings.load.force_N
@@ -82,16 +107,20 @@ def check_same_bits(setup: Setup, firmware: Path) -> None:
     script.command(Command.LIFT).hold(0.15).step(GAP - 20e-6, 0.03).set_load(load + 20.0)
     scenario = script.hold(0.02).step(GAP, 0.02).command(Command.LAND).hold(0.024).build()
     assert scenario.ticks >= TICKS
-    with firmware_run(firmware, BearingPlant(setup), "library") as running:
-        wanted = running.run(scenario)
+    wanted = stepped(setup, firmware, scenario)
     bench = BearingBench(setup, firmware)
     rows = follow(bench, scenario, np.random.default_rng(1))
     bench.close()
     assert (rows[:, 0] == np.arange(1, scenario.ticks + 1)).all()
     names = ("gap", "velocity", "command", "command_2", "state", "fault")
     found = np.column_stack([column(bench, rows, name) for name in names])
-    assert (found == wanted[:, 1:]).all()
+    assert (found == wanted).all()
     assert State.RUN in found[:, 4]
+    with closing(BearingBench(setup, firmware, board="library")) as tapped:
+        run = tapped.run(scenario)
+    columns = [column(bench, rows, name) for name in ("command", "force", "expected", "flags")]
+    in_run = ("command_A", "force_N", "expected_N", "flags")
+    assert np.array_equal(columns, [run[name] for name in in_run])
 
 
 def test_a_bench_gives_what_the_lock_step_run_gives(firmware: Path) -> None:
@@ -322,3 +351,15 @@ def test_a_firmware_that_ends_is_said_with_the_tick(bench: BearingBench) -> None
     bench.close()
     with refused("no-answer: tick 11"):
         bench.advance(5)
+
+
+def test_a_board_that_hangs_up_is_said_with_the_tick(firmware: Path) -> None:
+    with closing(BearingBench(bearings.single(), firmware, board="library")) as bench:
+        bench.advance(10)
+
+        def hangs_up(sample: PlantSample) -> PlantDrive:
+            raise ConnectionError(f"it hung up at tick {sample.tick}")
+
+        bench.tap.exchange = hangs_up
+        with refused("no-answer: tick 11"):
+            bench.advance(5)

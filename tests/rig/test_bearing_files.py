@@ -20,10 +20,11 @@ from anhyst.control.controller_file import (
 )
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.file import check_load, check_rate, read_bearing, step_ends
 from anhyst.rig.bearing.loop import check_controller
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
-from anhyst.rig.bearing.plant import check_flux_range, read_flux_table
+from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.body import check_load, check_rate, read_bearing, step_ends
+from anhyst.rig.fitting import IdentifiedMagnet
+from anhyst.rig.plant import check_flux_range, read_flux_table
 from anhyst.support.errors import InputError
 from tests.refusals import refused
 from tests.study import bearings

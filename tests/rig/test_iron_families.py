@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from anhyst.data.verdict import judge
-from anhyst.rig.bearing.drift import Drift, changed, drifted_file, with_iron
-from anhyst.rig.bearing.file import read_bearing
-from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.bearing.plant import make_bearing
+from anhyst.rig.body import read_bearing
+from anhyst.rig.drift import Drift, changed, drifted_file, with_iron
 from anhyst.rig.force.file import read_rig
+from anhyst.rig.measuring import measure_loops
 from anhyst.rig.parts.solenoid import Solenoid
+from anhyst.rig.plant import make_plant
 from tests.plant.irons import FOLDER, STEELS
 from tests.refusals import refused
 
@@ -58,7 +58,7 @@ def solenoid(tmp_path: Path) -> Path:
 def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, name: str) -> None:
     rig = read_bearing(with_keys(bearing, keys_of(name)))
     assert rig.settings.steel.steel() == STEELS[name]
-    plant = make_bearing(changed(rig, {"body.mass_kg": 1e200}), 0)  # welded in place
+    plant = make_plant(changed(rig, {"body.mass_kg": 1e200}), 0)  # welded in place
     plant.place([0.45e-3], [0.0])
     plant.hold(2.5, 0)
     rising = plant.force

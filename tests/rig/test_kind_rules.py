@@ -364,7 +364,7 @@ def test_loops_and_instruments_of_what_goes_both_ways_go_both_ways(
     (tmp_path / "loops.csv").write_text((EXAMPLES / "planar" / "loops.csv").read_text("utf-8"))
     read(tmp_path, pushing)
     rig = read_stage(tmp_path / "rig.toml")
-    specimen = bearing_specimen(rig.bearing)
+    specimen = bearing_specimen(rig)
     assert specimen.current == Bound(1.5, "amplifier.current_low_A")
     assert specimen.force == Bound(9.5, "force_sensor.low_N")
     with refused("columns-missing"):

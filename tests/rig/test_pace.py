@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.rig.bench.pace import BEHIND_S, PacedBench
-from anhyst.rig.bench.protocol import Aim, Parameter, Signal, Subscription
+from anhyst.rig.bench.protocol import Aim, Bench, Parameter, Signal, Subscription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
@@ -19,21 +19,18 @@ from tests.refusals import refused
 RATE = 20000.0
 
 
-class Counter:
+class Counter(Bench):
     """A bench without physics: what was demanded, at every tick; each costs some time."""
 
     signals: tuple[Signal, ...] = tuple(
         Signal(name, "", "as given") for name in ("demand", "a", "b")
     )
     aim = Aim("demand", "demand", "", -1.0, 1.0, 0.0)
-    load_most = 0.0
-    keeps_time = False
-    every = 1
-    lost = ""
+    commands = ()
+    tick = 0
 
     def __init__(self, rate: float = RATE, cost: float = 0.0) -> None:
         self.rate = rate
-        self.tick = 0
         self.cost = cost
         self.ends = 0
         self._values = {"demand": 0.0, "a": 0.0, "b": 0.0}
@@ -49,9 +46,6 @@ class Counter:
     def command(self, command: Command) -> None:
         raise InputError(f"refused {command.name}", code="refused")
 
-    def commands(self) -> tuple[Command, ...]:
-        return ()
-
     def demand(self, value: float) -> None:
         self._values["demand"] = value
 
@@ -64,9 +58,6 @@ class Counter:
     def apply(self, values: Mapping[str, float]) -> int:
         self._values |= values
         return self.tick + 1
-
-    def news(self) -> tuple[str, ...]:
-        return ()
 
     def close(self) -> None:
         pass

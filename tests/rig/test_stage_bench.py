@@ -277,7 +277,7 @@ def test_a_body_that_is_at_rest_stays_there_and_is_braked_from_any_speed(axes: S
 def test_a_body_of_several_coordinates_that_is_lost_lies_without_current_until_cleared(
     axes: StageBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stage, "axes_loss", lambda *_: Loss(30, "an end stop was reached"))
+    monkeypatch.setattr(stage, "stage_loss", lambda *_: Loss(30, "an end stop was reached"))
     rows = axes.advance(200)
     assert len(rows) == 200
     assert set(column(axes, rows, "state")[31:]) == {float(State.FAULT)}

@@ -17,14 +17,16 @@ from anhyst.control.controller_file import (
     read_controller,
     write_controller,
 )
-from anhyst.rig.bearing.drift import Drift, changed, drifted_file, with_iron
-from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.bearing.scenario import Scenario, Script
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.case_table import LoadCase
+from anhyst.rig.drift import Drift, changed, drifted_file, with_iron
+from anhyst.rig.fitting import IdentifiedMagnet
+from anhyst.rig.loop import Scenario
 from anhyst.rig.magnet_table import OPENS, LikeTable
+from anhyst.rig.measuring import measure_loops
 from anhyst.rig.recording import HOVER, Recording
 from anhyst.rig.sensor_table import FluxSensorTable, GapSensorTable
 from anhyst.study.bearing.on_board import build_firmware
@@ -40,7 +42,7 @@ TOTAL = 2.0 * GAP
 
 
 @cache
-def example() -> BearingRig:
+def example() -> BodyRig:
     return read_bearing(EXAMPLE / "rig.toml")
 
 
@@ -87,7 +89,7 @@ def firmware(factory: pytest.TempPathFactory, board: str = "library") -> Path:
 
 
 @cache
-def pair_rig() -> BearingRig:
+def pair_rig() -> BodyRig:
     rig = changed(example(), {"control.bias_N": 75.0, "load.force_N": 0.0})
     file = rig.settings
     second = LikeTable(name="opposite", like="magnet", direction=OPENS, gap_m=TOTAL - GAP)
@@ -110,7 +112,7 @@ def pair_text(text: str, bias: float, second_gap: float = GAP) -> str:
     return text
 
 
-def without_probe(rig: BearingRig) -> BearingRig:
+def without_probe(rig: BodyRig) -> BodyRig:
     """The same without the Hall probe."""
     sensors = [one for one in rig.settings.sensors if not isinstance(one, FluxSensorTable)]
     return replace(rig, settings=rig.settings.model_copy(update={"sensors": sensors}))
@@ -175,6 +177,6 @@ def hovers_from(recording: Recording) -> int | None:
     return int(np.argmax(hovering)) if hovering.any() else None
 
 
-def drifted(rig: BearingRig, drift: Drift) -> BearingRig:
+def drifted(rig: BodyRig, drift: Drift) -> BodyRig:
     """Return a rig that has drifted; an identified law stays."""
     return replace(rig, settings=drifted_file(rig.settings, drift))

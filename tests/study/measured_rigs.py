@@ -12,12 +12,11 @@ from anhyst.data import Loops
 from anhyst.data.history import History
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.file import read_bearing
-from anhyst.rig.bearing.measuring import HeldBearing
+from anhyst.rig.body import read_bearing
 from anhyst.rig.force.bench import HeldActuator
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.measurement_table import MeasurementTable
-from anhyst.rig.measuring import HeldRig, measure_place, straight
+from anhyst.rig.measuring import HeldBearing, HeldRig, measure_place, straight
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.rig.test_iron_families import EXAMPLES, keys_of, with_keys

@@ -7,9 +7,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from anhyst.rig.bearing.drift import Drift
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import Drift
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.rig.tables import FrameTable
@@ -32,7 +33,7 @@ WRONG = Drift(
 """A plant that is off in everything."""
 
 
-def stage(substeps: int = 8, stray_m: float | None = None, **control: Any) -> StageRig:
+def stage(substeps: int = 8, stray_m: float | None = None, **control: Any) -> BodyRig:
     """Return the example with other sub-steps, another stray, other keys of [control]."""
     rig = read_stage(EXAMPLE / "rig.toml")
     file = rig.settings
@@ -51,7 +52,7 @@ def setup(method: MethodName, substeps: int = 8, **changes: Any) -> StageSetup:
     return make_stage(stage(substeps, **changes), bearings.knowledge(), method)
 
 
-def unseen(rig: StageRig) -> SetPoint:
+def unseen(rig: BodyRig) -> SetPoint:
     """SetPoint on which nothing was tuned."""
     return motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
 

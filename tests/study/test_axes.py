@@ -10,20 +10,22 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from anhyst.reports.tracking import write_tracking_report
+from anhyst.reports.tracking import render
+from anhyst.rig.body import BodyRig
+from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.stage import loop
-from anhyst.rig.stage.file import StageRig, read_stage, scan_direction
+from anhyst.rig.stage.file import read_stage, scan_direction
 from anhyst.rig.stage.loop import (
     Feedforward,
-    axes_recorded,
     axes_rows,
     fed_wrench,
     feed,
-    fly,
     make_stage,
     of_axes,
     pose_columns,
+    recorded,
+    stage_loop,
     track,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, ticks_of
@@ -38,7 +40,7 @@ PLANAR = (EXAMPLES / "planar" / "rig.toml").read_text()
 
 
 @cache
-def planar() -> StageRig:
+def planar() -> BodyRig:
     """Return the example with the iron that is known without a search, where nothing is lost."""
     rig = read_stage(EXAMPLES / "planar" / "rig.toml")
     changes = {"irons": list(stages.stage().settings.irons), "cases": [rig.settings.scan]}
@@ -103,7 +105,7 @@ def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> No
         assert np.abs(wide[name] - narrow[name]).max() < most
 
 
-def on_the_ground(rig: StageRig, **beam: float) -> StageRig:
+def on_the_ground(rig: BodyRig, **beam: float) -> BodyRig:
     """Return a stage whose heads stand, without noise."""
     file = rig.settings
     for one in file.position_sensors:
@@ -120,7 +122,8 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
     n, along = ticks_of(rig, motion), scan_direction(file)
     reference = np.outer(motion.at(instants(rig, n + 1))[0], along)
     wrench = fed_wrench(rig, feed(setup, motion, Feedforward()))
-    flown = fly(setup, 0, reference[:n], reference, wrench)
+    scenario = Scenario(reference[:n], feed=wrench, frame=reference)
+    flown = stage_loop(setup).run(scenario)
     pose = np.column_stack([flown[name] for name in of_axes("pose", file.body.free)])
     pose += reference[:n]
     turned = Rotation.from_rotvec(pose[:, 3:])
@@ -133,7 +136,7 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
         way = np.sum((pose[:, :3] + turned.apply(one.position_m) - one.position_m) * normal, axis=1)
         read = flown[column("gap_read", "m", number)]
         assert read == pytest.approx(way / (normal @ one.direction), abs=2e-11)
-    seen = axes_recorded(rig, flown, reference, reference)
+    seen = recorded(rig, flown, scenario)
     read = np.column_stack([seen[name] for name in pose_columns(file.body.free)])
     assert read == pytest.approx(pose, abs=1e-10)
     # z is held as if they rode along; a controller that does not know takes a turn for height
@@ -248,15 +251,13 @@ def test_a_new_body_is_a_file(tmp_path: Path) -> None:
     assert own.of("peak_m").mean < 0.5 * plain.of("peak_m").mean
     shown = own.shown
     assert {"error_x_m", "error_y_m", "current_3_A"} <= set(shown.columns)
-    assert own.cross_talk("x").mean < 1e-6
-    variants = study.figures["variants"]
-    assert variants["full"]["cross_talk"]["x_m"]["mean"] == own.cross_talk("x").mean
+    assert own.of("x_m").mean < 1e-6
+    variants = study.as_dict()["variants"]
+    assert variants["full"]["cross_talk"]["x_m"]["mean"] == own.of("x_m").mean
     at_rest = variants["full"]["standstill_rms"]
     assert set(at_rest) == {"x_m", "y_m"}
     assert all(0.1e-10 < one < 2e-9 for one in at_rest.values())
     assert variants["full"]["standstill_rms_m"] == at_rest["y_m"]
-    page = tmp_path / "report.html"
-    write_tracking_report(page, study, "anhyst simulate rig.toml")
-    text = page.read_text()
+    text = render(study, "anhyst simulate rig.toml")
     assert 'id="cross-talk"' in text
     assert "Every coordinate at rest, rms" in text

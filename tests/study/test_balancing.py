@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.rig.bearing.drift import Drift, changed, draw_plant
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE
+from anhyst.rig.drift import Drift, changed, draw_plant
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import StageRig, calibration_of, read_stage
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.engine.monte_carlo import monte_carlo
@@ -28,7 +29,7 @@ from tests.study import bearings, stages
 from tests.study.test_axes import EXAMPLES, PLANAR, planar
 
 
-def short(pinning_percent: float = 0.0) -> StageRig:
+def short(pinning_percent: float = 0.0) -> BodyRig:
     """Return the example with short set-points; what widths must be learnt, is compiled anew."""
     scan = {f"scan.{key}": value for key, value in stages.SHORT.items()}
     spread = {"spread.pinning_percent": pinning_percent}
@@ -58,7 +59,7 @@ def left(setup: StageSetup, way: str = "x") -> tuple[float, float]:
     there = changed(short(), {"scan.direction": [float(axis == way) for axis in "xyz"]})
     motion = motion_of(scan, peaks)
     run = track(replace(setup, rig=there, drift=plant()), motion, Feedforward(), 2)
-    return measure(run, motion, scan.slit_s).average_m, cross_talk(run, motion, ["rz"])["rz"]
+    return measure(run, motion, scan.slit_s).average_m, cross_talk(run, motion, ["rz"])["rz_rad"]
 
 
 def taught(method: MethodName, run: Recording) -> Learner:
@@ -148,7 +149,7 @@ def test_the_verb_writes_a_file_that_the_rig_file_names(tmp_path: Path) -> None:
     found = calibrate(rig, tmp_path / "run.csv", out, magnet=bearings.knowledge(), methods=["flux"])
     assert found.learnt
     named = changed(rig, {"control.calibration": "calibration.toml"})
-    learnt = calibration_of(named, "flux")
+    learnt = named.learnt("flux")
     assert learnt is not None
     setup = make_stage(named, bearings.knowledge(), "flux")
     assert setup.correction is not None
@@ -157,12 +158,12 @@ def test_the_verb_writes_a_file_that_the_rig_file_names(tmp_path: Path) -> None:
     for wrong in ("skale_1", "scale_99", "scale_01", "scale", "width", "wi_3dth"):
         out.write_text(text.replace('"scale_1"', f'"{wrong}"'))
         with pytest.raises(InputError, match=wrong) as caught:
-            calibration_of(replace(named, settings=named.settings.model_copy()), "flux")
+            replace(named, settings=named.settings.model_copy()).learnt("flux")
         assert caught.value.code == "unknown-name"
     fewer = [line for line in text.splitlines() if '"scale_10"' not in line]
     out.write_text("\n".join(fewer))
     with refused("unknown-name scale_10: calibration.toml"):  # of nine magnets
-        calibration_of(replace(named, settings=named.settings.model_copy()), "flux")
+        replace(named, settings=named.settings.model_copy()).learnt("flux")
 
 
 def test_a_recording_without_what_was_read_is_refused() -> None:

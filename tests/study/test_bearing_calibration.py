@@ -13,13 +13,14 @@ import pytest
 from anhyst import Calibration, InputError, calibrate
 from anhyst.control.controller_file import ControllerFile
 from anhyst.dashboard.recorder import start_recording
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, drifted_bearing, with_iron
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
-from anhyst.rig.bearing.make_setup import calibrated, compiled_model, fit_magnets, make_setup
-from anhyst.rig.bearing.scenario import Scenario
+from anhyst.rig.bearing.make_setup import compiled_model, fit_magnets, make_setup
 from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CalibratedMethod, CalibrationFile
+from anhyst.rig.drift import NO_DRIFT, Drift, changed, drifted_plant, with_iron
+from anhyst.rig.fitting import calibrated
+from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.operating import make_ready, read_files
@@ -34,7 +35,7 @@ UNSURE = {"spread.gap_zero_m": 5e-6}
 """What the rig file says of the gap, which no motion moves by more than four times that."""
 
 
-def rig(two: bool = False) -> BearingRig:
+def rig(two: bool = False) -> BodyRig:
     return changed(bearings.pair_rig() if two else bearings.example(), UNSURE)
 
 
@@ -43,7 +44,7 @@ def setup(two: bool = False) -> Setup:
 
 
 def flown(of: Setup, scenario: Scenario, drift: Drift = WRONG) -> Recording:
-    return SimulatedLoop(of, bearing=drifted_bearing(of.rig, drift, 1)).run(scenario)
+    return SimulatedLoop(of, bearing=drifted_plant(of.rig, drift, 1)).run(scenario)
 
 
 @cache
@@ -65,7 +66,7 @@ def learnt(two: bool = False) -> CalibratedMethod:
     return found
 
 
-def corrected(folder: Path, two: bool = False) -> BearingRig:
+def corrected(folder: Path, two: bool = False) -> BodyRig:
     """The rig, which names what was learnt."""
     assert taught(recorded(two), two, folder / "calibration.toml").learnt
     named = changed(rig(two), {"control.calibration": "calibration.toml"})
@@ -142,7 +143,7 @@ def test_a_controller_expects_the_force_that_was_learnt(two: bool) -> None:
     total, net = bearings.TOTAL, np.zeros(motion.ticks.size)
     gap = np.interp(motion.ticks + motion.late, motion.ticks, motion.read["gap_read_m"])
     commands = [motion.read[name] for name in ("command_A", "command_2_A")]
-    for number, one in enumerate(fit_magnets(law.rig.bearing, table, each, "full", "f64")):
+    for number, one in enumerate(fit_magnets(law.rig, table, each, "full", "f64")):
         at = total - gap if number else gap
         pulled = one.fresh().follow(np.ascontiguousarray(commands[number]), at)
         net += (-1.0) ** number * motion.filtered(pulled, motion.late)

@@ -11,13 +11,12 @@ import pytest
 
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.verdict import reversal_share
-from anhyst.rig.bearing.drift import changed, with_iron
-from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.body import BodyRig, read_bearing
+from anhyst.rig.drift import changed, with_iron
+from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing.benefit import BASELINES, Benefit, Comparison, MapCell, benefit
-from anhyst.study.bearing.linear import quotient
 from anhyst.study.bearing.operating import find_operating_point
-from anhyst.study.engine.verdict import Interval, mean_interval
+from anhyst.study.engine.verdict import Interval, mean_interval, quotient
 from tests.refusals import refused
 from tests.study import bearings
 
@@ -26,7 +25,7 @@ HEIGHTS = (10e-6, 100e-6)
 
 
 @pytest.fixture(scope="module")
-def rig() -> BearingRig:
+def rig() -> BodyRig:
     # With the law given, for four magnets are identified; which one does not matter here.
     rig = read_bearing(EXAMPLE / "rig.toml")
     return changed(rig, {"loops.law": "effective-field", "loops.gap_map": "circuit"})
@@ -38,7 +37,7 @@ def controller() -> ControllerFile:
 
 
 @pytest.fixture(scope="module")
-def found(rig: BearingRig, controller: ControllerFile) -> Benefit:
+def found(rig: BodyRig, controller: ControllerFile) -> Benefit:
     return benefit(rig, controller, (1.0, 2.0), (0.05, 0.3), HEIGHTS, seeds=3)
 
 
@@ -53,7 +52,7 @@ def cell(found: Benefit, scale: float, fraction: float, height: float) -> MapCel
 
 
 @pytest.mark.slow
-def test_every_magnet_is_measured_as_it_is(found: Benefit, rig: BearingRig) -> None:
+def test_every_magnet_is_measured_as_it_is(found: Benefit, rig: BodyRig) -> None:
     assert len(found.cells) == 8
     for one in found.cells:
         iron = one.iron
@@ -100,7 +99,7 @@ def test_flux_stands_beside_what_has_no_memory(found: Benefit) -> None:
 
 
 @pytest.mark.slow
-def test_without_a_probe_there_is_no_flux(rig: BearingRig, controller: ControllerFile) -> None:
+def test_without_a_probe_there_is_no_flux(rig: BodyRig, controller: ControllerFile) -> None:
     bare = bearings.without_probe(changed(rig, {"measurement.sample_s": 0.05}))
     (one,) = benefit(bare, controller, (1.0,), (0.3,), (100e-6,), seeds=2, jobs=1).cells
     assert one.flux == {}
@@ -139,7 +138,7 @@ def test_the_map_says_where_there_is_no_gain(found: Benefit) -> None:
 
 @pytest.mark.slow
 def test_a_cell_does_not_depend_on_its_neighbours(
-    found: Benefit, rig: BearingRig, controller: ControllerFile
+    found: Benefit, rig: BodyRig, controller: ControllerFile
 ) -> None:
     alone = benefit(rig, controller, (2.0,), (0.3,), (100e-6,), seeds=3, jobs=1)
     kept = cell(found, 2.0, 0.3, 100e-6)
@@ -163,7 +162,7 @@ def test_it_is_written_as_json(found: Benefit) -> None:
     assert row["against_flux"]["settling_in_noise_s"]["baseline"] == "flux"
 
 
-def test_a_law_is_no_iron_to_vary(rig: BearingRig, controller: ControllerFile) -> None:
+def test_a_law_is_no_iron_to_vary(rig: BodyRig, controller: ControllerFile) -> None:
     law = changed(rig, {"magnet.kind": "law"})
     with refused("not-iron-of-cells: rig.toml"):
         benefit(law, controller)
@@ -220,14 +219,14 @@ def test_a_ratio_over_what_may_be_zero_is_open() -> None:
 
 @pytest.mark.parametrize(("scale", "fraction"), [(0.5, 0.15), (1.0, 0.05), (1.0, 0.3), (1.0, 0.5)])
 def test_measured_loops_show_the_slope_after_a_reversal(
-    rig: BearingRig, scale: float, fraction: float
+    rig: BodyRig, scale: float, fraction: float
 ) -> None:
     other = with_iron(rig, fraction, scale)
     reported = reversal_share(measure_loops(other))
     assert reported == pytest.approx(find_operating_point(other).slopes.share, abs=0.08)
 
 
-def test_wide_loops_show_it_less_well_but_in_order(rig: BearingRig) -> None:
+def test_wide_loops_show_it_less_well_but_in_order(rig: BodyRig) -> None:
     reported = [
         reversal_share(measure_loops(with_iron(rig, fraction, 2.0))) for fraction in (0.05, 0.15)
     ]
@@ -236,7 +235,7 @@ def test_wide_loops_show_it_less_well_but_in_order(rig: BearingRig) -> None:
     assert 0.08 < reported[0] < 0.3 < reported[1] < 0.5
 
 
-def test_loops_without_reversals_near_enough_show_nothing(rig: BearingRig) -> None:
+def test_loops_without_reversals_near_enough_show_nothing(rig: BodyRig) -> None:
     coarse = changed(rig, {"measurement.sample_s": 0.05})
     assert reversal_share(measure_loops(coarse)) is None
     single = rig.settings.measurement.records[0].model_copy(update={"turns": [0.0, 1.0]})

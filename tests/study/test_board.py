@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,10 @@ import pytest
 from anhyst.control.controller_file import write_controller
 from anhyst.link.client import Refused
 from anhyst.link.frames import DemandRequest, Reason, StatusAnswer, TargetRequest
-from anhyst.rig.bearing.board import BearingPlant, LevitatingFirmware, firmware_run
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.scenario import DROP, Script, land_time
+from anhyst.rig.bearing.scenario import Script, land_time
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.loop import DROP
 from anhyst.study.bearing.board_faults import FaultRuns, injections
 from anhyst.study.bearing.on_board import build_firmware, count_differences, run_board
 from anhyst.support.states import Command, Fault, Phase, State
@@ -44,8 +46,8 @@ def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def running(firmware: Path) -> Iterator[LevitatingFirmware]:
-    with firmware_run(firmware, BearingPlant(bearings.single()), "library") as started:
+def running(firmware: Path) -> Iterator[BearingBench]:
+    with closing(BearingBench(bearings.single(), firmware)) as started:
         yield started
 
 
@@ -56,25 +58,25 @@ def hop(setup: Setup) -> Script:
     return script.command(Command.LAND).hold(land_time(setup.rig, setup.controller))
 
 
-def hover(running: LevitatingFirmware) -> None:
+def hover(running: BearingBench) -> None:
     script = bearings.lifted(bearings.single())
     running.run(script.build())
     assert Phase(running.link.status().codes.phase) is Phase.HOVER
 
 
-def test_the_firmware_does_what_the_simulation_does(running: LevitatingFirmware) -> None:
+def test_the_firmware_does_what_the_simulation_does(running: BearingBench) -> None:
     setup = bearings.single()
     scenario = hop(setup).build()
     simulated = SimulatedLoop(setup).run(scenario)
     recorded = running.run(scenario)
     assert count_differences(simulated, recorded) == 0
-    assert (recorded[:, 1] == simulated["gap_m"]).all()
+    assert (recorded["gap_m"] == simulated["gap_m"]).all()
     assert running.state is State.READY
-    assert recorded[-1, 3] == 0.0
-    assert recorded[-1, 1] > setup.rig.settings.body.stop_high_m - 1e-6
+    assert recorded["command_A"][-1] == 0.0
+    assert recorded["gap_m"][-1] > setup.rig.settings.body.stop_high_m - 1e-6
 
 
-def test_another_run_differs_from_it(running: LevitatingFirmware) -> None:
+def test_another_run_differs_from_it(running: BearingBench) -> None:
     setup = bearings.single()
     scenario = bearings.lifted(setup).build()
     other = SimulatedLoop(setup, seed=1).run(scenario)
@@ -84,7 +86,7 @@ def test_another_run_differs_from_it(running: LevitatingFirmware) -> None:
 @pytest.mark.slow
 def test_every_fault_in_the_air_ends_as_is_said(firmware: Path) -> None:
     setup = bearings.single()
-    with firmware_run(firmware, BearingPlant(setup), "library") as running:
+    with closing(BearingBench(setup, firmware, board="library")) as running:
         runs = FaultRuns(setup, running)
         found = [runs.run(injection) for injection in injections()]
     assert len(found) >= len(LANDS)
@@ -109,7 +111,7 @@ def test_long_flights_differ_in_no_tick(firmware: Path, ticks: int) -> None:
             script.set_load(load).step(gap, 0.1)
     scenario = script.command(Command.LAND).hold(landing * setup.rig.dt).build()
     simulated = SimulatedLoop(setup).run(scenario)
-    with firmware_run(firmware, BearingPlant(setup), "library") as started:
+    with closing(BearingBench(setup, firmware)) as started:
         recorded = started.run(scenario)
         assert started.state is State.READY
     assert len(recorded) >= ticks
@@ -126,15 +128,15 @@ def test_a_pair_levitates_the_same(tmp_path: Path, measured: bool) -> None:
     script = bearings.lifted(setup).step(GAP - 20e-6, 0.02).step(GAP, 0.02)
     scenario = script.command(Command.LAND).hold(land_time(rig, file.settings)).build()
     simulated = SimulatedLoop(setup).run(scenario)
-    with firmware_run(program, BearingPlant(setup), "host") as started:
+    with closing(BearingBench(setup, program, board="host")) as started:
         assert started.link.info.magnets == 2
         recorded = started.run(scenario)
         assert started.state is State.READY
-    assert recorded[:, 4].max() > 0.5
+    assert recorded["command_2_A"].max() > 0.5
     assert count_differences(simulated, recorded) == 0
 
 
-def test_targets_stay_within_the_positions_that_can_be(running: LevitatingFirmware) -> None:
+def test_targets_stay_within_the_positions_that_can_be(running: BearingBench) -> None:
     for code, allowed in ((0, True), (1 << 30, True), ((1 << 31) - 1, False), (-(1 << 31), False)):
         if allowed:
             running.link.request(TargetRequest(code), StatusAnswer)
@@ -144,25 +146,26 @@ def test_targets_stay_within_the_positions_that_can_be(running: LevitatingFirmwa
         assert refused.value.reason is Reason.VALUE
 
 
-def test_a_position_has_no_demand_and_levitation_no_run(running: LevitatingFirmware) -> None:
+def test_a_position_has_no_demand_and_levitation_no_run(running: BearingBench) -> None:
     with pytest.raises(Refused) as refused:
         running.link.request(DemandRequest(5), StatusAnswer)
     assert refused.value.reason is Reason.TYPE
-    running.bus.step(40)
+    running.advance(40)
     running.command(Command.DEMAGNETISED)
-    running.bus.step()
+    running.advance(1)
     with pytest.raises(Refused) as refused:
         running.command(Command.RUN)
     assert refused.value.reason is Reason.VALUE
 
 
-def test_the_pc_may_come_and_go_on_the_ground_alone(running: LevitatingFirmware) -> None:
-    for _ in range(5000):
-        running.tick(beats=False)
+def test_the_pc_may_come_and_go_on_the_ground_alone(running: BearingBench) -> None:
+    running.beats = False
+    running.advance(5000)
     assert running.state is not State.FAULT
+    running.beats = True
     hover(running)
-    for _ in range(2100):
-        running.tick(beats=False)
+    running.beats = False
+    running.advance(2100)
     assert running.fault is Fault.LINK_LOST
 
 

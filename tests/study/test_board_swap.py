@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -12,9 +13,10 @@ import pytest
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.control.controller_file import ControllerFile, write_controller
-from anhyst.rig.bearing.board import BearingPlant, firmware_run
 from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.support.block_head import regenerate
 from anhyst.support.kinds import MethodName
@@ -94,15 +96,15 @@ def usual(built: Built) -> FloatArray:
 
 def hovering(built: Built, other: Block | None) -> FloatArray:
     """Hover for 0.1 s, with another block from the second tick on or as before."""
-    with firmware_run(built.program, BearingPlant(built.setup), "library") as running:
+    with closing(BearingBench(built.setup, built.program)) as running:
         running.run(bearings.lifted(built.setup).hold(0.02).build())
-        rows = [running.tick()]
+        rows = [running.step()]
         if other is not None:
             running.link.write_block(regenerate(other.words.tolist(), 9))
-        rows += [running.tick() for _ in range(2000)]
+        rows += [running.step() for _ in range(2000)]
         assert running.state is State.RUN
         assert Phase(running.link.status().codes.phase) is Phase.HOVER
-    return np.array(rows)
+    return np.array([[row["gap"], row["command"]] for row in rows])
 
 
 @pytest.mark.parametrize("name", OTHERS)
@@ -110,27 +112,26 @@ def test_a_swap_in_the_air_moves_the_current_by_a_step_beside_what_is_asked(
     built: Built, usual: FloatArray, name: str
 ) -> None:
     swapped = hovering(built, built.block(OTHERS[name]))
-    drive, own = swapped[:, 3], usual[:, 3]
+    drive, own = swapped[:, 1], usual[:, 1]
     assert drive[0] == own[0]
     # The first tick asks for the same force with either; current for force is the other model's.
     asked = abs(own[1] - own[0])
     assert 0.0 < abs(drive[1] - own[1]) <= built.step + asked
     most = np.abs(np.diff(own)).max()
     assert np.abs(np.diff(drive)).max() < 2.0 * most + built.step
-    assert np.abs(swapped[:, 1] - GAP).max() < AWAY
-    assert np.abs(swapped[-200:, 1] - GAP).max() < 0.3e-6
+    assert np.abs(swapped[:, 0] - GAP).max() < AWAY
+    assert np.abs(swapped[-200:, 0] - GAP).max() < 0.3e-6
 
 
 def test_a_swap_while_conditioning_begins_it_again_along_the_ramp(built: Built) -> None:
     other = built.block(OTHERS["less pinning, a tenth more current"])
-    with firmware_run(built.program, BearingPlant(built.setup), "library") as running:
-        for _ in range(200):
-            running.tick()
+    with closing(BearingBench(built.setup, built.program)) as running:
+        running.advance(200)
         running.command(Command.CONDITION)
-        before = np.array([running.tick()[3] for _ in range(1500)])
+        before = np.array([running.step()["command"] for _ in range(1500)])
         assert before[-1] > 0.5
         slope = np.abs(np.diff(before)).max()
         running.link.write_block(regenerate(other.words.tolist(), 9))
-        after = np.array([running.tick()[3] for _ in range(3000)])
+        after = np.array([running.step()["command"] for _ in range(3000)])
     assert np.abs(np.diff(after, prepend=before[-1])).max() <= slope + built.step
     assert after.min() >= 0.0

@@ -14,10 +14,9 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from anhyst import Calibration, InputError, calibrate
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.calibration import CalibratedMethod, ParameterName
+from anhyst.rig.drift import NO_DRIFT, Drift
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import calibration_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.simulate import explore_stage
@@ -315,7 +314,7 @@ def test_no_file_corrects_by_more_than_any_calibration(
     (tmp_path / "calibration.toml").write_text(changed)
     rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
     with refused("beyond-any-calibration"):
-        calibration_of(rig, "single-valued")
+        rig.learnt("single-valued")
 
 
 @pytest.mark.slow

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
+from contextlib import closing
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from anhyst.link.client import ControllerLink
-from anhyst.link.plant_bus import Q31, Reading
-from anhyst.link.process import run_library
-from anhyst.rig.bearing.board import BearingPlant, LevitatingFirmware
-from anhyst.rig.bearing.drift import drifted_bearing
+from anhyst.link.frames import PlantDrive, PlantSample
+from anhyst.link.plant_bus import Q31
 from anhyst.rig.bearing.loop import position_control
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.drift import drifted_plant
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Act, Injection, injections
 from anhyst.support.errors import InputError
@@ -23,71 +23,64 @@ from tests.study import bearings
 from tests.study.test_bearing_calibration import WRONG, setup, taught
 
 HEIGHTS = (-25e-6, 25e-6, -50e-6, 50e-6, 0.0)
-COLUMNS = (
-    *("t_s", "reference_m", "gap_read_m", "command_A", "load_N", "demand_N"),
-    *("state", "phase"),
-)
+COLUMNS = {
+    **{"t": "t_s", "reference": "reference_m", "gap_read": "gap_read_m", "command": "command_A"},
+    **{"load": "load_N", "demand": "demand_N", "state": "state", "phase": "phase"},
+}
+NO_NUMBER = -(1 << 31)
 OFTEN = {"three samples missing", "position jumps", "position frozen, target stepped"}
 OFTEN |= {"five ticks missed", "overload for 100 ms"}
 """The others are repeated by hand."""
 
 
-class Shown(BearingPlant):
-    """Keeps what its sensors showed."""
+class Flight:
+    """A flight and its rows; where the sensor of the position says nothing, what it said before."""
 
-    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        self.reading = super().step(tick, currents)
-        return self.reading
-
-
-class Recorded(LevitatingFirmware):
-    """Keeps a row a tick; where the sensor says nothing, what it said before."""
-
-    plant: Shown
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.rows: list[tuple[float, ...]] = []
-        self._scales = position_control(setup()).settings("fixed")
+    def __init__(self, running: BearingBench) -> None:
+        self.running, self.rows = running, list[list[float]]()
+        self._exchange, running.tap.exchange = running.tap.exchange, self._look
+        self._full = position_control(setup()).settings("fixed")
         self._gap = math.nan
 
-    def tick(self, beats: bool = True) -> tuple[float, ...]:
-        row, scales = super().tick(beats), self._scales
-        answer = self.bus.answer
-        assert answer is not None
-        middle, full = scales["gap_middle"], scales["position_full"]
-        gap = middle - full * self.plant.reading.position
-        self._gap = gap if math.isfinite(gap) else self._gap
-        demand = answer.demand / Q31 * scales["demand_full"]
-        place = (middle - full * answer.reference / Q31, self._gap)
-        codes = answer.state & 0xFF, answer.mode >> 16
-        self.rows.append((row[0], *place, row[3], self.plant.load, demand, *codes))
-        return row
+    def _look(self, sample: PlantSample) -> PlantDrive:
+        if sample.position > NO_NUMBER:
+            read = sample.position / Q31 * self._full["position_full"]
+            self._gap = self._full["gap_middle"] - read
+        return self._exchange(sample)
+
+    def fly(self, ticks: int, act: Act = lambda *_: True) -> None:
+        running = self.running
+        for n in range(ticks):
+            running.beats = act(running, n)
+            now = running.step() | {"gap_read": self._gap, "t": running.tick * setup().rig.dt}
+            self.rows.append([now[name] for name in COLUMNS])
 
     def steps(self) -> None:
-        for height in HEIGHTS if self.state is State.RUN else ():
-            self.aim(bearings.GAP + height)
-            for _ in range(1500):
-                self.tick()
+        for height in HEIGHTS if self.running.state is State.RUN else ():
+            self.running.demand(bearings.GAP + height)
+            self.fly(1500)
+
+    @property
+    def recording(self) -> Recording:
+        return Recording.of_table(np.array(self.rows), COLUMNS.values())
 
 
 def recorded(firmware: Path, act: Act) -> tuple[Recording, int]:
     """Fly steps, then with something that is done, then steps again; until when all was well."""
-    plant = Shown(setup(), 1, drifted_bearing(setup().rig, WRONG, 1))
-    with run_library(firmware, plant) as board, ControllerLink(board.link) as link:
-        running = Recorded(plant, board.bus, link)
-        for command in (Command.NONE, Command.DEMAGNETISED, Command.LIFT):
-            running.aim(bearings.GAP)
+    plant = drifted_plant(setup().rig, WRONG, 1)
+    with closing(BearingBench(setup(), firmware, board="library", bearing=plant)) as running:
+        flight, supply = Flight(running), plant.supply
+        flight.fly(120)
+        for command, ticks in ((Command.DEMAGNETISED, 120), (Command.LIFT, 9000)):
             running.command(command)
-            for _ in range(9000 if command is Command.LIFT else 120):
-                running.tick()
-        running.steps()
-        good = len(running.rows)
-        for n in range(5000):
-            running.tick(beats=act(running, n))
-        plant.shown, plant.load, plant.bearing.supply = None, plant.rest_load, plant.supply
-        running.steps()
-    return Recording(dict(zip(COLUMNS, np.array(running.rows).T, strict=True))), good
+            flight.fly(ticks)
+        flight.steps()
+        good = len(flight.rows)
+        flight.fly(5000, act)
+        running.tap.shown, plant.supply = None, supply
+        running.load(running.rest_load)
+        flight.steps()
+    return flight.recording, good
 
 
 def learnt(run: Recording) -> dict[str, tuple[float, float]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.rig.bearing.drift import changed
+from anhyst.rig.drift import changed
 from anhyst.rig.stage.loop import make_stage
 from anhyst.study.tracking.bodies import AxesLaw
 from anhyst.study.tracking.excitation import (

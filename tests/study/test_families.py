@@ -17,18 +17,14 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
 from anhyst.identification.left_open import first_rise
 from anhyst.identification.run import IdentifyTable
-from anhyst.rig.bearing.drift import changed, with_iron
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup
-from anhyst.rig.bearing.make_setup import (
-    IdentifiedMagnet,
-    identify_magnet,
-    identify_rippling,
-    make_setup,
-)
-from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.bearing.plant import make_magnet
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import TrajectoryCase
+from anhyst.rig.drift import changed, with_iron
+from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet, identify_rippling
+from anhyst.rig.measuring import measure_loops
+from anhyst.rig.plant import make_magnet
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import benefit
 from anhyst.study.bearing.responses import compare
@@ -45,7 +41,7 @@ RATE = 20e3
 
 
 @cache
-def rig_of(name: str) -> BearingRig:
+def rig_of(name: str) -> BodyRig:
     """Return the bearing with an iron; its loops are measured in coarser steps, to be quick."""
     rig = changed(bearings.example(), {"measurement.sample_s": 0.025})
     return rig if name == "cells" else changed(rig, {"iron": generator().tables()[name]})
@@ -67,8 +63,8 @@ def triangle_error(name: str, variant: MethodName, law: str = "play-cells") -> f
     slow = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
     setups = {variant: quiet(setup_of(name, variant, law))}
     found = experiments.of_all(experiments.follow, setups, range(2), slow)[variant]
-    assert found["lost"] == 0
-    return float(found["force_error_rms_N"]["mean"])
+    assert found.lost == 0
+    return found.of("force_error_rms_N").mean
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from anhyst._core import FixedCompensator, FixedController, FixedForceController
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.scenario import DROP, Scenario
+from anhyst.rig.loop import DROP, Scenario
 from anhyst.rig.recording import (
     BREAKAWAY,
     COLUMNS,

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from anhyst.identification import identify
+from anhyst.identification.space import coordinate_of
 from anhyst.model.actuator import Model
 from anhyst.study.fleet import fleet as whole
 from anhyst.study.fleet.fleet import Fleet, fleet
 from anhyst.study.fleet.judge import RESULT, FleetSettings, Member, decide, find_members, judge
-from anhyst.study.fleet.spread import MagnetEstimate, coordinate_of, spread_of
+from anhyst.study.fleet.spread import MagnetEstimate, spread_of
 from anhyst.support.errors import NegativeResult
 from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from anhyst.cli.app import main
-from anhyst.cli.rig import show_force as show_terminal
+from anhyst.cli.console import show_study
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plan import CompileRequest, make_plan
@@ -159,9 +159,9 @@ def test_the_verdict_names_the_strongest_baseline(
     for stage, worst in run.figures["summary"].items():
         least = min(one["worst_percent"] for name, one in worst.items() if name not in MODELS)
         assert worst[found["strongest"][stage]]["worst_percent"] == least
-    show_terminal(run)
+    show_study(run, "run")
     said = capsys.readouterr().out
-    assert f"verdict: {found['text']}" in said
+    assert found["text"] in said
     assert "strongest baseline without hysteresis model" in said
     assert "of 'best single-valued'" in said
 

@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anhyst.rig.bearing.drift import Drift, changed
 from anhyst.rig.calibration import LearntParameter
+from anhyst.rig.drift import Drift, changed
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, track
@@ -220,7 +220,7 @@ def test_a_stage_that_calibrates_itself_says_what_it_learnt_and_works_better() -
     learnt = own.tried["full"].learnt
     assert learnt is not None
     assert learnt.taken
-    assert own.figures["variants"]["full"]["learnt"]["name"] == "full"
+    assert own.as_dict()["variants"]["full"]["learnt"]["name"] == "full"
     assert plain.tried["full"].learnt is None
     assert own.tried["full"].of("force_rms_N").mean < plain.tried["full"].of("force_rms_N").mean
     curve = own.tried["single-valued"]

@@ -19,8 +19,8 @@ from anhyst.study.bearing.linear import (
     DigitalAmplifier,
     LinearLoop,
     Point,
+    sampled,
 )
-from anhyst.study.bearing.linear_plant import sampled
 
 RATE = 20e3
 # The example bearing: 80 Hz of unstable pole.

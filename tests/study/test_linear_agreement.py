@@ -14,12 +14,12 @@ from anhyst.compensate.sources import Sources
 from anhyst.control import Pidd2
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
-from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.loop import SimulatedLoop as Running
 from anhyst.rig.bearing.make_setup import operating_point
-from anhyst.rig.bearing.plant import current_gains
 from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.body import BodyRig, read_bearing
+from anhyst.rig.plant import current_gains
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import (
     Chain,
@@ -36,7 +36,7 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 FREQUENCIES = np.array([20.0, 60.0, 120.0, 200.0, 320.0, 450.0, 700.0])
 
 
-def soft_rig(folder: Path, mode: str, eddy_time: float) -> BearingRig:
+def soft_rig(folder: Path, mode: str, eddy_time: float) -> BodyRig:
     """Return the example's rig with a soft iron, a fine encoder, and this amplifier."""
     text = (EXAMPLE / "rig.toml").read_text(encoding="utf-8")
     for old, new in (
@@ -54,7 +54,7 @@ def soft_rig(folder: Path, mode: str, eddy_time: float) -> BearingRig:
 
 
 def linear_loop(
-    rig: BearingRig, controller: Pidd2, drive: Mapping[str, float], eddy_time: float
+    rig: BodyRig, controller: Pidd2, drive: Mapping[str, float], eddy_time: float
 ) -> LinearLoop:
     """Put the loop together from the rig's numbers."""
     gain, reset = current_gains(rig)

@@ -10,15 +10,16 @@ import pytest
 
 from anhyst._core import FixedPosition, Plant, PlantLoop, Position, PositionF32
 from anhyst.rig.bearing.loop import Setup, make_position
-from anhyst.rig.bearing.plant import (
+from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.loop import DROP, Scenario
+from anhyst.rig.plant import (
     current_loop,
     current_loops,
-    make_bearing,
     make_magnet,
+    make_plant,
     noise_seed,
     plant_numbers,
 )
-from anhyst.rig.bearing.scenario import DROP, Scenario, Script
 from anhyst.rig.recording import COLUMNS, HOVER, READY, Recording, column
 from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.support.jobs import all_of
@@ -79,7 +80,7 @@ def pair_of(values: list[float], nothing: float) -> tuple[float, float]:
 def by_hand(setup: Setup, scenario: Scenario, seed: int) -> dict[str, list[float]]:
     """Step a bearing and its controller from Python, tick by tick."""
     rig = setup.rig
-    bearing, controller = make_bearing(rig, seed), make_position(setup)
+    bearing, controller = make_plant(rig, seed), make_position(setup)
     assert isinstance(controller, Position | PositionF32 | FixedPosition)
     inner, integral = current_loop(rig), 0.0
     found: dict[str, list[float]] = {name: [] for name in COLUMNS}

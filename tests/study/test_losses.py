@@ -11,13 +11,12 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from anhyst._core import PlantLoop
-from anhyst.rig.bearing.drift import NO_DRIFT, drifted_stage
-from anhyst.rig.bearing.plant import current_loops
-from anhyst.rig.bearing.scenario import FAILS, HEAD_FAULTS
 from anhyst.rig.case_table import LossCase
+from anhyst.rig.drift import NO_DRIFT, drifted_plant
+from anhyst.rig.loop import FAILS, HEAD_FAULTS, ClosedLoop, Scenario
 from anhyst.rig.magnet_table import LikeTable
-from anhyst.rig.recording import Recording, column
+from anhyst.rig.plant import current_loops
+from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import spare
 from anhyst.rig.stage.loop import (
     Feedforward,
@@ -157,17 +156,15 @@ def commanded(
     setup: StageSetup, commands: Mapping[int, Command], since: int = 0, failing: int = 0
 ) -> Recording:
     """Return the loop's own record of a body that lies off its place, and what fails from a tick on."""
-    rig, command = setup.rig, np.zeros(TICKS, dtype=np.uint32)
-    bearing = drifted_stage(rig.bearing, NO_DRIFT, 1)
+    rig = setup.rig
+    bearing = drifted_plant(rig, NO_DRIFT, 1)
     bearing.place([*_AT_REST], [0.0] * 6)
-    command[since:] = failing
+    still = np.zeros((TICKS + 1, 6))
+    scenario = Scenario(still[1:], feed=fed_wrench(rig, np.zeros(TICKS)), frame=still)
+    scenario.command[since:] = failing
     for tick, one in {0: Command.IDLE, **commands}.items():
-        command[tick] |= one
-    loop = PlantLoop(bearing, axes_controller(setup), current_loops(rig.bearing))
-    still = np.zeros(6 * TICKS)
-    wrench, frame = fed_wrench(setup.rig, np.zeros(TICKS)).ravel(), np.zeros(6 * TICKS + 6)
-    rows = loop.run(still, np.zeros(TICKS), still, wrench, command, frame)
-    return Recording.of_table(rows, [column(*signal) for signal in loop.signals])
+        scenario.command[tick] |= one
+    return ClosedLoop(bearing, axes_controller(setup), current_loops(rig)).run(scenario)
 
 
 def poses(run: Recording) -> np.ndarray:

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.cli.simulate import show_tracking as show_stage
+from anhyst.cli.console import show_study
 from anhyst.data.table import read_columns
-from anhyst.reports.tracking import write_tracking_report
-from anhyst.reports.tracking.page import verdict, verdicts
+from anhyst.reports.tracking import render
 from anhyst.rig.force.bench import with_lead_in
 from anhyst.rig.recording import Loss, Recording, SignalBound, find_loss
 from anhyst.rig.stage.loop import Feedforward, track
@@ -107,24 +106,23 @@ def test_a_stage_that_holds_is_not_lost() -> None:
 
 @pytest.mark.slow
 def test_a_stage_that_was_lost_in_one_run_gets_no_verdict(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     study = stages.study()
     own = study.tried["full"]
     once = replace(own, measures=(*own.measures[1:], LOST))
     lost = replace(study, tried=dict(study.tried) | {"full": once})
     assert lost.lost_in == ["test set-point (1 of 2 runs)"]
-    assert verdicts(lost) == {}
-    assert verdict(lost).level == "unknown"
-    show_stage(lost, tmp_path / "run.csv")
+    assert lost.verdicts == {}
+    assert lost.verdict.level == "unknown"
+    show_study(lost, "run.csv")
     shown = capsys.readouterr().out
     assert shown.startswith("lost: ")
     assert "orth it" not in shown
     assert "1 of 2 lost" in shown
-    write_tracking_report(tmp_path / "report.html", lost, "anhyst simulate rig.toml")
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = render(lost, "anhyst simulate rig.toml")
     assert "orth it" not in page
-    assert lost.figures["lost_in"] == lost.lost_in
+    assert lost.as_dict()["lost_in"] == lost.lost_in
 
 
 @pytest.mark.slow
@@ -133,8 +131,8 @@ def test_a_baseline_that_was_lost_is_compared_with_nothing() -> None:
     gone = replace(study.tried["play"], measures=(LOST, LOST))
     left = replace(study, tried=dict(study.tried) | {"play": gone})
     assert left.lost_in == []
-    assert list(verdicts(left)) == ["single-valued"]
-    assert "'play'" not in verdict(left).text
+    assert list(left.verdicts) == ["single-valued"]
+    assert "'play'" not in left.verdict.text
 
 
 @pytest.mark.slow

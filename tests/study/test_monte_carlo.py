@@ -15,18 +15,12 @@ import pytest
 
 from anhyst.compensate.scheduled import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.rig.bearing.drift import (
-    CUT,
-    Drift,
-    draw_drift,
-    drifted_bearing,
-    drifted_law,
-)
-from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import make_setup
-from anhyst.rig.bearing.plant import static_map
 from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.body import BodyRig, read_bearing
+from anhyst.rig.drift import CUT, Drift, draw_drift, drifted_law, drifted_plant
+from anhyst.rig.plant import static_map
 from anhyst.rig.tables import SpreadTable
 from anhyst.study.bearing.operating import make_ready
 from anhyst.study.bearing.responses import StepRun, run_steps
@@ -57,7 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def rig(folder: Path) -> BearingRig:
+def rig(folder: Path) -> BodyRig:
     return read_bearing(folder / "rig.toml")
 
 
@@ -68,14 +62,14 @@ def controller(folder: Path) -> ControllerFile:
 
 @pytest.fixture(scope="module")
 def whole(
-    rig: BearingRig, controller: ControllerFile, tmp_path_factory: pytest.TempPathFactory
+    rig: BodyRig, controller: ControllerFile, tmp_path_factory: pytest.TempPathFactory
 ) -> MonteCarlo:
     path = tmp_path_factory.mktemp("whole") / "plants.jsonl"
     return monte_carlo(rig, controller, path, 5, ("linearised", "full"), jobs=1)
 
 
 def monte_carlo(
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerFile,
     path: Path,
     count: int,
@@ -87,14 +81,14 @@ def monte_carlo(
     return engine.monte_carlo(plants, path, count, **options)
 
 
-def with_drift(rig: BearingRig, **spreads: float) -> BearingRig:
+def with_drift(rig: BodyRig, **spreads: float) -> BodyRig:
     table = SpreadTable(**{**NONE, **spreads})
     return replace(rig, settings=rig.settings.model_copy(update={"spread": table}))
 
 
 @pytest.mark.slow
 def test_a_plant_depends_on_seed_and_number_alone(
-    rig: BearingRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path
+    rig: BodyRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path
 ) -> None:
     few = monte_carlo(rig, controller, tmp_path / "a", 3, ("linearised", "full"), jobs=2)
     assert few.drifts == whole.drifts[:3]
@@ -107,7 +101,7 @@ def test_a_plant_depends_on_seed_and_number_alone(
 
 @pytest.mark.slow
 def test_what_was_run_is_not_run_again(
-    rig: BearingRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path
+    rig: BodyRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path
 ) -> None:
     path = tmp_path / "plants.jsonl"
     monte_carlo(rig, controller, path, 3, ("linearised", "full"), jobs=1)
@@ -127,7 +121,7 @@ def test_what_was_run_is_not_run_again(
 @pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_an_interrupt_loses_nothing(
-    rig: BearingRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path, jobs: int
+    rig: BodyRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path, jobs: int
 ) -> None:
     path = tmp_path / "plants.jsonl"
 
@@ -144,11 +138,11 @@ def test_an_interrupt_loses_nothing(
     assert found.runs == whole.runs
 
 
-def change_rig(rig: BearingRig, controller: ControllerFile) -> tuple[BearingRig, ControllerFile]:
+def change_rig(rig: BodyRig, controller: ControllerFile) -> tuple[BodyRig, ControllerFile]:
     return with_drift(rig, mass_percent=1.0), controller
 
 
-def change_gain(rig: BearingRig, controller: ControllerFile) -> tuple[BearingRig, ControllerFile]:
+def change_gain(rig: BodyRig, controller: ControllerFile) -> tuple[BodyRig, ControllerFile]:
     return rig, replace(
         controller, settings=controller.settings.model_copy(update={"set_point_weight": 0.4})
     )
@@ -165,11 +159,11 @@ def change_gain(rig: BearingRig, controller: ControllerFile) -> tuple[BearingRig
     ],
 )
 def test_results_of_something_else_are_refused(
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerFile,
     tmp_path: Path,
     key: str,
-    change: Callable[..., tuple[BearingRig, ControllerFile]] | None,
+    change: Callable[..., tuple[BodyRig, ControllerFile]] | None,
     seed: int | None,
     variant: MethodName,
 ) -> None:
@@ -199,7 +193,7 @@ def test_a_changed_file_of_loops_is_reported(
 
 
 def test_a_damaged_file_is_reported_with_its_line(
-    rig: BearingRig, controller: ControllerFile, tmp_path: Path
+    rig: BodyRig, controller: ControllerFile, tmp_path: Path
 ) -> None:
     path = tmp_path / "plants.jsonl"
     monte_carlo(rig, controller, path, 2, ("linearised",), jobs=1)
@@ -213,7 +207,7 @@ def test_a_damaged_file_is_reported_with_its_line(
 
 
 @pytest.fixture(scope="module")
-def linearised(rig: BearingRig, controller: ControllerFile) -> Plants:
+def linearised(rig: BodyRig, controller: ControllerFile) -> Plants:
     return bearing_plants(rig, controller, ("linearised",))
 
 
@@ -262,7 +256,7 @@ def test_a_lost_plant_needs_no_figures(linearised: Plants) -> None:
 
 
 def test_a_file_with_such_a_line_is_refused(
-    rig: BearingRig, controller: ControllerFile, tmp_path: Path
+    rig: BodyRig, controller: ControllerFile, tmp_path: Path
 ) -> None:
     path = tmp_path / "plants.jsonl"
     monte_carlo(rig, controller, path, 1, ("linearised",), jobs=1)
@@ -272,7 +266,7 @@ def test_a_file_with_such_a_line_is_refused(
         monte_carlo(rig, controller, path, 1, ("linearised",), jobs=1)
 
 
-def test_drawn_plants_have_the_spreads_of_the_file(rig: BearingRig) -> None:
+def test_drawn_plants_have_the_spreads_of_the_file(rig: BodyRig) -> None:
     file = with_drift(rig, pinning_percent=10.0, gap_zero_m=2e-6).settings
     drawn = [draw_drift(file, np.random.default_rng([1, i])) for i in range(4000)]
     pinning = np.array([one.pinning for one in drawn])
@@ -287,7 +281,7 @@ def test_drawn_plants_have_the_spreads_of_the_file(rig: BearingRig) -> None:
 
 @pytest.mark.slow
 def test_without_drift_a_plant_is_the_nominal_one(
-    rig: BearingRig, controller: ControllerFile, tmp_path: Path
+    rig: BodyRig, controller: ControllerFile, tmp_path: Path
 ) -> None:
     still = with_drift(rig)
     found = monte_carlo(still, controller, tmp_path / "a", 1, ("full",), jobs=1)
@@ -306,7 +300,7 @@ def test_without_drift_a_plant_is_the_nominal_one(
         assert settling == [pytest.approx(slowest, abs=1e-9)]
 
 
-def width_and_top(rig: BearingRig) -> tuple[float, float]:
+def width_and_top(rig: BodyRig) -> tuple[float, float]:
     """Loop width at half force, and the largest force."""
     current = np.linspace(0.0, 4.5, 500)
     path = np.concatenate([current, current[::-1]])
@@ -317,7 +311,7 @@ def width_and_top(rig: BearingRig) -> tuple[float, float]:
     return float(up - down), float(force[499])
 
 
-def test_each_change_of_the_iron_does_what_it_says(rig: BearingRig) -> None:
+def test_each_change_of_the_iron_does_what_it_says(rig: BodyRig) -> None:
     width, top = width_and_top(rig)
     wider, same = width_and_top(bearings.drifted(rig, Drift(pinning=0.1)))
     assert wider == pytest.approx(1.1 * width, rel=0.02)
@@ -333,13 +327,13 @@ def test_each_change_of_the_iron_does_what_it_says(rig: BearingRig) -> None:
 
 
 def test_the_sensor_turns_around_the_operating_gap(
-    rig: BearingRig, controller: ControllerFile
+    rig: BodyRig, controller: ControllerFile
 ) -> None:
     setup = make_setup(
         rig, controller.settings, make_ready(rig, controller).knowledge(), "linearised", "f64"
     )
     drift = Drift(position_gain=0.02, gap_offset=3e-6, current_gain=0.01)
-    loop = SimulatedLoop(setup, bearing=drifted_bearing(rig, drift, 1))
+    loop = SimulatedLoop(setup, bearing=drifted_plant(rig, drift, 1))
     script = Script(rig, 0.45e-3).lift_off(controller.settings).hold(0.1)
     begin = script.ticks
     script.follow(np.full(2000, 0.40e-3))
@@ -353,7 +347,7 @@ def test_the_sensor_turns_around_the_operating_gap(
     assert share == pytest.approx(1.01, abs=1e-3)
 
 
-def test_a_drifted_law_keeps_its_bounds(rig: BearingRig) -> None:
+def test_a_drifted_law_keeps_its_bounds(rig: BodyRig) -> None:
     model = truth("bearing-jiles-atherton")
     other = drifted_law(model, Drift(pinning=0.1, reversible=1e6, saturation=-0.02))
     for name, factor in (("k", 1.1), ("M_s", 0.98)):
@@ -364,7 +358,7 @@ def test_a_drifted_law_keeps_its_bounds(rig: BearingRig) -> None:
 
 
 def test_drifted_cells_are_pinned_otherwise_and_saturate_otherwise(
-    rig: BearingRig, controller: ControllerFile
+    rig: BodyRig, controller: ControllerFile
 ) -> None:
     model = make_ready(rig, controller).knowledge().model
     drift = Drift(pinning=0.1, reversible=0.5, saturation=-0.02)
@@ -380,7 +374,7 @@ def test_drifted_cells_are_pinned_otherwise_and_saturate_otherwise(
 
 
 def test_a_magnet_of_a_law_drifts_in_its_law(
-    folder: Path, rig: BearingRig, controller: ControllerFile, tmp_path: Path
+    folder: Path, rig: BodyRig, controller: ControllerFile, tmp_path: Path
 ) -> None:
     place = tmp_path / "law"
     shutil.copytree(folder, place)
@@ -394,14 +388,14 @@ def test_a_magnet_of_a_law_drifts_in_its_law(
     )
     gaps = []
     for drift in (Drift(), Drift(saturation=-0.03)):
-        loop = SimulatedLoop(setup, bearing=drifted_bearing(law, drift, 1))
+        loop = SimulatedLoop(setup, bearing=drifted_plant(law, drift, 1))
         recording = loop.run(Script(law, 0.45e-3).lift_off(controller.settings).build())
         gaps.append(float(np.mean(recording["current_A"][-1000:])))
     assert gaps[1] > gaps[0] + 1e-3  # a weaker magnet takes more current for the same load
 
 
 def test_plants_that_are_lost_count_as_the_worst(
-    rig: BearingRig, controller: ControllerFile, tmp_path: Path
+    rig: BodyRig, controller: ControllerFile, tmp_path: Path
 ) -> None:
     # An armature that rests beyond what the controller believes possible is not lifted.
     far = with_drift(rig, gap_zero_m=30e-6)

@@ -20,16 +20,17 @@ from anhyst.compensate.methods import METHODS
 from anhyst.control.position import PositionLimits
 from anhyst.data.table import read_columns
 from anhyst.model.writer import write_model
-from anhyst.reports.bearing import write_simulation_report
-from anhyst.reports.bearing.from_simulation import subject_of
+from anhyst.reports.bearing.page import render
+from anhyst.reports.bearing.subject import subject_of
 from anhyst.rig.bearing import scenario
-from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.drift import changed
 from anhyst.rig.recording import COLUMNS, FAULT, HOVER
 from anhyst.study.bearing import simulate as module
 from anhyst.study.bearing.responses import FIGURES
-from anhyst.study.bearing.simulate import Simulation, simulate
+from anhyst.study.bearing.simulate import Simulation, explore
 from anhyst.support.errors import NegativeResult
+from anhyst.support.jobs import Progress
 from anhyst.support.states import Command, Flag, Phase, State
 from anhyst.support.units import split_header
 from tests.refusals import refused, says
@@ -75,6 +76,13 @@ def compared() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "COMPARED", ("ratio", "flux"))
         yield
+
+
+def simulate(rig: Path, out: Path, progress: Progress | None = None) -> Simulation:
+    """Explore a bearing, and write what was found."""
+    found = explore(rig, out, progress=progress)
+    found.save(out)
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -352,7 +360,7 @@ def test_a_variant_that_cannot_be_made_is_reported(
     assert [row["variant"] for row in figures["steps"]] == ["ratio", "single-valued"]
     assert set(figures["left_out"]) == {"full"}
     assert f"{folder / 'model.toml'}: law 'jiles-atherton-1986'" in figures["left_out"]["full"]
-    write_simulation_report(folder / "out" / "report.html", subject_of(found, "anhyst simulate"))
+    render(subject_of(found, "anhyst simulate"))
 
 
 @pytest.mark.slow
@@ -369,7 +377,7 @@ def test_a_variant_that_does_not_hold_it_is_reported_beside_the_others(folder: P
     assert set(found.sensitivity) == {"flux", "single-valued"}
     assert not figures["loop"]["ratio"]["stable"]
     assert found.loops["single-valued"].stable
-    write_simulation_report(folder / "out" / "report.html", subject_of(found, "anhyst simulate"))
+    render(subject_of(found, "anhyst simulate"))
 
 
 @pytest.mark.parametrize("name", ["figures.json", "run.csv"])
@@ -402,7 +410,7 @@ def test_an_interrupted_run_leaves_what_there_was(
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "json_text", stop)
+    monkeypatch.setattr("anhyst.support.atomic.json_text", stop)
     with pytest.raises(KeyboardInterrupt):
         simulate(folder / "rig.toml", folder / "out" / "run.csv")
     assert (folder / "out" / "figures.json").read_text() == "before"

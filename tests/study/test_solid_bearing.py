@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -13,14 +14,16 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compilation.manifest import controller_bytes, state_bytes
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.board import BearingPlant, firmware_run
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed
+from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
+from anhyst.rig.loop import Scenario
 from anhyst.rig.magnet_table import SolidTable
+from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing.on_board import build_firmware, count_differences
 from anhyst.study.bearing.responses import compare
 from anhyst.study.prepared import PreparedBearing
@@ -35,7 +38,7 @@ SOLID = SolidTable(depth_m=10e-3, conductivity_S_per_m=2e6, path_m=0.15)
 
 
 @cache
-def solid() -> BearingRig:
+def solid() -> BodyRig:
     """Return the example, most of the path of its magnet solid."""
     return changed(
         bearings.example(),
@@ -78,7 +81,7 @@ def test_iron_that_answers_late_stands_still_with_its_layers_and_not_at_rest(
         assert full.of(figure).mean < still.of(figure).mean / 2.0
 
     setup, firmware = build_firmware(solid(), bearings.controller(), known(), "library", tmp_path)
-    with firmware_run(firmware, BearingPlant(setup), "library") as running:
+    with closing(BearingBench(setup, firmware)) as running:
         assert (
             count_differences(SimulatedLoop(setup).run(steps(setup)), running.run(steps(setup)))
             == 0

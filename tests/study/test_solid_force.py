@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.cli.rig import show_force
+from anhyst.cli.console import show_study
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
 from anhyst.compilation.output import compile_model
@@ -188,7 +188,7 @@ def test_layers_in_the_firmware_leave_a_fraction_of_what_the_model_at_rest_does(
         assert full["worst_percent"] < 0.4 * found["single"]["worst_percent"], stage
     for outcome in run.outcomes:
         assert {"full", "at-rest", "simplified"} <= set(outcome.recordings)
-    show_force(run)
+    show_study(run, "run")
     assert "iron at rest" in capsys.readouterr().out
     manifest = json.loads((run.out / "stroke/full/controller/manifest.json").read_text())
     still = json.loads((run.out / "stroke/at-rest/controller/manifest.json").read_text())

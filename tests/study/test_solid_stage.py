@@ -11,11 +11,11 @@ import pytest
 
 from anhyst.data.speeds import speeds_of
 from anhyst.model.dynamics import Layers
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, draw_drift, drifted_file
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, check_plant, identify_magnet
-from anhyst.rig.bearing.measuring import loop_texts, measure_loops
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import NO_DRIFT, Drift, changed, draw_drift, drifted_file
+from anhyst.rig.fitting import IdentifiedMagnet, check_plant, identify_magnet
 from anhyst.rig.magnet_table import SolidTable
-from anhyst.rig.stage.file import StageRig
+from anhyst.rig.measuring import loop_texts, measure_loops
 from anhyst.rig.stage.loop import Feedforward, make_stage, track
 from anhyst.study.plants import ERRORS, errors_of
 from anhyst.study.tracking.measures import Measures, measure
@@ -25,7 +25,7 @@ from tests.study import bearings, stages
 SOLID = SolidTable(depth_m=4e-3, conductivity_S_per_m=2e6, path_m=0.05)
 
 
-def solid(**changes: Any) -> StageRig:
+def solid(**changes: Any) -> BodyRig:
     """Return the short example with solid iron, its compensators in double precision."""
     given = {"magnet.solid": SOLID, "control.format": "f64"}
     return changed(stages.stage(), given | changes)
@@ -64,7 +64,7 @@ def test_at_rest_is_the_compensator_of_thin_iron_and_the_other_is_not(number_for
 
 def test_loops_of_further_speeds_are_measured_in_time() -> None:
     rig = solid(**{"measurement.fast_A_per_s": [45.0, 450.0], "measurement.gaps_m": [0.45e-3]})
-    loops = measure_loops(rig.bearing)
+    loops = measure_loops(rig)
     speeds = speeds_of(loops)
     assert speeds is not None
     assert [len(group) for group in speeds.fast] == [1, 1]
@@ -74,8 +74,8 @@ def test_loops_of_further_speeds_are_measured_in_time() -> None:
 
 def test_a_plant_is_held_against_slow_loops_alone() -> None:
     rig = solid(**{"measurement.fast_A_per_s": [450.0], "measurement.gaps_m": [0.45e-3]})
-    known = replace(bearings.knowledge(), loops=measure_loops(rig.bearing))
-    found = check_plant(rig.bearing, known)
+    known = replace(bearings.knowledge(), loops=measure_loops(rig))
+    found = check_plant(rig, known)
     assert found.plant.mean < 0.004 * found.plant.force_max
     assert found.plant.worst < 0.02 * found.plant.force_max
 
@@ -103,7 +103,7 @@ def test_following_solid_iron_pays_and_so_does_knowing_how_late_it_is() -> None:
             "force_sensor.bandwidth_Hz": 20e3,
         }
     )
-    magnet = identify_magnet(measure_loops(rig.bearing), rig.settings.loops)
+    magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
     motion, slit = stages.unseen(rig), rig.settings.scan.slit_s
 
     def found(method: Any, drift: Drift = NO_DRIFT) -> Measures:

@@ -14,9 +14,8 @@ from matplotlib.figure import Figure
 from anhyst._core import allocate
 from anhyst.data.table import read_columns
 from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst.reports.tracking import write_tracking_report
-from anhyst.reports.tracking.page import limits, memoryless, verdict, verdicts
-from anhyst.rig.bearing.drift import Drift, changed, draw_drift
+from anhyst.reports.tracking import limits, render
+from anhyst.rig.drift import Drift, changed, draw_drift
 from anhyst.rig.recording import Recording, moving
 from anhyst.rig.stage.loop import Feedforward, pid, track
 from anhyst.rig.stage.setpoint import ticks_of
@@ -193,12 +192,11 @@ def test_measures_say_what_they_say() -> None:
 @pytest.mark.slow
 def test_each_baseline_has_a_sentence_and_the_page_shows_every_variant(tmp_path: Path) -> None:
     study = stages.study()
-    assert memoryless(study) == "single-valued"
-    said = verdicts(study)
+    assert study.memoryless == "single-valued"
+    said = study.verdicts
     assert set(said) == {"single-valued", "play"}
     assert said["single-valued"].sentence.startswith("Worth it: less: peak 0.")
-    write_tracking_report(tmp_path / "report.html", study, "anhyst simulate rig.toml")
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = render(study, "anhyst simulate rig.toml")
     for text in ("One scan", "Settling", "Learning control", "Worth it", "map with one play"):
         assert text in page
 
@@ -206,7 +204,7 @@ def test_each_baseline_has_a_sentence_and_the_page_shows_every_variant(tmp_path:
 def test_a_compensator_that_is_no_better_is_called_not_worth_it() -> None:
     study = stages.study()
     swapped = dict(study.tried) | {"full": study.tried["single-valued"]}
-    found = verdicts(replace(study, tried=swapped))["single-valued"]
+    found = replace(study, tried=swapped).verdicts["single-valued"]
     assert found.sentence.startswith(
         "Not worth it here: alike within the noise: peak 1, moving average 1, "
     )
@@ -216,7 +214,7 @@ def test_a_compensator_that_is_no_better_is_called_not_worth_it() -> None:
 def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> None:
     """One that is beaten in settling alone, by one baseline alone, is worth it in part only."""
     study = stages.study()
-    found = verdict(study)
+    found = study.verdict
     assert found.level == "yes"
     assert "against the strongest baseline without hysteresis model, less: peak 0." in found.text
     own, play = study.tried["full"], study.tried["play"]
@@ -225,12 +223,12 @@ def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> 
     tried = dict(study.tried)
     tried["play"], tried["full"] = replace(play, measures=quick), replace(own, measures=slow)
     beaten = replace(study, tried=tried)
-    found = verdict(beaten)
+    found = beaten.verdict
     assert found.level == "mixed"
     assert found.text.endswith(WHERE_IT_PAYS["stage"])
     assert "less: peak 0." in found.text
     assert "more: settling to 50 nm more than 0 of 'play'" in found.text
-    assert verdicts(beaten)["play"].level == "mixed"
+    assert beaten.verdicts["play"].level == "mixed"
 
 
 def test_a_standstill_that_is_quiet_anyway_is_named_so() -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from anhyst.rig.bearing.loop import with_gains
 from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.bearing.operating import find_operating_point, linear_loop
 from anhyst.study.tuning.aims import MISSED, Aims
@@ -29,7 +30,10 @@ PLACES = np.array(
 
 def loops() -> list[LinearLoop]:
     at = find_operating_point(setup().rig)
-    return [linear_loop(with_gains(setup(), SPACE.controller(place, LIKE)), at) for place in PLACES]
+    return [
+        linear_loop(replace(setup(), controller=SPACE.controller(place, LIKE)), at)
+        for place in PLACES
+    ]
 
 
 def test_poles_are_those_of_the_linear_loop() -> None:

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.rig.bearing.loop import with_gains
 from anhyst.study.bearing.responses import SINE_M, Sensitivity
 from anhyst.study.tuning.aims import LOST, MISSED, Aims, Figures
 from anhyst.study.tuning.bearing import BearingLoop, default_conditions, peak_of
@@ -49,7 +48,7 @@ def test_gains_that_do_not_hold_cost_more_than_any_others() -> None:
     assert controller.design is not None
     weak = controller.design.model_copy(update={"bandwidth_Hz": 12.0})
     ratio = bearings.with_rig(bearings.single("ratio"), {})
-    lost = with_gains(ratio, controller.model_copy(update={"design": weak}))
+    lost = replace(ratio, controller=controller.model_copy(update={"design": weak}))
     outcome = run_trial(GainTrial(BearingLoop(lost, HERE), HERE, Aims()))
     assert not outcome.complete
     assert outcome.cost > LOST
@@ -61,7 +60,9 @@ def test_gains_that_fixed_point_cannot_hold_count_as_lost() -> None:
     stiff = controller.design.model_copy(update={"bandwidth_Hz": 6000.0})
     outcome = run_trial(
         GainTrial(
-            BearingLoop(with_gains(setup(), controller.model_copy(update={"design": stiff})), HERE),
+            BearingLoop(
+                replace(setup(), controller=controller.model_copy(update={"design": stiff})), HERE
+            ),
             HERE,
             Aims(),
         )

@@ -17,11 +17,11 @@ from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.rig.bearing.drift import changed, with_iron
-from anhyst.rig.bearing.file import read_bearing
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.body import read_bearing
+from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import find_model, loops_at
+from anhyst.rig.measuring import measure_loops
 from tests.plant.irons import generator
 
 FOLDER = Path(__file__).parent

@@ -24,7 +24,8 @@ typedef struct {
   void (*firmware_tick)(void *firmware, const void *sample, void *drive);
 } anhyst_bus_controller;
 
-/* As the tick of an anhyst_loop_controller whose self is the anhyst_bus_controller. */
+/* As the tick of an anhyst_loop_controller whose self is the anhyst_bus_controller. The controller
+   is gone where the firmware has ended, or answered another tick. */
 void anhyst_bus_controller_tick(void *self, const anhyst_loop_sample *sample,
                                 anhyst_loop_answer *answer);
 

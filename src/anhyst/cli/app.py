@@ -18,8 +18,8 @@ from anhyst.cli.console import one_line, say_error, warn
 from anhyst.cli.identify import identify
 from anhyst.cli.live import live, watch, xcp
 from anhyst.cli.measurements import convert, fleet, inspect
-from anhyst.cli.rig import excite, force_control, init
-from anhyst.cli.simulate import simulate
+from anhyst.cli.rig import excite, init
+from anhyst.cli.simulate import force_control, simulate
 from anhyst.cli.tune import calibrate, tune
 from anhyst.cli.use import diff, export, invert, predict, report
 from anhyst.support.errors import (

@@ -18,6 +18,8 @@ from anhyst.support.jobs import Progress
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from anhyst.study.engine.table import StudyResult
+    from anhyst.support.page import PageTable
     from anhyst.support.units import Quantity
 
 
@@ -50,6 +52,32 @@ def table(title: str, headers: Sequence[str]) -> Table:
     for index, header in enumerate(headers):
         result.add_column(header, justify="right" if index else "left")
     return result
+
+
+def from_page(drawn: PageTable) -> tuple[Table, ...] | tuple[Table, str]:
+    """Return a table of a page for a terminal, and what stands below it."""
+    from anhyst.support.page import NBSP
+
+    result = table(drawn.title, drawn.head)
+    for row in drawn.rows:
+        result.add_row(*(cell.text.replace(NBSP, " ") for cell in row))
+    return (result, drawn.caption) if drawn.caption else (result,)
+
+
+def show_study(result: StudyResult, written: str) -> None:
+    """Print a study: losses, tables, verdict, and what was written."""
+    from anhyst.reports.simulate import printed
+
+    tables, lines = printed(result)
+    left_out = getattr(result, "left_out", {}).items()
+    show(
+        *(f"lost: {one}" for one in result.lost_in),
+        *(part for one in tables for part in from_page(one)),
+        *lines,
+        f"verdict: {result.verdict.sentence}",
+        *(f"left out: {name}: {why}" for name, why in left_out),
+        f"written: {written}",
+    )
 
 
 def in_small_units(quantity: Quantity | None) -> tuple[str, float]:

@@ -11,7 +11,15 @@ import typer
 
 import anhyst
 from anhyst.cli.compile import IoChoice
-from anhyst.cli.console import in_small_units, print_json, progress_bar, show, table, warn
+from anhyst.cli.console import (
+    from_page,
+    in_small_units,
+    print_json,
+    progress_bar,
+    show,
+    table,
+    warn,
+)
 from anhyst.cli.options import (
     AsJson,
     Clean,
@@ -294,15 +302,11 @@ def fleet(
 
 
 def _show_fleet(judged: Fleet, out: Path) -> None:
-    rows = table("mean and scatter over the fleet", ["", "mean", "scatter", "%"])
-    if judged.spread is not None:
-        for name, mean, scatter in zip(
-            judged.quantities, judged.spread.mean, judged.spread.scatter, strict=True
-        ):
-            share = f"{100.0 * scatter / abs(mean):.2g}" if mean else ""
-            rows.add_row(name, f"{mean:.4g}", f"{scatter:.2g}", share)
+    from anhyst.reports.fleet import scatter_table
+
+    spread = judged.spread
     show(
-        *([rows] if judged.spread is not None else []),
+        *(() if spread is None else from_page(scatter_table(judged, spread))),
         *(f"{name}: {text}" for name, text in judged.facts().items()),
         f"written: {out / 'fleet.json'}, {out / 'fleet.csv'}, {out / REPORT}",
     )

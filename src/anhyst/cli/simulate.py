@@ -1,33 +1,26 @@
-"""The verb ``simulate``."""
+"""The verbs ``simulate`` and ``force-control``."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, progress_bar, show, table, warn
+from anhyst.cli.compile import refuse_difference, run_and_write, show_tables
+from anhyst.cli.console import print_json, progress_bar, show, show_study, table, warn
 from anhyst.cli.options import AsJson, BoardChoice, Scheduler, of_its_kind
-from anhyst.cli.rig import show_force
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from rich.table import Table
 
-    from anhyst import (
-        Benefit,
-        BoardComparison,
-        MonteCarlo,
-        PiezoTracking,
-        Simulation,
-        TrackingStudy,
-    )
+    from anhyst import Benefit, BoardComparison
     from anhyst.study.bearing.benefit import Comparison, Measure
     from anhyst.study.bearing.board_faults import Ending
-    from anhyst.study.bearing.responses import StepCell
+    from anhyst.study.engine.table import StudyResult
 
 
 REPORT = "report.html"
@@ -127,32 +120,29 @@ def simulate(
         for text in result.plant.warnings:
             warn(text)
     if as_json:
-        print_json(result.figures if hasattr(result, "figures") else result.as_dict())
+        print_json(result.as_dict())
+    elif isinstance(result, anhyst.BoardComparison):
+        _show_firmware(result, out)
+    elif isinstance(result, anhyst.Benefit):
+        _show_map(result, out)
     else:
-        _show_any(result, out)
-    _refuse(result)
-
-
-def _show_any(found: Any, out: Path) -> None:
-    """Print a result, whichever was asked for."""
-    shown: dict[type, Callable[[Any, Path], None]] = {
-        anhyst.Simulation: _show,
-        anhyst.MonteCarlo: _show_plants,
-        anhyst.Benefit: _show_map,
-        anhyst.BoardComparison: _show_firmware,
-        anhyst.TrackingStudy: show_tracking,
-        anhyst.PiezoTracking: show_piezo,
-        anhyst.ForceControl: lambda result, _: show_force(result),
-    }
-    shown[type(found)](found, out)
-
-
-def _refuse(result: Any) -> None:
-    """End with 1 where what is controlled was lost."""
+        show_study(result, _written(result, out))
     if isinstance(result, anhyst.BoardComparison):
         result.refuse()
     elif not isinstance(result, anhyst.Benefit):
         result.refuse_losses()
+
+
+def _written(result: StudyResult, out: Path) -> str:
+    """Say what was written of a study."""
+    if isinstance(result, anhyst.ForceControl):
+        return (
+            f"{result.out}: report.html, figures.json, fig6 to fig8, moving (PNG and SVG), one "
+            "recording of each trial"
+        )
+    figures = "montecarlo.json" if isinstance(result, anhyst.MonteCarlo) else "figures.json"
+    picture = [out.with_suffix(".svg")] if isinstance(result, anhyst.PiezoTracking) else []
+    return ", ".join(map(str, (out, *picture, out.parent / figures, out.parent / REPORT)))
 
 
 def _show_firmware(comparison: BoardComparison, out: Path) -> None:
@@ -229,148 +219,80 @@ def _map_against(
     return rows
 
 
-def _show_plants(plants: MonteCarlo, out: Path) -> None:
-    from anhyst.study.engine.monte_carlo import percentile
-
-    rows = []
-    titles = [f"{name} *" if name == plants.plants.own else name for name in plants.runs]
-    for figure in plants.plants.figures:
-        title = f"{figure.title} that 50 and 95 % of the plants stay below, {figure.unit}"
-        rows.append(table(title, ["", *titles]))
-        for case, name in enumerate(figure.names):
-            spreads = [plants.values(method, figure.key, case) for method in plants.runs]
-            low, high = (
-                [figure.factor * percentile(one, percent) for one in spreads]
-                for percent in (50, 95)
-            )
-            rows[-1].add_row(name, *(f"{a:.4g}, {b:.4g}" for a, b in zip(low, high, strict=True)))
-    lost = ", ".join(f"{one} with {name}" for name in plants.runs if (one := plants.lost(name)))
-    show(
-        f"lost: {lost or 'none'} of {len(plants.drifts)} plants",
-        *rows,
-        f"* judged; {len(plants.drifts)} plants, seed {plants.plants.seed}",
-        f"verdict: {plants.verdict.sentence}",
-        f"written: {out}, {out.parent / 'montecarlo.json'}, {out.parent / REPORT}",
-    )
-
-
-def _overshoot(cell: StepCell) -> str:
-    if cell.lost:
-        return f"{cell.lost} of {cell.runs} lost"
-    interval = cell.of("overshoot_percent")
-    return f"{interval.mean:.2f} ± {interval.half_width:.2f}{'' if cell.overshoots else ' ≤ noise'}"
-
-
-def _show(simulation: Simulation, out: Path) -> None:
-    from anhyst.reports.bearing.subject import grouped
-    from anhyst.reports.bearing.tables import judge_steps
-
-    heights = list(dict.fromkeys(cell.height for cell in simulation.cells))
-    gap = simulation.rig.settings.gap_m
-    rows = table(
-        f"overshoot of steps at {1e3 * gap:g} mm, %",
-        ["", *(f"{1e6 * height:g} um" for height in heights), "settling, ms", "standstill, nm"],
-    )
-    for name in simulation.setups:
-        mine = [cell for cell in simulation.cells if cell.variant == name and cell.gap == gap]
-        last = mine[-1]
-        rows.add_row(
-            f"{name} *" if name == simulation.own else name,
-            *(_overshoot(cell) for cell in mine),
-            f"{1e3 * last.of('settling_in_noise_s').mean:.2f}" if not last.lost else "",
-            f"{1e9 * last.of('standstill_rms_m').mean:.0f}" if not last.lost else "",
-        )
-    iron = simulation.at.slopes
-    label = f"{iron.label} iron: just after a reversal {100.0 * iron.share:.0f} % of the static N/A"
-    show(
-        *(f"lost levitation: {loss}" for loss in simulation.lost_in),
-        rows,
-        f"* of the controller file; mean of {simulation.rig.settings.noise_seeds} noise seeds "
-        "with its 95 % interval; settling and standstill at the highest step",
-        "≤ noise: not certainly more than the armature moves about at a standstill",
-        *simulation.plant.lines,
-        f"{label}; unstable pole {simulation.at.point.pole_at_current:.0f} Hz",
-        *(
-            []
-            if simulation.lost_in
-            else [f"verdict: {judge_steps(grouped(simulation.cells), simulation.own).sentence}"]
+def force_control(
+    rig: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RIG|LOOPS",
+            help="Rig file of force control; or the loops of a magnet: CSV files, or folders of them.",
+            callback=of_its_kind,
         ),
-        *(f"left out: {name}: {why}" for name, why in simulation.figures["left_out"].items()),
-        f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
-    )
-
-
-def show_tracking(study: TrackingStudy, out: Path) -> None:
-    """Print how every variant followed the set-points."""
-    from anhyst.reports.bearing.look import interval_text
-    from anhyst.reports.tracking.page import limits, verdict, verdicts
-    from anhyst.study.tracking.losses import LOSS_NOTES
-
-    plant = study.rig.settings
-    rows = table(
-        f"test set-point, crossover {plant.tracking.crossover_Hz:g} Hz",
-        ["", "peak, nm", "average, nm", "deviation, nm", "50 nm, ms", "10 nm, ms", "force rms, N"],
-    )
-    columns = (
-        ("peak_m", 1e9),
-        ("average_m", 1e9),
-        ("deviation_m", 1e9),
-        ("settling_50_s", 1e3),
-        ("settling_10_s", 1e3),
-        ("force_rms_N", 1.0),
-    )
-    for name, variant in study.tried.items():
-        rows.add_row(name, *(interval_text(variant.of(key), factor=by) for key, by in columns))
-    own = next(iter(study.tried.values()))
-    crossed = table("largest error of what is held", ["", *own.crossed])
-    for name, variant in study.tried.items():
-        crossed.add_row(
-            name, *(interval_text(variant.cross_talk(axis), factor=1e9) for axis in variant.crossed)
-        )
-    rests = table("rms at rest, the long stroke moving", ["", *own.at_rest])
-    for name, variant in study.tried.items():
-        rests.add_row(name, *(f"{1e9 * rest:.3g}" for rest in variant.at_rest.values()))
-    judged = (
-        f"verdict: {verdict(study).sentence}",
-        *(f"against '{name}': {variant.sentence}" for name, variant in verdicts(study).items()),
-        *limits(study),
-    )
-    show(
-        *(f"lost: {variant}" for variant in study.lost_in),
-        rows,
-        *((crossed, rests, "in nm and nrad") if own.crossed else ()),
-        *((_losses(study), *LOSS_NOTES) if study.losses else ()),
-        f"mean of {plant.noise_seeds} noise seeds with its 95 % interval; gains found on the "
-        f"training set-point; average and deviation over {1e3 * plant.scan.slit_s:g} ms",
-        *(() if study.lost_in else judged),
-        *(
-            f"learnt: {name}: {variant.learnt.judgement}"
-            for name, variant in study.tried.items()
-            if variant.learnt
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
+    board: Annotated[
+        BoardChoice,
+        typer.Option(
+            metavar="BOARD",
+            help="Where the firmware runs: 'library', within this process; 'host', a process of "
+            "its own; or 'qemu-mps2', an emulated Cortex-M3.",
         ),
-        *(f"left out: {name}: {why}" for name, why in study.left_out.items()),
-        f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
-    )
+    ] = BoardChoice.LIBRARY,
+    demand: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="CSV with a demand (t_s, F_N), beside those of the rig file."
+        ),
+    ] = None,
+    recordings: Annotated[
+        str,
+        typer.Option(
+            metavar="FORMAT", help="Format of the recordings: csv, mat, mf4, tdms, h5 or parquet."
+        ),
+    ] = "csv",
+    as_json: AsJson = False,
+) -> None:
+    """Control the force of a magnet, open loop, with and without compensation.
 
+    Models are identified from the loops of the rig, compiled, built into the firmware and run
+    over its serial link against the virtual magnet: at the stroke's end, at a row of
+    positions, and with the armature moving. Beside them: the simulated program, a constant ratio
+    of force and current, and the best curve without memory. Recordings, figures.json, the
+    paper's figures 6 to 8 and a page, report.html, are written.
 
-def _losses(study: TrackingStudy) -> Table:
-    """Return what became of a stage without each of its magnets."""
-    from anhyst.study.tracking.losses import LOSS_HEAD, LOSS_TITLE
+    From loops a rig is drafted into the folder first, as anhyst init --force-control does, and the
+    compiled C of all gaps is verified in the end, as anhyst verify does.
 
-    rows = table(LOSS_TITLE, LOSS_HEAD)
-    for loss in study.losses:
-        rows.add_row(*loss.cells())
-    return rows
+    Example: anhyst force-control examples/solenoid/rig.toml --out run
 
+    Example: anhyst force-control slow.csv middle.csv fast.csv --out run
+    """
+    from anhyst.reports.force import draw
+    from anhyst.support.page import table as page_table
 
-def show_piezo(tracking: PiezoTracking, out: Path) -> None:
-    """Print how a piezo stage followed its triangle."""
-    from anhyst.study.piezo import TITLES, verdict
-
-    rows = table("deviation from the triangle", ("compensation", "worst nm", "rms nm"))
-    for name, one in tracking.errors.items():
-        rows.add_row(TITLES[name], f"{1e9 * one.worst_m:.0f}", f"{1e9 * one.rms_m:.0f}")
-    lost = [f"lost: {one}" for one in tracking.lost_in]
-    ratio = f"rms with compensation over without: {tracking.ratio:.2f}; {verdict(tracking.ratio).sentence}"
-    written = f"{out} and {out.with_suffix('.svg')} written"
-    show(*lost, rows, *([] if lost else [ratio]), written)
+    from_loops = len(rig) > 1 or rig[0].suffix != ".toml"
+    if from_loops:
+        anhyst.init(out, rig, force_control=True)
+    with progress_bar("force control") as progress:
+        result = anhyst.force_control(
+            out / "rig.toml" if from_loops else rig[0],
+            out,
+            board=board.value,
+            demand=demand,
+            recordings=recordings,
+            progress=progress,
+        )
+    compiled = result.out / "stroke" / "full" / "controller"
+    verified = run_and_write(compiled) if from_loops else None
+    rows = verified.tables() if verified else []
+    draw(result, [page_table(table.title, table.headings, table.cells) for table in rows])
+    for text in result.plant.warnings:
+        warn(text)
+    if as_json:
+        print_json(result.figures | ({"verified": verified.as_dict()} if verified else {}))
+    else:
+        show_study(result, _written(result, out))
+        if verified:
+            show_tables(verified)
+    result.refuse_losses()
+    if verified:
+        refuse_difference(compiled, verified)

@@ -109,7 +109,7 @@ def tune(
 
     Example: anhyst tune examples/stage/rig.toml --out tuned --peak 2
     """
-    from anhyst.reports.bearing.over_runs import write_pareto
+    from anhyst.reports.tuning import write_pareto
     from anhyst.study.tuning.result import figures_of, shortfall
 
     with progress_bar("tuning") as progress:

@@ -308,6 +308,11 @@ class Allocation(IntEnum):
     CLASS_AB = 3
 
 
+def shared_by_pair(net: FloatArray, idle: float) -> FloatArray:
+    """Return the forces, N, that a pair of magnets makes of net ones, class AB; shape (2, n)."""
+    return np.array([_core.allocate(force, idle) for force in net.tolist()]).T
+
+
 _WAY = (
     (Command.CLEAR,),
     (Command.CONDITION, Command.DEMAGNETISED),

@@ -9,7 +9,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from anhyst.rig.bench.protocol import Aim, Bench, Parameter, Signal
+from anhyst.rig.bench.protocol import Bench, Parameter
 from anhyst.rig.bench.stage import AxesBench
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -258,18 +258,15 @@ _STRETCH_S = 0.001
 """Between two targets of a generator, s of the bench."""
 
 
-class DrivenBench:
-    """A :class:`anhyst.rig.bench.protocol.Bench` around another: generator, target and load kept."""
+class DrivenBench(Bench):
+    """A bench around another: generator, target and load kept."""
 
     def __init__(
         self, bench: Bench, refused: Callable[[str], None], happened: Callable[[str], None]
     ) -> None:
-        self.rate: float = bench.rate
-        self.signals: tuple[Signal, ...] = bench.signals
-        self.aim: Aim = bench.aim
-        self.load_most: float = bench.load_most
-        self.keeps_time: bool = bench.keeps_time
-        self.every: int = bench.every
+        self.rate, self.every, self.keeps_time = bench.rate, bench.every, bench.keeps_time
+        self.signals, self.commands = bench.signals, bench.commands
+        self.aim, self.load_most = bench.aim, bench.load_most
         self.body = bench.body if isinstance(bench, AxesBench) else None
         self.target = bench.aim.value
         self._refused = refused
@@ -299,6 +296,7 @@ class DrivenBench:
                 left = min(left, self._stretch)
             parts.append(self._bench.advance(left))
             self._heed(self._bench.news())
+            self.lost = self._bench.lost
             if self.lost:
                 break
         return np.concatenate(parts)
@@ -308,15 +306,6 @@ class DrivenBench:
             self._generator = None
             self.target = self._bench.aim.value
             self._happened(text)
-
-    @property
-    def lost(self) -> str:
-        """Why the controller is looked for; empty while it answers."""
-        return self._bench.lost
-
-    def news(self) -> Sequence[str]:
-        """Return nothing: it was said already."""
-        return ()
 
     def _follow(self, generator: Wave) -> None:
         try:
@@ -367,10 +356,6 @@ class DrivenBench:
         self._bench.command(command)
         if command is Command.RUN:
             self.target = 0.0
-
-    def commands(self) -> tuple[Command, ...]:
-        """Return the commands that there are."""
-        return self._bench.commands()
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all that may be changed."""

@@ -190,7 +190,7 @@ def _check_free(session: LiveSession, fields: Fields) -> None:
 
 def _command(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     name = str(fields.get("name"))
-    commands = {command.name.lower(): command for command in session.bench.commands()}
+    commands = {command.name.lower(): command for command in session.bench.commands}
     if name not in commands:
         raise InputError(f"this controller has no command '{name[:40]}'", code="unknown-command")
     command = commands[name]

@@ -88,7 +88,7 @@ def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
         "body": bench.body,
         "keeps_time": bench.keeps_time,
         "every": bench.every,
-        "commands": [command.name.lower() for command in bench.commands()],
+        "commands": [command.name.lower() for command in bench.commands],
         "states": _names(State),
         "faults": _names(Fault),
         "phases": _names(Phase),

@@ -60,7 +60,7 @@ def refusals(bench: Bench, now: Standing | None, ended: str, measured: str) -> M
 
 
 def _commands(bench: Bench) -> dict[str, Command]:
-    return {command.name.lower(): command for command in bench.commands()}
+    return {command.name.lower(): command for command in bench.commands}
 
 
 _LATE = 10_000
@@ -248,7 +248,7 @@ class LiveSession:
             return "start anhyst live again"
         if now is None or self.bench.lost or self.measured:
             return ""
-        return next_step(self.bench.commands(), now)
+        return next_step(self.bench.commands, now)
 
     def _note_parameters(self) -> None:
         in_force = ", ".join(

@@ -18,8 +18,8 @@ from anhyst.dashboard.recorder import RecordingFile, start_recording
 from anhyst.dashboard.server import MESSAGE_MOST, LiveServer
 from anhyst.dashboard.session import LiveSession
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bench.protocol import Bench
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.study.bench import address_of, open_board, prepare_board, prepared_once
 from anhyst.study.prepared import Prepared, PreparedBearing, PreparedStage, block_of
 from anhyst.study.tracking.beside import BearingLearner, BenchLearner, StageLearner

@@ -11,11 +11,11 @@ from pathlib import Path
 from anhyst.compilation.toolchain import core_files
 from anhyst.compilation.verb import compile_actuator
 from anhyst.exchange.part import WRAPPER, Part, Variable, array, header, kernel_of, row
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import compiled_model
-from anhyst.rig.bearing.plant import axes_numbers, current_loops, noise_seed, plant_numbers
+from anhyst.rig.body import BodyRig
 from anhyst.rig.parts.iron import CURVE, CellSteel, PreisachSteel, everett
 from anhyst.rig.parts.magnet import circuit_numbers
+from anhyst.rig.plant import current_loops, noise_seed, plant_numbers
 from anhyst.rig.recording import column
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.support.atomic import PathLike, plant_folder
@@ -90,7 +90,7 @@ def bearing_part(rig_path: PathLike) -> Part:
     return Part(title, text, rate, variables, sources)
 
 
-def refuse_plant(rig: BearingRig) -> None:
+def refuse_plant(rig: BodyRig) -> None:
     """Refuse a magnet that no FMU holds."""
     if rig.settings.magnet.kind == "law":
         raise InputError(
@@ -123,7 +123,7 @@ def fields(numbers: object) -> str:
     return str(numbers)
 
 
-def _iron(rig: BearingRig) -> tuple[str, str]:
+def _iron(rig: BodyRig) -> tuple[str, str]:
     """Return the iron of all magnets as a structure, and the arrays to which it points."""
     steel = rig.settings.steel.steel()
     numbers, table = steel.numbers(), ""
@@ -168,10 +168,10 @@ def _names(name: str) -> str:
     return header("controller_numbers", defined, f'#include "{name}_controller.h"\n\n')
 
 
-def numbers_of_plant(rig: BearingRig) -> str:
+def numbers_of_plant(rig: BodyRig) -> str:
     """Return the plant as structures."""
     settings = rig.settings
-    numbers = axes_numbers(rig) if settings.several else plant_numbers(rig)
+    numbers = plant_numbers(rig)
     iron, everett_table = _iron(rig)
     circuit = circuit_numbers(settings.magnet.poles, settings.magnet.eddy_time_s,
                               settings.gap_m)  # fmt: skip
@@ -213,7 +213,7 @@ def numbers_of_plant(rig: BearingRig) -> str:
     return header("bearing_numbers", defined, text)
 
 
-def _variables(rig: BearingRig, gaps: tuple[float, float]) -> list[Variable]:
+def _variables(rig: BodyRig, gaps: tuple[float, float]) -> list[Variable]:
     codes = ", ".join(f"{command.value} {command.name.lower()}" for command in Command)
     middle, load = rig.settings.gap_m, rig.settings.load
     return [

@@ -19,10 +19,10 @@ from anhyst.exchange.bearing_part import (
     refuse_plant,
 )
 from anhyst.exchange.part import WRAPPER, Causality, Part, Variable, header, kernel_of, row
+from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import column
 from anhyst.rig.stage.file import (
-    StageRig,
     least_of,
     opposed,
     pull_rows,
@@ -74,7 +74,7 @@ def stage_part(rig_path: PathLike) -> Part:
     """
     rig = read_stage(rig_path)
     _refuse_stage(rig)
-    refuse_plant(rig.bearing)
+    refuse_plant(rig)
     setup = make_stage(rig, identify_stage(rig), "full")
     own: dict[str, bytes] = {}
     if setup.compensator.format == "fixed":
@@ -86,7 +86,7 @@ def stage_part(rig_path: PathLike) -> Part:
     sources |= plant_sources("piezo|position")
     for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
         sources[own_file] = (WRAPPER / own_file).read_bytes()
-    sources["bearing_numbers.h"] = numbers_of_plant(rig.bearing).encode()
+    sources["bearing_numbers.h"] = numbers_of_plant(rig).encode()
     sources["stage_numbers.h"] = _controller_numbers(setup, compensators).encode()
     title = rig.settings.name
     precision = "fixed point" if setup.compensator.format == "fixed" else "double precision"
@@ -94,7 +94,7 @@ def stage_part(rig_path: PathLike) -> Part:
     return Part(title, text, rig.settings.timing.rate_Hz, _stage_variables(rig), sources)
 
 
-def _refuse_stage(rig: StageRig) -> None:
+def _refuse_stage(rig: BodyRig) -> None:
     control = rig.settings.tracking
     if control.format == "f32":
         raise InputError(
@@ -212,7 +212,7 @@ def _biquad(numbers: Sequence[float]) -> dict[str, str]:
     return {"forward": row(numbers[:3]), "back": row(numbers[3:])}
 
 
-def _stage_variables(rig: StageRig) -> list[Variable]:
+def _stage_variables(rig: BodyRig) -> list[Variable]:
     """Return what goes in and comes out, by the names of recordings: an array a coordinate or magnet."""
     file = rig.settings
     several, count = file.several, len(file.placed)

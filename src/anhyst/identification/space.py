@@ -11,16 +11,19 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.response import SURROUNDING, Local, ResponseForm
-from anhyst.laws.law import FitNumber
+from anhyst.laws import LAWS
+from anhyst.laws.law import FitNumber, Kernel
 from anhyst.model.parameters import GapMap
 from anhyst.support.numeric import FloatArray
+
+Coordinate = Literal["log", "asinh", "plain"]
 
 PER_GAP = {
     "none": frozenset[str](),
@@ -253,3 +256,14 @@ class CoordinateSpace:
             jacobian[row] -= by_part * values[leakage] / omega * jacobian[omega_row]
             jacobian[row, widest] += by_part * values[leakage] * ratio / omega * slopes[widest]
             jacobian[row, leakage] -= by_part * ratio * slopes[leakage]
+
+
+def coordinate_of(law: str, quantity: str) -> Coordinate:
+    """Return the coordinate by which a quantity is moved; of a law that says none, the logarithm."""
+    kernel = LAWS[law].kernel
+    numbers = (*(kernel.numbers if isinstance(kernel, Kernel) else ()), *AROUND)
+    coordinates = {number.meaning: number.coordinate for number in numbers}
+    meaning = max(
+        (m for m in coordinates if f"{quantity} ".startswith(f"{m} ")), key=len, default=""
+    )
+    return coordinates.get(meaning, "log")

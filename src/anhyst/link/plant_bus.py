@@ -78,7 +78,7 @@ class PlantBus:
         self.state = State.INIT
         self.fault = Fault.NONE
         self.answer: PlantDrive | None = None
-        self._exchange = exchange
+        self.exchange = exchange
 
     def step(self, ticks: int = 1) -> None:
         """Go on by some ticks, in lock-step with the controller."""
@@ -94,7 +94,7 @@ class PlantBus:
     def _step(self, tick: int) -> None:
         sample = _encode(tick, self.plant.step(tick, self.drives))
         try:
-            drive = self._exchange(sample)
+            drive = self.exchange(sample)
         except (OSError, ValueError) as error:
             raise InputError(
                 f"the controller did not finish tick {tick}: {error}; see its output",

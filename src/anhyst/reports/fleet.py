@@ -5,37 +5,19 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from anhyst.reports.study.page import page_text, picture, write_page
 from anhyst.study.fleet.fleet import Fleet
-from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.figures import svg_text
-from anhyst.support.page import (
-    Block,
-    Headline,
-    Items,
-    Note,
-    Picture,
-    Section,
-    Text,
-    Tile,
-    render_page,
-    table,
-)
-from anhyst.support.version import running_version
+from anhyst.study.fleet.spread import FleetSpread
+from anhyst.support.atomic import PathLike
+from anhyst.support.page import Block, Headline, Items, Note, PageTable, Section, Text, Tile, table
 
 _MOST_ROWS = 200
 
 
 def write_fleet_report(path: PathLike, fleet: Fleet) -> None:
     """Write the report of a fleet: one HTML file that needs nothing else."""
-    text = render_page(
-        _headline(fleet),
-        [_errors(fleet), _scatter(fleet), _magnets(fleet)],
-        running_version(),
-        kind="Fleet of magnets",
-        source="their loops",
-    )
-    with atomic_writer(path) as stream:
-        stream.write(text)
+    sections = [_errors(fleet), _scatter(fleet), _magnets(fleet)]
+    write_page(path, page_text("Fleet of magnets", _headline(fleet), sections, "their loops"))
 
 
 def _headline(fleet: Fleet) -> Headline:
@@ -71,21 +53,17 @@ def _headline(fleet: Fleet) -> Headline:
     )
 
 
-def _picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
-    return Picture(svg_text(figure, key), alt, caption)
-
-
 def _errors(fleet: Fleet) -> Section:
     figure = Figure(figsize=(7.2, 3.6), layout="constrained")
     fleet.plot(figure.add_subplot())
-    picture = _picture(
+    shown = picture(
         figure,
         "errors",
         "Error of each magnet, with its own controller and with one model for all.",
         "What each magnet's loops are off, with its own compiled controller and with the model of "
         f"the most typical one, '{fleet.typical}'.",
     )
-    return Section("errors", "How good they are", (picture,))
+    return Section("errors", "How good they are", (shown,))
 
 
 def _scatter(fleet: Fleet) -> Section:
@@ -107,21 +85,30 @@ def _scatter(fleet: Fleet) -> Section:
     ax.set_xlabel("deviation from the mean [%]")
     ax.set_xscale("symlog", linthresh=10.0)
     ax.grid(visible=True, alpha=0.25, lw=0.6)
-    rows = [
-        (name, f"{mean:.4g}", f"{scatter:.2g}", f"{100.0 * scatter / abs(mean):.2g}")
-        if mean
-        else (name, f"{mean:.4g}", f"{scatter:.2g}", "")
-        for name, mean, scatter in zip(fleet.quantities, spread.mean, spread.scatter, strict=True)
-    ]
     blocks: tuple[Block, ...] = (
         Text(
             "Mean and scatter of the magnets themselves: what the loops of one leave open is taken "
             "off, and outliers have no say."
         ),
-        _picture(figure, "scatter", "Fitted quantities of all magnets.", "Crosses: outliers."),
-        table("Quantities", ("quantity", "mean", "scatter", "%"), rows),
+        picture(figure, "scatter", "Fitted quantities of all magnets.", "Crosses: outliers."),
+        scatter_table(fleet, spread),
     )
     return Section("scatter", "How they scatter", blocks)
+
+
+def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
+    """Return mean and scatter of every quantity."""
+    rows = [
+        (
+            name,
+            f"{mean:.4g}",
+            f"{scatter:.2g}",
+            f"{100.0 * scatter / abs(mean):.2g}" if mean else "",
+        )
+        for name, mean, scatter in zip(fleet.quantities, spread.mean, spread.scatter, strict=True)
+    ]
+    head = ("quantity", "mean", "scatter", "%")
+    return table("Mean and scatter over the fleet", head, rows)
 
 
 def _magnets(fleet: Fleet) -> Section:

@@ -2,53 +2,50 @@
 
 from __future__ import annotations
 
-import hashlib
-import io
 import textwrap
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyBboxPatch
 
-from anhyst.reports.bearing.look import verdict_note
+from anhyst.reports.study.look import (
+    HIGH,
+    PLANT,
+    SOFTWARE,
+    WIDE,
+    DiagramBlock,
+    draw_arrow,
+    draw_box,
+    draw_label,
+    legend_below,
+    new_diagram,
+    verdict_note,
+)
+from anhyst.reports.study.page import (
+    REPORT,
+    Printed,
+    hashes,
+    origin,
+    page_text,
+    picture,
+    write_page,
+)
 from anhyst.rig.force.file import Rig
-from anhyst.study.engine.verdict import Judgement
+from anhyst.rig.recording import peak
 from anhyst.study.force.force_control import ForceControl
 from anhyst.study.force.trials import STAGES, TITLES, ForceOutcome
-from anhyst.support.atomic import atomic_writer, write_bytes
 from anhyst.support.figures import (
     FALLING,
     MEASURED,
     RISING,
     new_figure,
     styled,
-    svg_text,
     write_png,
+    write_svg,
 )
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import (
-    Headline,
-    Note,
-    PageTable,
-    Picture,
-    Section,
-    Text,
-    Tile,
-    number,
-    render_page,
-    table,
-)
-from anhyst.support.version import running_version
-
-_WIDE, _HIGH = 2.5, 1.15
-_INK = "#333333"
-_FILL = "#F4F6F8"
-
-_Place = tuple[float, float]
+from anhyst.support.page import Headline, Note, PageTable, Section, Text, Tile, number, table
 
 
 @styled
@@ -57,110 +54,71 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
     settings = rig.settings
     amplifier, force = settings.amplifier, settings.force_sensor
     gap = settings.gap_sensor.sensor()
-    figure = new_figure(3.9)
-    ax = figure.add_subplot()
-    ax.set_axis_off()
-    ax.grid(visible=False)
     actuator, turns = rig.actuator_text
-    boxes: dict[str, tuple[_Place, str, str]] = {
-        "pc": ((0.0, 2.0), "PC", "demands, recording"),
-        "controller": (
-            (4.0, 2.0),
+    held = settings.held.gaps_m
+    left, middle, right, above, below = 1.3, 4.8, 8.3, 3.2, 1.2
+    boxes = {
+        (left, above): DiagramBlock("PC", ("demands, recording",)),
+        (middle, above): DiagramBlock(
             "embedded controller",
-            f"board {board}, {settings.timing.rate_Hz:g} ticks/s\nfixed point, one tick of delay",
+            (
+                f"board {board}, {settings.timing.rate_Hz:g} ticks/s",
+                "fixed point, one tick of delay",
+            ),
         ),
-        "amplifier": (
-            (8.0, 2.0),
+        (right, above): DiagramBlock(
             "current amplifier",
-            f"0 to {amplifier.current_high_A:g} A, {amplifier.dac_bits} bits\n"
-            f"{amplifier.bandwidth_Hz:g} Hz, {amplifier.slew_A_per_s:g} A/s",
+            (
+                f"0 to {amplifier.current_high_A:g} A, {amplifier.dac_bits} bits",
+                f"{amplifier.bandwidth_Hz:g} Hz, {amplifier.slew_A_per_s:g} A/s",
+            ),
         ),
-        "solenoid": (
-            (8.0, 0.0),
+        (right, below): DiagramBlock(
             actuator,
-            f"{turns} turns, {settings.force.force_max_N:g} N\ngap {_stroke(rig)} mm",
+            (
+                f"{turns} turns, {settings.force.force_max_N:g} N",
+                f"gap {1e3 * min(held):g} to {1e3 * max(held):g} mm",
+            ),
         ),
-        "lvdt": (
-            (4.0, 0.0),
+        (middle, below): DiagramBlock(
             settings.gap_sensor.kind,
-            f"{1e6 * gap.step:.3g} um steps over {1e3 * (gap.high - gap.low):g} mm\n"
-            f"{1e6 * gap.noise:g} um rms, {gap.bandwidth:g} Hz",
+            (
+                f"{1e6 * gap.step:.3g} um steps over {1e3 * (gap.high - gap.low):g} mm",
+                f"{1e6 * gap.noise:g} um rms, {gap.bandwidth:g} Hz",
+            ),
         ),
-        "force": (
-            (0.0, 0.0),
+        (left, below): DiagramBlock(
             "force sensor",
-            f"{force.adc_bits} bits over {force.high_N - force.low_N:g} N\n"
-            f"{force.noise_N:g} N rms, {force.bandwidth_Hz:g} Hz",
+            (
+                f"{force.adc_bits} bits over {force.high_N - force.low_N:g} N",
+                f"{force.noise_N:g} N rms, {force.bandwidth_Hz:g} Hz",
+            ),
         ),
     }
-    for spot, title, text in boxes.values():
-        _box(ax, spot, title, text)
-    centre = {name: spot for name, (spot, _, _) in boxes.items()}
-    _arrow(ax, centre["pc"], centre["controller"], "serial link\nforce out, status back", both=True)
-    _arrow(ax, centre["controller"], centre["amplifier"], "current")
-    _arrow(ax, centre["amplifier"], centre["solenoid"], "")
-    _arrow(ax, centre["solenoid"], centre["lvdt"], "armature", colour=FALLING)
-    _arrow(ax, centre["lvdt"], centre["controller"], "")
-    _arrow(ax, centre["force"], centre["controller"], "force", dashed=True)
-    _around(ax, centre["solenoid"], centre["force"])
-    ax.set_xlim(-1.4, 9.4)
-    ax.set_ylim(-1.35, 2.75)
+    figure, ax = new_diagram(9.6, 4.1)
+    for centre, block in boxes.items():
+        fill = SOFTWARE if centre == (middle, above) else PLANT
+        draw_box(ax, centre, block.title.replace(" ", "-"), block, fill)
+    half, lid = 0.5 * WIDE, 0.5 * HIGH
+    inner = (left + half, middle - half, middle + half, right - half)
+    draw_arrow(ax, [(inner[0], above), (inner[1], above)], arrowstyle="<|-|>")
+    draw_arrow(ax, [(inner[2], above), (inner[3], above)])
+    draw_arrow(ax, [(right, above - lid), (right, below + lid)])
+    draw_arrow(ax, [(inner[3], below), (inner[2], below)], FALLING)
+    draw_arrow(ax, [(middle, below + lid), (middle, above - lid)])
+    corner = (left + 0.7 * half, below + lid), (middle - 0.7 * half, above - lid)
+    draw_arrow(ax, corner, linestyle=(0, (4, 2)))
+    floor = below - lid
+    draw_arrow(ax, [(right, floor), (right, 0.2), (left, 0.2), (left, floor)], FALLING)
+    for x, y, text in (
+        (0.5 * (inner[0] + inner[1]), above + 0.08, "serial link\nforce out, status back"),
+        (0.5 * (inner[2] + inner[3]), above + 0.08, "current"),
+        (0.5 * (inner[2] + inner[3]), below + 0.08, "armature"),
+        (0.5 * (left + middle) - 0.3, 0.5 * (above + below) + 0.05, "force"),
+        (middle, 0.26, "force"),
+    ):
+        draw_label(ax, (x, y), text)
     return figure
-
-
-def _stroke(rig: Rig) -> str:
-    positions = rig.settings.held.gaps_m
-    return f"{1e3 * min(positions):g} to {1e3 * max(positions):g}"
-
-
-def _box(ax: Axes, centre: _Place, title: str, text: str) -> None:
-    x, y = centre
-    corner = (x - 0.5 * _WIDE, y - 0.5 * _HIGH)
-    shape = FancyBboxPatch(
-        corner, _WIDE, _HIGH, boxstyle="round,pad=0,rounding_size=0.08", fc=_FILL, ec=_INK, lw=0.9
-    )
-    ax.add_patch(shape)
-    ax.text(x, y + 0.36, title, ha="center", va="center", weight="bold", fontsize=8.5)
-    ax.text(x, y - 0.14, text, ha="center", va="center", fontsize=7.5)
-
-
-def _arrow(
-    ax: Axes,
-    begin: _Place,
-    end: _Place,
-    text: str,
-    *,
-    both: bool = False,
-    dashed: bool = False,
-    colour: str = RISING,
-) -> None:
-    """From the rim of one box to that of another, straight along a row, a column or a diagonal."""
-    (x0, y0), (x1, y1) = begin, end
-    across, up = x1 - x0, y1 - y0
-    tail = (x0 + 0.5 * _WIDE * _sign(across), y0 + 0.5 * _HIGH * (_sign(up) if not across else 0))
-    head = (x1 - 0.5 * _WIDE * _sign(across), y1 - 0.5 * _HIGH * (_sign(up) if not across else 0))
-    if across and up:
-        tail, head = (x0 + 0.3 * _WIDE, y0 + 0.5 * _HIGH), (x1 - 0.3 * _WIDE, y1 - 0.5 * _HIGH)
-    style: dict[str, Any] = {"arrowstyle": "<|-|>" if both else "-|>", "color": colour, "lw": 1.3}
-    if dashed:
-        style["linestyle"] = (0, (4, 2))
-    ax.annotate("", head, tail, arrowprops=style)
-    middle = (0.5 * (tail[0] + head[0]), 0.5 * (tail[1] + head[1]))
-    ax.text(middle[0], middle[1] + 0.1, text, ha="center", va="bottom", fontsize=7.5)
-
-
-def _around(ax: Axes, begin: _Place, end: _Place) -> None:
-    """Below the boxes, from one to the other: what the armature pulls at."""
-    (x0, y0), (x1, y1) = begin, end
-    low = y0 - 0.5 * _HIGH - 0.45
-    ax.plot([x0, x0, x1], [y0 - 0.5 * _HIGH, low, low], color=FALLING, lw=1.3)
-    style = {"arrowstyle": "-|>", "color": FALLING, "lw": 1.3}
-    ax.annotate("", (x1, y1 - 0.5 * _HIGH), (x1, low), arrowprops=style)
-    ax.text(0.5 * (x0 + x1), low + 0.06, "force", ha="center", va="bottom", fontsize=7.5)
-
-
-def _sign(value: float) -> float:
-    return float((value > 0.0) - (value < 0.0))
 
 
 DEMAND = "#C4C4C4"
@@ -193,6 +151,16 @@ CAPTIONS: Mapping[str, str] = {
 """What the figures of the page show, in its order."""
 
 
+def printed(result: ForceControl) -> Printed:
+    """Return what a terminal shows of force control."""
+    figures = result.figures
+    same = (
+        f"firmware on {figures['board']} against the simulated program: "
+        f"{figures['ticks_that_differ']} of {figures['firmware_ticks']} ticks differ"
+    )
+    return Printed([comparison(result)], [*result.plant.lines, same])
+
+
 def draw(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
     """Draw every figure as PNG and SVG into the folder of a run, and the page with all of them."""
     stages: dict[str, list[ForceOutcome]] = {}
@@ -207,38 +175,26 @@ def draw(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
     }
     for name, figure in pages.items():
         write_png(figure, result.out / f"{name}.png")
-        _write_svg(figure, result.out / f"{name}.svg")
-    pictures = [Picture(svg_text(pages[name], name), text, text) for name, text in CAPTIONS.items()]
+        write_svg(figure, result.out / f"{name}.svg")
+    pictures = [picture(pages[name], name, text, text) for name, text in CAPTIONS.items()]
     compiled = Text(
         "C of the models, with its manifest: end/full/controller and stroke/full/controller; "
         f"{result.figures['ticks_that_differ']} of {result.figures['firmware_ticks']} ticks of the "
         "firmware differ from the simulated program."
     )
-    inputs = (rig.path, *rig.measured.files)
-    files = [(path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in inputs]
-    text = render_page(
-        _headline(result, bool(verified)),
-        [
-            Section("forces", "Forces", tuple(pictures)),
-            Section("controller", "Controller", (compiled, *verified)),
-            Section("origin", "Origin", (table("Files", ["file", "SHA-256"], files, texts=2),)),
-        ],
-        running_version(),
-        kind="Force control",
-        source="a simulation",
-    )
-    with atomic_writer(result.out / "report.html") as stream:
-        stream.write(text)
+    sections = [
+        Section("forces", "Forces", tuple(pictures)),
+        Section("controller", "Controller", (compiled, *verified)),
+        origin(hashes([rig.path, *rig.measured.files])),
+    ]
+    text = page_text("Force control", _headline(result, bool(verified)), sections)
+    write_page(result.out / REPORT, text)
 
 
 def _headline(result: ForceControl, verified: bool) -> Headline:
     rig, figures = result.rig, result.figures
-    verdict = figures["verdict"]
-    notes = [
-        verdict_note(Judgement(verdict["level"], verdict["text"]))
-        if verdict
-        else Note("bad", "Force lost", f"{'; '.join(result.lost_in)}.")
-    ]
+    lost = [Note("bad", "Force lost", f"{'; '.join(result.lost_in)}.")]
+    notes = lost if result.lost_in else [verdict_note(result.verdict)]
     if verified:
         notes.append(Note("good", "C verified", "The same bits wherever it ran; tables below."))
     return Headline(
@@ -251,7 +207,7 @@ def _headline(result: ForceControl, verified: bool) -> Headline:
         + ".",
         notes=tuple(notes),
         tiles=_tiles(result),
-        comparison=_comparison(result),
+        comparison=comparison(result),
         holds="Errors of the true force after the lead-in, which a simulation alone knows; the tick "
         "of delay and the lag of the amplifier are in them.",
     )
@@ -274,7 +230,7 @@ def _tiles(result: ForceControl) -> tuple[Tile, ...]:
     )
 
 
-def _comparison(result: ForceControl) -> PageTable:
+def comparison(result: ForceControl) -> PageTable:
     """Return worst and rms errors of every controller, by group of trials and demand."""
     groups: dict[tuple[str, str], dict[str, tuple[float, float]]] = {}
     for trial in result.figures["trials"]:
@@ -298,26 +254,38 @@ def _comparison(result: ForceControl) -> PageTable:
 
 
 @styled
-def _write_svg(figure: Figure, path: Path) -> None:
-    stream = io.BytesIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    write_bytes(path, stream.getvalue())
-
-
-@styled
 def figure_constant_gap(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
     """Draw forces and errors at the stroke's end, one column a demand (the paper's Fig. 7)."""
     shown = [outcome for outcome in outcomes if outcome.trial.start == "unknown"]
-    figure = new_figure(6.0, width=4.8 * len(shown))
-    axes = figure.subplots(2, len(shown), squeeze=False, sharex="col", height_ratios=(3, 2))
-    for (above, below), outcome in zip(axes.T, shown, strict=True):
-        _forces(above, rig, outcome)
-        _deviations(below, rig, outcome, _COMPARED)
-        above.set_title(f"{outcome.trial.demand.name}, {_place(outcome)}")
-        below.set_xlabel("time (s)")
-    axes[0, 0].set_ylabel("force (N)")
-    axes[1, 0].set_ylabel("true force - demand (N)")
-    _legend(figure, axes[0, 0], axes[1, 0])
+    return _columns(rig, shown, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0)
+
+
+@styled
+def figure_moving(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
+    """Draw forces, errors and position with the armature moving, one column a demand."""
+    rows = {"force (N)": 3.0, "true force - demand (N)": 2.0, "gap (mm)": 1.2}
+    return _columns(rig, outcomes, rows, 7.0)
+
+
+def _columns(
+    rig: Rig, outcomes: Sequence[ForceOutcome], rows: Mapping[str, float], height: float
+) -> Figure:
+    """Draw forces and errors, and the gap where that has a row, one column a demand."""
+    figure = new_figure(height, width=4.8 * len(outcomes))
+    axes = figure.subplots(
+        len(rows), len(outcomes), squeeze=False, sharex="col", height_ratios=[*rows.values()]
+    )
+    for column, outcome in zip(axes.T, outcomes, strict=True):
+        _forces(column[0], rig, outcome)
+        _deviations(column[1], rig, outcome, _COMPARED)
+        if "gap (mm)" in rows:
+            time, gap = _curve(rig, outcome, 1e3 * outcome.recordings["full"]["gap_m"])
+            column[2].plot(time, gap, color=MEASURED, lw=1.0)
+        column[0].set_title(f"{outcome.trial.demand.name}, {_place(outcome)}")
+        column[-1].set_xlabel("time (s)")
+    for ax, text in zip(axes[:, 0], rows, strict=True):
+        ax.set_ylabel(text)
+    legend_below(figure, axes[0, 0], axes[1, 0], columns=int(figure.get_figwidth() / 2.4))
     return figure
 
 
@@ -347,27 +315,7 @@ def figure_positions(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
             empty.remove()
         row[0].set_ylabel("force (N)")
         errors[0].set_ylabel("true force - demand (N)")
-    _legend(figure, axes[0, 0], axes[1, 0])
-    return figure
-
-
-@styled
-def figure_moving(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
-    """Draw forces, errors and position with the armature moving, one column a demand."""
-    figure = new_figure(7.0, width=4.8 * len(outcomes))
-    axes = figure.subplots(3, len(outcomes), squeeze=False, sharex="col", height_ratios=(3, 2, 1.2))
-    for (above, middle, below), outcome in zip(axes.T, outcomes, strict=True):
-        _forces(above, rig, outcome)
-        _deviations(middle, rig, outcome, _COMPARED)
-        time, gap = _curve(rig, outcome, 1e3 * outcome.recordings["full"]["gap_m"])
-        below.plot(time, gap, color=MEASURED, lw=1.0)
-        above.set_title(f"{outcome.trial.demand.name}, armature moving")
-        below.set_xlabel("time (s)")
-    for ax, text in zip(
-        axes[:, 0], ("force (N)", "true force - demand (N)", "gap (mm)"), strict=True
-    ):
-        ax.set_ylabel(text)
-    _legend(figure, axes[0, 0], axes[1, 0])
+    legend_below(figure, axes[0, 0], axes[1, 0], columns=int(figure.get_figwidth() / 2.4))
     return figure
 
 
@@ -399,9 +347,9 @@ def _deviations(
 
 
 def _worst(rig: Rig, outcome: ForceOutcome, name: str) -> float:
-    deviation = outcome.recordings[name]["force_N"] - outcome.trial.demand.force
-    largest = np.abs(deviation[outcome.trial.demand.lead_in :]).max()
-    return float(100.0 * largest / rig.settings.force.force_max_N)
+    demand = outcome.trial.demand
+    off = (outcome.recordings[name]["force_N"] - demand.force)[demand.lead_in :]
+    return 100.0 * peak(off) / rig.settings.force.force_max_N
 
 
 def _curve(rig: Rig, outcome: ForceOutcome, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -413,15 +361,4 @@ def _curve(rig: Rig, outcome: ForceOutcome, values: FloatArray) -> tuple[FloatAr
 
 def _place(outcome: ForceOutcome) -> str:
     position = outcome.trial.position
-    return "" if position is None else f"gap {1e3 * position:.2f} mm"
-
-
-def _legend(figure: Figure, *axes: Axes) -> None:
-    handles, labels = [], []
-    for ax in axes:
-        more = ax.get_legend_handles_labels()
-        handles += more[0]
-        labels += more[1]
-    figure.legend(
-        handles, labels, loc="outside lower center", ncols=int(figure.get_figwidth() / 2.4)
-    )
+    return "armature moving" if position is None else f"gap {1e3 * position:.2f} mm"

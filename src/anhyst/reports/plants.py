@@ -1,54 +1,46 @@
-"""The page of plants that have drifted, whichever rig they are."""
+"""The page of plants that have drifted, whichever rig they are, and its figure."""
 
 from __future__ import annotations
 
-import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from anhyst.reports.bearing.look import ordered, verdict_note
-from anhyst.reports.bearing.over_runs import Spread, figure_drift
-from anhyst.rig.bearing.drift import Drift
+from anhyst.reports.study.look import COLOURS, legend_below, line_of, ordered, verdict_note
+from anhyst.reports.study.page import Printed, hashes, origin, page_text, picture
+from anhyst.rig.drift import Drift
 from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
 from anhyst.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
-from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.figures import svg_text
-from anhyst.support.kinds import NAMES
+from anhyst.support.figures import new_figure, panels, styled
+from anhyst.support.kinds import NAMES, MethodName
+from anhyst.support.numeric import FloatArray
 from anhyst.support.page import (
     MINUS,
     NBSP,
     Headline,
     Items,
     Note,
-    Picture,
+    PageTable,
     Section,
-    Text,
     number,
-    render_page,
     table,
 )
-from anhyst.support.version import running_version
 
 
-def write_plants_report(
-    path: PathLike, runs: MonteCarlo, files: Sequence[Path], command: str
-) -> None:
-    """Write the report of a Monte Carlo: one HTML file that needs nothing else."""
-    rows = [(file.name, hashlib.sha256(file.read_bytes()).hexdigest()) for file in files]
-    origin = Section("origin", "Origin", (table("Files", ["file", "SHA-256"], rows, texts=2),
-                                          Text(f"Made by: {command}")))  # fmt: skip
-    text = render_page(
-        _headline(runs),
-        [_drift(runs), origin],
-        running_version(),
-        kind="Drifted plants",
-        source="a simulation",
-    )
-    with atomic_writer(path) as stream:
-        stream.write(text)
+def printed(runs: MonteCarlo) -> Printed:
+    """Return what a terminal shows of a Monte Carlo."""
+    count = f"{len(runs.drifts)} plants, seed {runs.plants.seed}; judged is '{runs.plants.own}'"
+    return Printed([percentile_table(runs)], [count])
+
+
+def render(runs: MonteCarlo, files: Sequence[Path], command: str) -> str:
+    """Return the page of a Monte Carlo."""
+    sections = [_drift(runs), origin(hashes(files), command, runs.plants.seed)]
+    return page_text("Drifted plants", _headline(runs), sections)
 
 
 def _headline(runs: MonteCarlo) -> Headline:
@@ -95,26 +87,30 @@ def _drift(runs: MonteCarlo) -> Section:
         for figure in runs.plants.figures
         for case, name in enumerate(figure.names)
     ]  # fmt: skip
-    rows = [
-        [
-            spread.title,
-            name,
-            *(number(percentile(spread.values[name].tolist(), p)) for p in PERCENTILES),
-        ]
-        for spread in spreads
-        for name in ordered(spread.values)
-    ]
-    picture = Picture(
-        svg_text(figure_drift(spreads), "drift"),
+    shown = picture(
+        figure_drift(spreads),
+        "drift",
         "Shares of plants that stay below a figure, with percentiles marked: "
         f"{', '.join(spread.title for spread in spreads)}.",
         "Share of plants below each figure; dots at "
         f"{', '.join(str(part) for part in PERCENTILES)} %. A plant that is lost counts as "
         "infinitely bad.",
     )
+    return Section("drift", "Drifted plants", (shown, percentile_table(runs), _worst(runs)))
+
+
+def percentile_table(runs: MonteCarlo) -> PageTable:
+    """Return what so many per cent of the plants stay below, figure by figure."""
+    rows = [
+        [_title(spread_of, case), name, *(number(figure, 3) for figure in figures)]
+        for spread_of in runs.plants.figures
+        for place, case in enumerate(spread_of.names)
+        for name in ordered(runs.runs)
+        for values in (runs.values(name, spread_of.key, place),)
+        for figures in ([spread_of.factor * percentile(values, p) for p in PERCENTILES],)
+    ]
     head = ["figure", "variant", *(f"{part:g} %" for part in PERCENTILES)]
-    blocks = (picture, table("Percentiles", head, rows, texts=2), _worst(runs))
-    return Section("drift", "Drifted plants", blocks)
+    return table("Percentiles", head, rows, texts=2)
 
 
 def _title(figure: PlantFigure, case: str) -> str:
@@ -143,3 +139,32 @@ def _drift_text(drift: Drift) -> str:
         shown = f"{value:+.1f}{NBSP}%" if unit == "percent" else f"{1e6 * value:+.2f}{NBSP}µ{unit}"
         changes.append(f"{name.replace('_', ' ')} {shown}")
     return ", ".join(changes).replace("-", MINUS)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """One figure over many plants."""
+
+    title: str  # what it is, with its unit
+    # of every variant, one a plant; infinite where a plant failed
+    values: Mapping[MethodName, FloatArray]
+
+
+@styled
+def figure_drift(spreads: Sequence[Spread]) -> Figure:
+    """Draw the share of plants that stay below a figure, with percentiles marked."""
+    figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
+    axes = panels(figure, len(spreads))
+    for ax, spread in zip(axes, spreads, strict=True):
+        for name in ordered(spread.values):
+            values = np.sort(spread.values[name])
+            share = 100.0 * np.arange(1, values.size + 1) / values.size
+            finite = np.isfinite(values)
+            ax.plot(values[finite], share[finite], **line_of(name), label=name)
+            marks = [percentile(values.tolist(), part) for part in PERCENTILES]
+            ax.plot(marks, PERCENTILES, "o", color=COLOURS[name], ms=3.5)
+        ax.set_title(spread.title)
+        ax.set_ylim(0.0, 102.0)
+    axes[0].set_ylabel("plants below (%)")
+    legend_below(figure, *axes)
+    return figure

@@ -2,74 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, overload
+from typing import Any, Literal, TypeVar, overload
 
 from anhyst.data.table import check_recording
-from anhyst.reports.bearing import write_simulation_report
-from anhyst.reports.bearing.from_simulation import subject_of, subject_of_benefit
-from anhyst.reports.force import draw as draw_force
-from anhyst.reports.plants import write_plants_report
-from anhyst.reports.tracking import write_tracking_report
+from anhyst.reports import force, piezo, plants, tracking
+from anhyst.reports.bearing import page, tables
+from anhyst.reports.bearing.benefit import render_benefit
+from anhyst.reports.bearing.subject import subject_of
+from anhyst.reports.study.page import REPORT, Printed, write_page
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.study.bearing.benefit import Benefit
 from anhyst.study.bearing.benefit import benefit as map_benefit
-from anhyst.study.bearing.on_board import BoardComparison, run_board, write_comparison
+from anhyst.study.bearing.on_board import BoardComparison, run_board
 from anhyst.study.bearing.operating import make_ready, read_files
-from anhyst.study.bearing.simulate import Simulation, explore, write_simulation
+from anhyst.study.bearing.simulate import Simulation, explore
 from anhyst.study.engine.monte_carlo import MonteCarlo, Plants
 from anhyst.study.engine.monte_carlo import monte_carlo as run_plants
+from anhyst.study.engine.table import FIGURES, StudyResult
 from anhyst.study.force.force_control import ForceControl, force_control
-from anhyst.study.piezo import TITLES, PiezoTracking, track
+from anhyst.study.piezo import PiezoTracking, track
 from anhyst.study.plants import bearing_plants, force_plants, piezo_plants, stage_plants
-from anhyst.study.tracking.simulate import TrackingStudy, explore_stage, simulate_stage
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable, json_text, write_bytes
+from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
+from anhyst.support.atomic import PathLike, check_writable, write_json
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.figures import write_svg
 from anhyst.support.jobs import Progress, in_parts, workers_of
 from anhyst.support.kinds import NAMES, TAKES, FileKind
 from anhyst.support.toml_file import take_kind
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+_PRINTED: Mapping[type[StudyResult], Callable[[Any], Printed]] = {
+    Simulation: tables.printed,
+    TrackingStudy: tracking.printed,
+    PiezoTracking: piezo.printed,
+    ForceControl: force.printed,
+    MonteCarlo: plants.printed,
+}
+Result = TypeVar("Result", bound=StudyResult)
 
 
-LOOK = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
+def printed(result: StudyResult) -> Printed:
+    """Return the tables and lines that a terminal shows of a study, whichever it is."""
+    return _PRINTED[type(result)](result)
 
-
-def draw_tracking(tracked: PiezoTracking) -> Figure:
-    """Draw reference, voltage and deviation over the cycles that are judged."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 6.5), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
-    judged = slice(tracked.judged_from, None)
-    full = tracked.runs["full"]
-    time = full["t_s"][judged]
-    upper.plot(time, 1e6 * full["reference_m"][judged], color="0.3")
-    upper.set_ylabel("reference [µm]")
-    for name, run in tracked.runs.items():
-        label = f"{TITLES[name]}: {1e9 * tracked.errors[name].rms_m:.0f} nm rms"
-        lower.plot(time, 1e9 * run["error_m"][judged], color=LOOK[name], lw=1.0, label=label)
-    lower.set(xlabel="time [s]", ylabel="deviation [nm]")
-    lower.legend(loc="upper right", fontsize=9)
-    for ax in (upper, lower):
-        ax.grid(visible=True, alpha=0.25, lw=0.6)
-        ax.spines[["top", "right"]].set_visible(False)
-    return figure
-
-
-def write_picture(tracked: PiezoTracking, path: Path) -> None:
-    """Write the picture as the ending of its name says."""
-    picture = BytesIO()
-    draw_tracking(tracked).savefig(picture, format=path.suffix[1:], dpi=120)
-    write_bytes(path, picture.getvalue())
-
-
-REPORT = "report.html"
 
 Simulated = Simulation | TrackingStudy | PiezoTracking | ForceControl
 Studied = Simulated | MonteCarlo | Benefit | BoardComparison
@@ -174,7 +153,7 @@ def simulate_rig(
     task = _Task(rig, controller, Path(out or "-"), out is not None, progress)
     with workers_of(scheduler):
         if monte_carlo is not None:
-            return task.plants(kind, monte_carlo)
+            return task.monte_carlo(kind, monte_carlo)
         if kind is FileKind.FORCE:
             return task.force(board or "library")
         if board is not None:
@@ -205,22 +184,54 @@ class _Task:
         chosen = "" if self.controller is None else f" --controller {self.controller}"
         return f"anhyst simulate {self.rig}{chosen} --out {self.out}{option}"
 
-    def bearing(self) -> Simulation:
+    def study(
+        self,
+        explore: Callable[[], Result],
+        render: Callable[[Result, str], str],
+        reads: Sequence[PathLike],
+    ) -> Result:
+        """Explore a rig, and write recording, figures and page if that is asked for."""
         if not self.written:
-            return explore(self.rig, None, self.controller, self.progress)
-        for path in (self.out, self.report):
-            check_writable(path)
+            return explore()
+        check_recording(self.out, reads)
+        for path in (self.out.parent / FIGURES, self.report):
+            check_writable(path, reads)
         try:
-            simulation = explore(self.rig, self.out, self.controller, self.progress)
-            subject = subject_of(simulation, self.command())
+            result = explore()
+            text = render(result, self.command())
         except NegativeResult:
             self.report.unlink(missing_ok=True)  # of another recording
             raise
-        write_simulation(simulation, self.out)
-        write_simulation_report(self.report, subject)
-        return simulation
+        result.save(self.out)
+        write_page(self.report, text)
+        return result
 
-    def plants(self, kind: FileKind, count: int) -> MonteCarlo:
+    def bearing(self) -> Simulation:
+        out = self.out if self.written else None
+        return self.study(
+            lambda: explore(self.rig, out, self.controller, self.progress),
+            lambda simulation, command: page.render(subject_of(simulation, command)),
+            [self.rig],
+        )
+
+    def stage(self) -> TrackingStudy:
+        rig, out = read_stage(self.rig), self.out if self.written else None
+        return self.study(
+            lambda: explore_stage(rig, progress=self.progress, out=out),
+            tracking.render,
+            [rig.path, *rig.measured.files],
+        )
+
+    def piezo(self) -> PiezoTracking:
+        rig, picture = read_piezo_rig(self.rig), self.out.with_suffix(".svg")
+        if self.written:
+            check_writable(picture)
+        tracked = self.study(lambda: track(rig), piezo.render, [rig.path])
+        if self.written:
+            write_svg(piezo.figure_tracking(tracked), picture)
+        return tracked
+
+    def monte_carlo(self, kind: FileKind, count: int) -> MonteCarlo:
         """Run plants that have drifted; goes on with what the file holds."""
         self._must_end(".jsonl", "results of a Monte Carlo are")
         figures = self.out.parent / "montecarlo.json"
@@ -230,16 +241,16 @@ class _Task:
             rig, controller = read_files(self.rig, self.controller)
             make_ready(rig, controller, (figures, self.report))
             files.append(controller.path)
-            plants = bearing_plants(rig, controller)
+            drawn = bearing_plants(rig, controller)
         else:
             for path in (figures, self.report):
                 check_writable(path, files)
-            plants = self._other_plants(kind, begun)
+            drawn = self._other_plants(kind, begun)
         begun(1, 1)
-        runs = run_plants(plants, self.out, count, run)
-        _write_json(figures, runs)
+        runs = run_plants(drawn, self.out, count, run)
+        runs.write_figures(figures)
         command = self.command(f" --monte-carlo {count}")
-        write_plants_report(self.report, runs, [*files, *plants.read], command)
+        write_page(self.report, plants.render(runs, [*files, *drawn.read], command))
         return runs
 
     def _other_plants(self, kind: FileKind, progress: Progress) -> Plants:
@@ -251,7 +262,7 @@ class _Task:
 
     def force(self, board: str) -> ForceControl:
         controlled = force_control(self.rig, self.out, board=board, progress=self.progress)
-        draw_force(controlled)
+        force.draw(controlled)
         return controlled
 
     def map(self) -> Benefit:
@@ -259,48 +270,18 @@ class _Task:
         self._must_end(".json", "the map is")
         ready = make_ready(*files, (self.out, self.report))
         benefit = map_benefit(ready.rig, ready.controller, progress=self.progress)
-        _write_json(self.out, benefit)
+        write_json(self.out, benefit.as_dict())
         command = self.command(" --benefit")
-        write_simulation_report(
-            self.report, subject_of_benefit(ready.rig, ready.controller, benefit, command)
-        )
+        write_page(self.report, render_benefit(ready.rig, ready.controller, benefit, command))
         return benefit
 
     def firmware(self, board: str) -> BoardComparison:
         comparison = run_board(self.rig, self.out, board, self.controller, self.progress)
-        write_comparison(comparison, self.out)
+        write_json(self.out, comparison.as_dict())
         return comparison
-
-    def stage(self) -> TrackingStudy:
-        if not self.written:
-            return explore_stage(read_stage(self.rig), progress=self.progress)
-        check_writable(self.report)
-        try:
-            study = simulate_stage(self.rig, self.out, self.progress)
-        except NegativeResult:
-            self.report.unlink(missing_ok=True)  # of another recording
-            raise
-        write_tracking_report(self.report, study, self.command())
-        return study
-
-    def piezo(self) -> PiezoTracking:
-        rig, picture = read_piezo_rig(self.rig), self.out.with_suffix(".svg")
-        if self.written:
-            check_recording(self.out, [self.rig])
-            check_writable(picture)
-        tracked = track(rig)
-        if self.written:
-            tracked.save(self.out)
-            write_picture(tracked, picture)
-        return tracked
 
     def _must_end(self, suffix: str, what: str) -> None:
         if self.out.suffix != suffix:
             raise InputError(
                 f"{self.out}: {what} written as {suffix}; name it so", code="wrong-ending"
             )
-
-
-def _write_json(path: Path, result: MonteCarlo | Benefit) -> None:
-    with atomic_writer(path) as stream:
-        stream.write(json_text(result.as_dict()))

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from anhyst._core import POSITION_MAGNETS, PlantLoop
+from anhyst._core import POSITION_MAGNETS
 from anhyst.data.table import check_recording, write_recording
 from anhyst.support.atomic import PathLike
 from anhyst.support.numeric import FloatArray
@@ -55,13 +55,6 @@ COLUMNS: tuple[str, ...] = (
 )
 """Of a magnet's body, the unit in the name; described in docs/simulate.md. A single magnet leaves the
 columns of others at zero."""
-
-
-def in_columns(loop: PlantLoop, table: FloatArray) -> FloatArray:
-    """Return of a loop's record what is recorded; zero where there is no such signal."""
-    names = [column(*signal) for signal in loop.signals]
-    taken = [names.index(name) if name in names else -1 for name in COLUMNS]
-    return np.take(np.column_stack((table, np.zeros(len(table)))), taken, axis=1)
 
 
 def in_column(state: State, phase: Phase = Phase.REST) -> int:
@@ -118,6 +111,11 @@ class Recording:
         """When the loop was lost, and how; empty where it held."""
         loss = self.loss
         return "" if loss is None else f"at {self.dt * loss.tick:.4f} s, {loss.reason}"
+
+    def only(self, names: Iterable[str]) -> Recording:
+        """Return some columns in an order; zeros for those that it does not have."""
+        none = np.zeros(len(self))
+        return Recording({name: self.columns.get(name, none) for name in names})
 
     def part(self, begin: int, end: int) -> Recording:
         """Return the rows from one tick up to another."""

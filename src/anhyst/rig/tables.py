@@ -134,6 +134,11 @@ class BodyTable(Table):
             raise InputError("a body that turns needs inertia_kg_m2; add it", code="missing")
         return self
 
+    @property
+    def weight_N(self) -> float:  # noqa: N802 - carries its unit
+        """Along -z, or opening the gap."""
+        return self.mass_kg * self.gravity_m_per_s2
+
 
 class FlexureTable(Table):
     """``[[body]]`` on flexures: mass and stiffness, by what they make."""

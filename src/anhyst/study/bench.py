@@ -278,8 +278,7 @@ def _named(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
     kind = kind_of_bench(rig_path)
     if kind is FileKind.STAGE:
         stage = read_stage(rig_path)
-        calibration = stage.settings.tracking.calibration
-        own = [stage.path, None if calibration is None else stage.path.parent / calibration]
+        own = [stage.path, stage.calibration]
         files = stage.measured.files
     elif kind is FileKind.FORCE:
         force = read_rig(rig_path)

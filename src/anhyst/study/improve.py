@@ -17,6 +17,7 @@ from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
+from anhyst.rig.recording import peak, rms
 from anhyst.study.excite.design import Bound, Specimen
 from anhyst.study.excite.excite import Excitation, measure, write_excitation
 from anhyst.study.excite.on_board import DrivenBoard, measure_on_board
@@ -29,14 +30,6 @@ _POINTS = 100
 """Of a loop, where it is drawn; a record may hold several."""
 
 
-@dataclass(frozen=True, slots=True)
-class Misfit:
-    """What a model leaves of measured loops, noise of the sensors included."""
-
-    rms: float  # in units of the output
-    worst: float
-
-
 @dataclass(frozen=True, eq=False)
 class Compared:
     """An old model and a new one."""
@@ -45,8 +38,10 @@ class Compared:
     old: tuple[FloatArray, ...]  # what each predicts, loop by loop
     new: tuple[FloatArray, ...]
 
-    def misfit(self, predicted: tuple[FloatArray, ...], gap: float | None = None) -> Misfit:
-        """Return what is left over all loops, or over those of one gap."""
+    def misfit(
+        self, predicted: tuple[FloatArray, ...], gap: float | None = None
+    ) -> dict[str, float]:
+        """Return what is left over all loops or over those of one gap, noise of sensors included."""
         off = np.concatenate(
             [
                 force - loop.output
@@ -54,18 +49,18 @@ class Compared:
                 if gap is None or loop.schedule_value == gap
             ]
         )
-        return Misfit(float(np.sqrt(np.mean(np.square(off)))), float(np.abs(off).max()))
+        return {"rms_N": rms(off), "worst_N": peak(off)}
 
     def as_dict(self) -> dict[str, Any]:
         """Return figures, and loops to be drawn."""
         rows = [
-            {"gap_m": gap, "old": _plain(self.misfit(self.old, gap)),
-             "new": _plain(self.misfit(self.new, gap))}
+            {"gap_m": gap, "old": self.misfit(self.old, gap),
+             "new": self.misfit(self.new, gap)}
             for gap in self.loops.schedule_values
         ]  # fmt: skip
         return {
-            "old": _plain(self.misfit(self.old)),
-            "new": _plain(self.misfit(self.new)),
+            "old": self.misfit(self.old),
+            "new": self.misfit(self.new),
             "gaps": rows,
             "loops": [
                 _drawn(loop, old, new)
@@ -84,10 +79,6 @@ def _predicted(model: Model, loops: Loops) -> tuple[FloatArray, ...]:
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output
         for loop in loops.loops
     )
-
-
-def _plain(misfit: Misfit) -> dict[str, float]:
-    return {"rms_N": misfit.rms, "worst_N": misfit.worst}
 
 
 def _drawn(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, Any]:

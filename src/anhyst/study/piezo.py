@@ -10,16 +10,17 @@ sensor's noise.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst._core import FixedForceController, ForceController
 from anhyst.compensate.block import Block
-from anhyst.compensate.force_controller import Native
+from anhyst.compensate.current_map import CurrentMap
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.control.biquad import integrator, notch
 from anhyst.control.position import Allocation
@@ -29,13 +30,15 @@ from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.identification import identify
 from anhyst.identification.run import whole_search
 from anhyst.model.actuator import Model
-from anhyst.rig.piezo import PiezoRig, PiezoStage
+from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
+from anhyst.study.engine.table import FIGURES, Metric, StudyResult
 from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge
 from anhyst.support.atomic import PathLike
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, columns_of
+from anhyst.support.result import columns_of
 from anhyst.support.units import QUANTITIES
 
 if TYPE_CHECKING:
@@ -61,47 +64,15 @@ TITLES = {
 }
 
 
-@dataclass(frozen=True)
-class PiezoInverse:
-    """What makes the voltage of a wanted displacement: a curve, or a compiled block.
-
-    It goes to other processes; the core's own is made where it runs.
-    """
-
-    curve: FloatArray | None = None  # V, over displacements from 0 to ``top``
-    top: float = 0.0  # m
-    limits: tuple[float, float] = (0.0, 0.0)  # of the amplifier, V
-    block: Block | None = None
-
-    @property
-    def scales(self) -> tuple[float, float]:
-        """Full scales of displacement and voltage, m and V."""
-        return (
-            (1.0, 1.0)
-            if self.block is None
-            else (self.block.scales.demand, self.block.scales.current)
-        )
-
-    def native(self) -> Native:
-        """Return the core's own, its stack at 0 V."""
-        if self.block is None:
-            rows = np.array([self.curve, self.curve])
-            return ForceController.map(rows, 0.0, self.top, 0.0, 1.0, *self.limits)
-        native = FixedForceController.compensator(self.block.kind, self.block.words)
-        native.commit(0, 0)
-        return native
-
-
-@dataclass(frozen=True)
-class PiezoErrors:
-    """How far the stage is from its reference, m, where that is judged."""
-
-    worst_m: float
-    rms_m: float
+METRICS = (
+    Metric("worst_m", "deviation, worst", "nm", 1e9),
+    Metric("rms_m", "deviation, rms", "nm", 1e9),
+)
+"""How far the stage is from its reference, where that is judged."""
 
 
 @dataclass(frozen=True, repr=False)
-class PiezoTracking(Result):
+class PiezoTracking(StudyResult):
     """How a piezo stage followed its triangle, with each compensation.
 
     Attributes
@@ -120,10 +91,10 @@ class PiezoTracking(Result):
         return judged_from(self.rig)
 
     @cached_property
-    def errors(self) -> Mapping[str, PiezoErrors]:
-        """Deviation of every way from the reference."""
+    def errors(self) -> Mapping[str, Mapping[str, float]]:
+        """Deviation of every way from the reference, by :data:`METRICS`."""
         judged = {name: run["error_m"][self.judged_from :] for name, run in self.runs.items()}
-        return {name: PiezoErrors(peak(error), rms(error)) for name, error in judged.items()}
+        return {name: _deviation(error) for name, error in judged.items()}
 
     @property
     def lost_in(self) -> list[str]:
@@ -140,23 +111,28 @@ class PiezoTracking(Result):
                 code="loop-lost",
             )
 
+    def ratio(self, key: str = "rms_m") -> float:
+        """Return a deviation with compensation over that without."""
+        return self.errors["full"][key] / self.errors["none"][key]
+
     @property
-    def ratio(self) -> float:
-        """Rms deviation with compensation over that without."""
-        return self.errors["full"].rms_m / self.errors["none"].rms_m
+    def verdict(self) -> Judgement:
+        """Whether compensation is worth it, by the rms."""
+        if self.lost_in:
+            return Judgement("unknown", f"the loop was lost: {'; '.join(self.lost_in)}")
+        return judge_ratio(self.ratio())
 
     def facts(self) -> dict[str, str]:
         """Return the deviation of every way from the reference."""
-        return {
-            name: f"worst {1e9 * errors.worst_m:.0f} nm, rms {1e9 * errors.rms_m:.0f} nm"
-            for name, errors in self.errors.items()
-        } | ({"lost": "; ".join(self.lost_in)} if self.lost_in else {})
+        facts = {
+            name: f"worst {1e9 * one['worst_m']:.0f} nm, rms {1e9 * one['rms_m']:.0f} nm"
+            for name, one in self.errors.items()
+        }
+        return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
         """Return the deviation of every way from the reference, m."""
-        return columns_of(
-            [{"compensation": name, **asdict(errors)} for name, errors in self.errors.items()]
-        )
+        return columns_of([{"compensation": name, **one} for name, one in self.errors.items()])
 
     def draw(self, ax: Axes) -> None:
         """Draw the deviation of every way over time."""
@@ -166,7 +142,7 @@ class PiezoTracking(Result):
         ax.set_ylabel("deviation [nm]")
 
     def save(self, path: PathLike) -> Path:
-        """Write time, reference, and what each way did: voltage, displacement and deviation."""
+        """Write time, reference, what each way did, and ``figures.json`` beside it."""
         first = next(iter(self.runs.values()))
         columns = {name: first[name] for name in ("t_s", "reference_m")}
         for name, run in self.runs.items():
@@ -176,15 +152,16 @@ class PiezoTracking(Result):
                 f"x_{key}_m": run["position_m"],
                 f"e_{key}_m": run["error_m"],
             }
+        self.write_figures(Path(path).parent / FIGURES)
         return Recording(columns).save(path)
 
-    def as_dict(self) -> dict[str, object]:
+    def as_dict(self) -> dict[str, Any]:
         """Return the figures, for JSON."""
         return {
             "lost_in": self.lost_in,
-            "rms_with_over_without": self.ratio,
-            "worst_with_over_without": self.errors["full"].worst_m / self.errors["none"].worst_m,
-            "errors": {name: asdict(errors) for name, errors in self.errors.items()},
+            "rms_with_over_without": self.ratio("rms_m"),
+            "worst_with_over_without": self.ratio("worst_m"),
+            "errors": dict(self.errors),
         }
 
 
@@ -199,7 +176,7 @@ def judged_from(rig: PiezoRig) -> int:
     return round(LEAD * rig.settings.timing.rate_Hz / rig.settings.moved.frequency_Hz)
 
 
-def find_inverses(rig: PiezoRig) -> dict[str, PiezoInverse]:
+def find_inverses(rig: PiezoRig) -> dict[str, ForceController]:
     """Measure the stage and make every way from displacement to voltage."""
     loops = measure(rig)
     model = whole_search(identify(loops)).model
@@ -229,7 +206,7 @@ def measure(rig: PiezoRig) -> Loops:
     drive = np.interp(time, when, points)
     sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(SEED).standard_normal(time.size)
-    read = np.round((rig.stage.run(drive, LOOP_STEP) + noise) / sensor.step_m) * sensor.step_m
+    read = np.round((rig.motion(LOOP_STEP).run(drive) + noise) / sensor.step_m) * sensor.step_m
     loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
     return Loops((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
 
@@ -248,14 +225,14 @@ def reference(rig: PiezoRig) -> FloatArray:
     return np.asarray(smooth[width : width + ticks])
 
 
-def _constant(loops: Loops, rig: PiezoRig) -> PiezoInverse:
+def _constant(loops: Loops, rig: PiezoRig) -> ForceController:
     drive, answer = (np.concatenate([getattr(loop, name) for loop in loops.loops])
                      for name in ("input", "output"))  # fmt: skip
     slope, offset = np.polyfit(answer, drive, 1)
     return _without_memory(rig, np.polynomial.Polynomial([offset, slope]), float(answer.max()), 1)
 
 
-def _single_valued(loops: Loops, rig: PiezoRig) -> PiezoInverse:
+def _single_valued(loops: Loops, rig: PiezoRig) -> ForceController:
     """Return the best voltage over displacement without memory: a polynomial of fifth degree."""
     loop = loops.loops[0]
     curve = np.polynomial.Polynomial.fit(loop.output, loop.input, 5)
@@ -264,46 +241,51 @@ def _single_valued(loops: Loops, rig: PiezoRig) -> PiezoInverse:
 
 def _without_memory(
     rig: PiezoRig, curve: np.polynomial.Polynomial, top: float, segments: int
-) -> PiezoInverse:
+) -> ForceController:
     """Return a curve over displacements of 0 to top, m, as a table that may not fall."""
     row = np.maximum.accumulate(curve(np.linspace(0.0, top, segments + 1)))
     amplifier = rig.settings.stack_amplifier
-    return PiezoInverse(np.asarray(row), top, (amplifier.low_V, amplifier.high_V))
+    scales = Scales(top, amplifier.high_V, 0.0, 1.0)
+    curves = CurrentMap(np.array([row, row]), scales, (amplifier.low_V, amplifier.high_V))
+    return ForceController("ratio" if segments == 1 else "single-valued", "f64", curves)
 
 
-def _compiled(model: Model, rig: PiezoRig) -> PiezoInverse:
+def _compiled(model: Model, rig: PiezoRig) -> ForceController:
     """Return the inverse of the model as it is compiled, signals of 32 bits."""
     request = CompileRequest("full", "q15", rig.settings.timing.rate_Hz)
-    block = make_plan(replace(model, dynamics=None), request, 0).block
-    assert isinstance(block, Block)
-    return PiezoInverse(block=block)
+    plan = make_plan(replace(model, dynamics=None), request, 0)
+    assert isinstance(plan.block, Block)
+    return ForceController("full", "fixed", HysteresisInverse(plan.block, plan.sizes.iterations))
 
 
 def follow(
     rig: PiezoRig,
     target: FloatArray,
-    inverse: PiezoInverse,
-    stage: PiezoStage | None = None,
+    inverse: ForceController,
+    plant: PiezoRig | None = None,
     noise_seed: int = SEED,
 ) -> Recording:
     """Run the loop: feedforward of the reference, an integrator, one sample of delay.
 
-    ``stage`` is what is moved, where that is another one than the rig's.
+    ``plant`` is what is moved, where that is another one than the nominal rig.
     """
-    settings = rig.settings
+    settings, flexure = rig.settings, rig.settings.flexure
     dt = 1.0 / settings.timing.rate_Hz
     noise = settings.position_sensor.noise_m * np.random.default_rng(noise_seed).standard_normal(
         target.size
     )
     time = dt * np.arange(target.size, dtype=np.float64)
     expected = np.interp(time - _lateness(rig), time, target)
-    filters = [notch(rig.stage.resonance, rig.stage.damping, NOTCH, dt).coefficients]
+    filters = [notch(flexure.resonance_Hz, flexure.damping_ratio, NOTCH, dt).coefficients]
     pid = integrator(2.0 * np.pi * settings.displacement.bandwidth_Hz * dt).coefficients
+    fresh, coded = inverse.fresh(), inverse.format == "fixed"
+    if coded:
+        fresh.native.commit(0, 0)  # the stack is at 0 V
     scales = {
         "error_full": 1.0,
         "forward_full": 1.0,
-        "demand_full": inverse.scales[0],
-        "current_full": inverse.scales[1],
+        "demand_full": inverse.scales.demand if coded else 1.0,
+        "current_full": inverse.scales.current if coded else 1.0,
         "flux_full": 1.0,
         "gap_low": 0.0,
         "gap_high": 1.0,
@@ -314,8 +296,8 @@ def follow(
         "current_step": 0.0,
         "sensor_step": settings.position_sensor.step_m,
     }
-    moved = (stage or rig.stage).motion(dt)
-    table = moved.follow(inverse.native(), filters, pid, scales, target, expected, noise)
+    moved = (plant or rig).motion(dt)
+    table = moved.follow(fresh.native, filters, pid, scales, target, expected, noise)
     position, corrected, voltage = table.T.copy()
     error = position - expected
     stroke = settings.moved.stroke_m
@@ -341,16 +323,21 @@ def _lateness(rig: PiezoRig) -> float:
     One sample of delay and half a one of hold, the amplifier, and the slope of the phase below the
     resonance.
     """
-    stage = rig.stage
-    rounded = 2.0 * stage.damping / (2.0 * np.pi * stage.resonance)
-    return 1.5 / rig.settings.timing.rate_Hz + stage.amplifier + rounded
+    flexure = rig.settings.flexure
+    rounded = 2.0 * flexure.damping_ratio / (2.0 * np.pi * flexure.resonance_Hz)
+    late = rig.settings.stack_amplifier.time_constant_s
+    return 1.5 / rig.settings.timing.rate_Hz + late + rounded
 
 
 WORTH_IT = 0.5
 """Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
 
 
-def verdict(ratio: float) -> Judgement:
+def judge_ratio(ratio: float) -> Judgement:
     """Say whether compensation is worth it that leaves this part of the deviation."""
-    found = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
-    return judge("compensation", [found], "measures", WHERE_IT_PAYS["piezo"])
+    compared = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
+    return judge("compensation", [compared], "measures", WHERE_IT_PAYS["piezo"])
+
+
+def _deviation(error: FloatArray) -> dict[str, float]:
+    return {"worst_m": peak(error), "rms_m": rms(error)}

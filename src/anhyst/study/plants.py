@@ -18,30 +18,38 @@ from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.drift import Drift, drifted_bearing, drifted_file
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
-from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
+from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import Drift, drifted_file, drifted_plant
 from anhyst.rig.file import RigFile
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop, triangle
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
-from anhyst.rig.piezo import PiezoRig, stage_of
+from anhyst.rig.loop import Scenario
+from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.recording import Recording, peak, rms
-from anhyst.rig.stage.file import StageRig, unit_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
-from anhyst.study.bearing.metrics import step_figures
 from anhyst.study.bearing.operating import make_ready
-from anhyst.study.bearing.responses import position_resolution
+from anhyst.study.bearing.responses import position_resolution, step_figures
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants
 from anhyst.study.force.trials import ForceTrial, plan_trials
-from anhyst.study.piezo import PiezoInverse, find_inverses, follow, judged_from, reference
+from anhyst.study.piezo import METRICS, find_inverses, follow, judged_from, reference
 from anhyst.study.tracking.learner import at_work
-from anhyst.study.tracking.measures import cross_talk, measure, still_axes
+from anhyst.study.tracking.measures import (
+    AVERAGE,
+    PEAK,
+    SETTLING,
+    cross_metrics,
+    cross_talk,
+    measure,
+    still_axes,
+)
 from anhyst.study.tracking.simulate import (
     LEARNING,
     OWN,
@@ -59,7 +67,7 @@ BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued")
 
 
 def bearing_plants(
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerFile,
     methods: Sequence[MethodName] | None = None,
     seed: int | None = None,
@@ -100,7 +108,7 @@ class BearingWork:
         scenario = steps_up_and_down(
             rig, setup.controller, tried.gap_m, tried.step.heights_m, rest=STANDSTILL_S
         )
-        loop = SimulatedLoop(setup, bearing=drifted_bearing(rig, drift, noise))
+        loop = SimulatedLoop(setup, bearing=drifted_plant(rig, drift, noise))
         recording = loop.run(scenario)
         lost = lost_at(rig, recording, scenario.lifted)
         if lost is None and len(recording) < scenario.ticks:
@@ -111,7 +119,7 @@ class BearingWork:
 
 
 def _judge(
-    rig: BearingRig, drifted: RigFile, scenario: Scenario, recording: Recording
+    rig: BodyRig, drifted: RigFile, scenario: Scenario, recording: Recording
 ) -> dict[str, Any]:
     """Judge what an ideal sensor with this gain and offset reads: an offset alone is no overshoot."""
     sensor = drifted.gap_sensor
@@ -123,8 +131,8 @@ def _judge(
         rows = slice(step.begin - 1, step.end)
         found = step_figures(time[rows], reference[rows], read[rows], position_resolution(rig))
         place = number // 2
-        overshoot[place] = max(overshoot[place], found.overshoot)
-        settling[place] = max(settling[place], found.settling_time_in_noise)
+        overshoot[place] = max(overshoot[place], found.overshoot_percent)
+        settling[place] = max(settling[place], found.settling_in_noise_s)
     rest = recording["gap_m"][-round(STANDSTILL_S / rig.dt) :]
     return {
         "overshoot_percent": overshoot,
@@ -231,8 +239,7 @@ def piezo_plants(rig: PiezoRig) -> Plants:
         methods=tuple(METHODS),
         own="full",
         figures=(
-            PlantFigure("rms_m", "deviation, rms", "nm", 1e9),
-            PlantFigure("worst_m", "deviation, worst", "nm", 1e9),
+            *(PlantFigure(one.key, one.title, one.unit, one.factor) for one in reversed(METRICS)),
         ),
         read=(),
         depends={},
@@ -245,12 +252,12 @@ class PiezoWork:
     """A nominal stage and what was made for it."""
 
     rig: PiezoRig
-    inverses: Mapping[MethodName, PiezoInverse]
+    inverses: Mapping[MethodName, ForceController]
 
     def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
         """Follow the triangle; the controller knows the nominal stage alone."""
-        stage = stage_of(drifted_file(self.rig.settings, drift))
-        run = follow(self.rig, reference(self.rig), self.inverses[method], stage, noise)
+        plant = replace(self.rig, settings=drifted_file(self.rig.settings, drift))
+        run = follow(self.rig, reference(self.rig), self.inverses[method], plant, noise)
         if run.loss is not None:
             return {"lost_s": run.dt * run.loss.tick}
         error = run["error_m"][judged_from(self.rig) :]
@@ -292,7 +299,7 @@ def errors_of(file: RigFile) -> Mapping[str, tuple[str, ...]]:
 
 
 def stage_plants(
-    rig: StageRig,
+    rig: BodyRig,
     magnet: IdentifiedMagnet | None = None,
     names: Sequence[MethodName] = (),
     progress: Progress | None = None,
@@ -309,14 +316,9 @@ def stage_plants(
         work=StageWork(known, made, dict(zip(made, gains, strict=True))),
         methods=tuple(made),
         own=OWN,
-        figures=(
-            PlantFigure("average_m", "moving average", "nm", 1e9, *cases),
-            PlantFigure("peak_m", "peak", "nm", 1e9, *cases),
-            PlantFigure("settling_50_s", "settling to 50 nm", "ms", 1e3, *cases),
-            *(
-                PlantFigure(f"{axis}_{unit_of(axis)}", f"{axis}, largest", unit, 1e9, *cases)
-                for axis, unit in ((one, f"n{unit_of(one)}") for one in still_axes(rig.settings))
-            ),
+        figures=tuple(
+            PlantFigure(metric.key, metric.title, metric.unit, metric.factor, *cases)
+            for metric in (AVERAGE, PEAK, SETTLING, *cross_metrics(rig.settings))
         ),
         read=tuple(rig.measured.files),
         depends={},
@@ -352,8 +354,8 @@ class StageWork:
             if run.loss is not None:
                 return {"lost_s": run.dt * run.loss.tick}
             measures = measure(run, motion, scan.slit_s)
-            for key in ("average_m", "peak_m", "settling_50_s"):
-                found.setdefault(key, []).append(getattr(measures, key))
-            for axis, largest in cross_talk(run, motion, still_axes(setup.rig.settings)).items():
-                found.setdefault(f"{axis}_{unit_of(axis)}", []).append(largest)
+            for metric in (AVERAGE, PEAK, SETTLING):
+                found.setdefault(metric.key, []).append(getattr(measures, metric.key))
+            for key, largest in cross_talk(run, motion, still_axes(setup.rig.settings)).items():
+                found.setdefault(key, []).append(largest)
         return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 from anhyst.compensate.block import Block, DemandLimits, Kind
 from anhyst.compensate.current_map import fit_ratio
@@ -15,14 +16,14 @@ from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
 from anhyst.model.fit_record import ValidRange
 from anhyst.rig.bearing.loop import Setup, pair_of
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.stage import StageBench, StageVariant, bench_of
+from anhyst.rig.body import BodyRig
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, find_model, loops_at
 from anhyst.rig.measurement_table import identify_loops
-from anhyst.rig.stage.file import StageRig
 from anhyst.study.excite.design import Specimen, bearing_specimen, force_specimen
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
@@ -99,19 +100,38 @@ class PreparedBearing:
 
 
 @dataclass(frozen=True)
-class PreparedForce:
-    """An actuator whose force is controlled, and the firmware."""
+class ForceRig:
+    """An actuator whose force is controlled."""
 
     whole: Rig  # its magnet is whole
-    loops: Loops  # measured, for the constant ratio
-    program: Program  # model, block and firmware; this is needed until the bench is open
+    loops: Loops  # measured, of the rig file
 
-    alone = True
+    alone: ClassVar[bool] = True
 
     @property
     def rig(self) -> Path:
         """The rig file."""
         return self.whole.path
+
+    @property
+    def measured(self) -> Loops:
+        """The loops that the rig file names."""
+        return self.loops
+
+    def specimen(self) -> Specimen:
+        """Return the actuator as it is measured, armature held."""
+        return force_specimen(self.whole)
+
+    def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
+        """Identify a model from loops, as the rig file wants it."""
+        return find_model(self.whole, loops, progress)
+
+
+@dataclass(frozen=True)
+class PreparedForce(ForceRig):
+    """An actuator, and the firmware that controls its force."""
+
+    program: Program  # model, block and firmware; this is needed until the bench is open
 
     @property
     def model(self) -> Model:
@@ -122,11 +142,6 @@ class PreparedForce:
     def firmware(self) -> Path:
         """For the board ``host``."""
         return self.program.firmware
-
-    @property
-    def measured(self) -> Loops:
-        """The loops that the rig file names."""
-        return self.loops
 
     def with_firmware(self, firmware: Path) -> PreparedForce:
         """Return the same with a firmware that lies elsewhere."""
@@ -140,14 +155,6 @@ class PreparedForce:
         bench.apply({"ratio": 1.0 / float(ratio.ratio[0])})
         return bench
 
-    def specimen(self) -> Specimen:
-        """Return the actuator as it is measured, armature held."""
-        return force_specimen(self.whole)
-
-    def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
-        """Identify a model from loops, as the rig file wants it."""
-        return find_model(self.whole, loops, progress)
-
     def compile(self, model: Model) -> Plan:
         """Compile another model for the running board."""
         request = CompileRequest(self.program.kind, "q31", self.whole.settings.timing.rate_Hz)
@@ -156,35 +163,13 @@ class PreparedForce:
 
 
 @dataclass(frozen=True)
-class PreparedBoard:
+class PreparedBoard(ForceRig):
     """An actuator before a controller that runs by itself, and what that was compiled to."""
 
-    whole: Rig  # for its limits, and how a model is identified
-    loops: Loops  # measured, of the rig file
     model: Model  # what the controller was compiled from
     request: CompileRequest
     scales: Scales
     limits: DemandLimits  # of the controller
-
-    alone = True
-
-    @property
-    def rig(self) -> Path:
-        """The rig file."""
-        return self.whole.path
-
-    @property
-    def measured(self) -> Loops:
-        """The loops that the rig file names."""
-        return self.loops
-
-    def specimen(self) -> Specimen:
-        """Return the actuator as it is measured, armature held."""
-        return force_specimen(self.whole)
-
-    def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
-        """Identify a model from loops, as the rig file wants it."""
-        return find_model(self.whole, loops, progress)
 
     def compile(self, model: Model) -> Plan:
         """Compile another model for the running board."""
@@ -204,7 +189,7 @@ class PreparedBoard:
 class PreparedStage:
     """A stage, what is known of its magnets, and what its set-point is followed with."""
 
-    whole: StageRig
+    whole: BodyRig
     magnet: IdentifiedMagnet
     variants: tuple[StageVariant, ...]  # without memory, and the compensator
 

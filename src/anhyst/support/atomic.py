@@ -261,6 +261,12 @@ def json_text(content: Mapping[str, Any]) -> str:
     return json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
+def write_json(path: PathLike, content: Mapping[str, Any]) -> None:
+    """Write a JSON file, whole or not at all."""
+    with atomic_writer(path) as stream:
+        stream.write(json_text(content))
+
+
 def plain(value: Any) -> Any:
     """Return a value as JSON gives it back: names and lists, null for what is no finite number."""
     if isinstance(value, Mapping):

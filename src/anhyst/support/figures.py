@@ -118,3 +118,11 @@ def write_png(figure: Figure, path: PathLike, dpi: int = 150) -> None:
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
     write_bytes(path, stream.getvalue())
+
+
+@styled
+def write_svg(figure: Figure, path: PathLike) -> None:
+    """Write a figure as an SVG file, without a time stamp."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    write_bytes(path, stream.getvalue())

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst.support.atomic import PathLike, atomic_writer, json_text
+from anhyst.support.atomic import PathLike, write_json
 from anhyst.support.errors import InputError
 from anhyst.support.units import Quantity
 
@@ -75,8 +75,7 @@ class Result(ABC):
         InputError
             The place cannot be written.
         """
-        with atomic_writer(path) as stream:
-            stream.write(json_text(self.as_dict()))
+        write_json(path, self.as_dict())
         return Path(path)
 
     def to_dataframe(self) -> pd.DataFrame:

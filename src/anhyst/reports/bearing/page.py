@@ -3,106 +3,60 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
-from matplotlib.figure import Figure
-
+from anhyst.control.controller_file import ControllerTable
 from anhyst.reports.bearing.block_diagram import figure_structure
-from anhyst.reports.bearing.look import ordered, verdict_note
-from anhyst.reports.bearing.over_frequency import figure_bode, figure_nyquist, figure_sensitivity
-from anhyst.reports.bearing.over_runs import BenefitCell, figure_benefit, figure_pareto
-from anhyst.reports.bearing.over_time import (
+from anhyst.reports.bearing.figures import (
+    figure_bode,
     figure_force_current,
     figure_forces,
+    figure_nyquist,
+    figure_sensitivity,
     figure_standstill,
     figure_steps,
     figure_tracking,
 )
-from anhyst.reports.bearing.subject import SimulationSubject, Steps
+from anhyst.reports.bearing.subject import SimulationSubject
 from anhyst.reports.bearing.tables import (
-    OVERSHOOT,
     benefit_table,
-    comparison_table,
-    judge_steps,
-    legend_table,
+    experiment_tables,
     margin_table,
     overshoot_text,
     settling_sentence,
+    standstill_tables,
     step_tables,
 )
+from anhyst.reports.study.look import ordered, verdict_note
+from anhyst.reports.study.page import legend_table, origin, page_text, picture
+from anhyst.rig.body import BodyRig
 from anhyst.study.bearing.linear import zone
+from anhyst.study.bearing.verdict import OVERSHOOT, Steps, judge_steps
 from anhyst.study.engine.verdict import strongest
-from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.figures import svg_text
 from anhyst.support.kinds import MethodName
-from anhyst.support.page import (
-    NBSP,
-    Block,
-    Cell,
-    Headline,
-    Items,
-    Note,
-    Picture,
-    Section,
-    Text,
-    Tile,
-    number,
-    render_page,
-    table,
-)
-from anhyst.support.version import running_version
+from anhyst.support.page import NBSP, Block, Headline, Note, Section, Text, Tile, number
 
 _TILES = 4
-
-
-def write_simulation_report(path: PathLike, subject: SimulationSubject) -> None:
-    """Write the report of a simulation: one HTML file that needs nothing else."""
-    text = render(subject)
-    with atomic_writer(path) as stream:
-        stream.write(text)
 
 
 def render(subject: SimulationSubject) -> str:
     """Return the text of the report; the same for the same subject."""
     sections = (
-        _structure(subject),
+        structure(subject.rig, subject.controller, subject.variants),
         _steps(subject),
         _forces(subject),
         _loops(subject),
         _tracking(subject),
         _standstill(subject),
         _frequency(subject),
-        _benefit(subject),
-        _tuning(subject),
-        _origin(subject),
+        origin(subject.files, subject.command, subject.rig.settings.seed),
     )
-    return render_page(
-        _headline(subject),
-        [section for section in sections if section is not None and section.blocks],
-        running_version(),
-        kind="Magnetic bearing",
-        source="a simulation",
-    )
-
-
-def _picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
-    return Picture(svg_text(figure, key), alt, caption)
-
-
-def _more(subject: SimulationSubject, key: str) -> list[Block]:
-    """Return the tables and other blocks of a section that stand below its figures."""
-    tables = [comparison_table(comparison) for comparison in subject.tables.get(key, ())]
-    return [*tables, *subject.blocks.get(key, ())]
+    return page_text("Magnetic bearing", _headline(subject), sections)
 
 
 def _headline(subject: SimulationSubject) -> Headline:
     plant = subject.rig.settings
-    arrangement = "A pair of magnets" if plant.opposite is not None else "One magnet"
-    what = (
-        f"{arrangement}, {plant.body.mass_kg:g}{NBSP}kg, {subject.rig.load:g}{NBSP}N load, "
-        f"{1e3 * plant.gap_m:g}{NBSP}mm gap, {plant.timing.rate_Hz:g} ticks a second; "
-        f"controller “{subject.controller.name}”, variant {subject.variant}."
-    )
+    control = f"controller “{subject.controller.name}”, variant {subject.variant}"
     basis = (
         f"Simulated with {plant.timing.delay_ticks:g} tick of delay, DAC, ADC, sensor noise and a "
         f"supply of {plant.amplifier.supply_V:g}{NBSP}V"
@@ -113,13 +67,23 @@ def _headline(subject: SimulationSubject) -> Headline:
     notes = (*judged, *subject.notes, *_lost(subject))
     return Headline(
         title=plant.name,
-        what=what,
+        what=f"{plant_text(subject.rig)}; {control}.",
         basis=f"{basis}.",
         notes=tuple(sorted(notes, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),
         comparison=benefit_table(subject),
         holds="These figures hold for this plant and these settings, and for no other iron: what "
         "compensation gains depends on loop width, reversible fraction and step height.",
+    )
+
+
+def plant_text(rig: BodyRig) -> str:
+    """Say in a few words what a bearing is."""
+    plant = rig.settings
+    arrangement = "A pair of magnets" if plant.opposite is not None else "One magnet"
+    return (
+        f"{arrangement}, {plant.body.mass_kg:g}{NBSP}kg, {rig.load:g}{NBSP}N load, "
+        f"{1e3 * plant.gap_m:g}{NBSP}mm gap, {plant.timing.rate_Hz:g} ticks a second"
     )
 
 
@@ -169,7 +133,10 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _structure(subject: SimulationSubject) -> Section:
+def structure(
+    rig: BodyRig, controller: ControllerTable, variants: Iterable[MethodName | None]
+) -> Section:
+    """Draw the loop with its numbers, and say what the variants are."""
     caption = (
         "Structure of the simulation (the paper's Fig. 10) with the numbers of rig and controller "
         "file. Blue boxes are the compiled program, as it would be flashed; grey ones the plant."
@@ -179,11 +146,14 @@ def _structure(subject: SimulationSubject) -> Section:
         "subsystem, force-current hysteresis, mechanics with load drive, sensors back to the "
         "controller."
     )
-    figure = figure_structure(subject.rig, subject.controller)
+    figure = figure_structure(rig, controller)
     return Section(
         "structure",
         "Structure and numbers",
-        (_picture(figure, "structure", alt, caption), legend_table(subject.variants)),
+        (
+            picture(figure, "structure", alt, caption),
+            legend_table(ordered(one for one in variants if one)),
+        ),
     )
 
 
@@ -192,7 +162,7 @@ def _steps(subject: SimulationSubject) -> Section:
     if subject.panels:
         names = ordered({name for panel in subject.panels for name in panel.recordings})
         blocks.append(
-            _picture(
+            picture(
                 figure_steps(subject.panels),
                 "steps",
                 f"Step responses, position over time, one panel a step: {', '.join(names)}.",
@@ -206,14 +176,14 @@ def _steps(subject: SimulationSubject) -> Section:
     if sentence := settling_sentence(subject):
         blocks.append(Text(sentence))
     blocks += step_tables(subject)
-    return Section("steps", "Step responses", (*blocks, *_more(subject, "steps")))
+    return Section("steps", "Step responses", tuple(blocks))
 
 
 def _forces(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.forces:
         blocks.append(
-            _picture(
+            picture(
                 figure_forces(subject.forces),
                 "forces",
                 "Wanted and true force over time and their difference, one column a variant: "
@@ -223,7 +193,7 @@ def _forces(subject: SimulationSubject) -> Section:
                 "ratio the force that the motion of the armature adds.",
             )
         )
-    return Section("forces", "Wanted and true force", (*blocks, *_more(subject, "forces")))
+    return Section("forces", "Wanted and true force", tuple(blocks))
 
 
 def _loops(subject: SimulationSubject) -> Section | None:
@@ -236,7 +206,7 @@ def _loops(subject: SimulationSubject) -> Section | None:
         "loops",
         "In the plane of force and current",
         (
-            _picture(
+            picture(
                 figure,
                 "loops",
                 f"Force over current: measured loops at {gaps}, and where the run goes: "
@@ -253,7 +223,7 @@ def _tracking(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     for index, tried in enumerate(subject.tracked):
         blocks.append(
-            _picture(
+            picture(
                 figure_tracking(tried.recordings, tried.title),
                 f"tracking{index}",
                 f"{_sentence(tried.title)}: position over time and its error, "
@@ -261,8 +231,9 @@ def _tracking(subject: SimulationSubject) -> Section:
                 f"{_sentence(tried.title)}. True position; one run of {subject.seeds}.",
             )
         )
-    title = "Trajectories, load steps, recovery"
-    return Section("tracking", title, (*blocks, *_more(subject, "tracking")))
+    if subject.experiments is not None:
+        blocks += experiment_tables(subject.experiments)
+    return Section("tracking", "Trajectories, load steps, recovery", tuple(blocks))
 
 
 def _standstill(subject: SimulationSubject) -> Section:
@@ -271,7 +242,7 @@ def _standstill(subject: SimulationSubject) -> Section:
         sensor = subject.rig.settings.gap_sensor
         noise, step = sensor.sensor().noise, sensor.sensor().step
         blocks.append(
-            _picture(
+            picture(
                 figure_standstill(subject.standstill),
                 "standstill",
                 "Position at a standstill over time, and its spectrum: "
@@ -280,7 +251,9 @@ def _standstill(subject: SimulationSubject) -> Section:
                 f"and steps of {1e9 * step:g}{NBSP}nm ({sensor.kind}).",
             )
         )
-    return Section("standstill", "Standstill", (*blocks, *_more(subject, "standstill")))
+    if subject.experiments is not None:
+        blocks += standstill_tables(subject.experiments.standstill)
+    return Section("standstill", "Standstill", tuple(blocks))
 
 
 def _frequency(subject: SimulationSubject) -> Section:
@@ -294,7 +267,7 @@ def _frequency(subject: SimulationSubject) -> Section:
         ]
         blocks.append(Text(f"Measured sensitivity, ISO 14839-3. {'; '.join(peaks)}."))
         blocks.append(
-            _picture(
+            picture(
                 figure_sensitivity(subject.sensitivity, subject.linear_sensitivity),
                 "sensitivity",
                 "Sensitivity over frequency, measured by injection of a sine into the running "
@@ -307,7 +280,7 @@ def _frequency(subject: SimulationSubject) -> Section:
     if subject.loop_gain:
         names = ", ".join(ordered(subject.loop_gain))
         blocks.append(
-            _picture(
+            picture(
                 figure_bode(subject.loop_gain),
                 "bode",
                 f"Bode plot of the linearised loop gain, magnitude and phase: {names}.",
@@ -319,7 +292,7 @@ def _frequency(subject: SimulationSubject) -> Section:
             )
         )
         blocks.append(
-            _picture(
+            picture(
                 figure_nyquist(subject.loop_gain),
                 "nyquist",
                 f"Nyquist plot of the linearised loop gain around the critical point: {names}.",
@@ -330,82 +303,4 @@ def _frequency(subject: SimulationSubject) -> Section:
     if subject.margins:
         blocks.append(margin_table(subject.margins))
     title = "Sensitivity, Bode and Nyquist plots"
-    return Section("frequency", title, (*blocks, *_more(subject, "frequency")))
-
-
-def _benefit(subject: SimulationSubject) -> Section:
-    blocks: list[Block] = []
-    for index, measure in enumerate(dict.fromkeys(cell.measure for cell in subject.benefit)):
-        cells = [cell for cell in subject.benefit if cell.measure == measure]
-        for against in dict.fromkeys(cell.against for cell in cells):
-            mine = [cell for cell in cells if cell.against == against]
-            blocks.append(Text(_gains(mine)))
-        blocks.append(
-            _picture(
-                figure_benefit(cells, subject.variant),
-                f"benefit{index}",
-                f"Maps of the ratio of {measure} over loop width and reversible fraction, one "
-                "column a step height, one row a baseline; hatched where no gain is certain.",
-                f"{_sentence(measure)} of {subject.variant} over that of the baseline, same gains; "
-                "below 1 (violet) compensation gains. Crossed red: it loses for certain, or has "
-                "lost the armature; hatched grey: neither is certain, the 95 % confidence interval "
-                "of the difference reaches zero; dotted: both overshoots are less than three times "
-                "the rms of the standstill, there is nothing to gain. †: pathological iron, which "
-                "hardly answers just after a reversal. The name in a square is that of the baseline "
-                "there; lin. is linearised.",
-            )
-        )
-    title = "Where compensation gains, and where not"
-    return Section("benefit", title, (*blocks, *_more(subject, "benefit")))
-
-
-def _gains(cells: Sequence[BenefitCell]) -> str:
-    """Say how many cells of one map gain, how many lose, and the best of them."""
-    gained = [cell for cell in cells if cell.outcome == "gain"]
-    lost = sum(cell.outcome == "loss" for cell in cells)
-    idle = sum(cell.outcome == "nothing to gain" for cell in cells)
-    text = (
-        f"{_sentence(cells[0].measure)} against {cells[0].against}: a certain gain in "
-        f"{len(gained)} of {len(cells)} cells, a certain loss in {lost}, in {idle} there is "
-        "nothing to gain"
-    )
-    if gained:
-        best = min(gained, key=lambda cell: cell.ratio)
-        share = "" if best.reversible is None else f"reversible fraction {best.reversible:g}, "
-        text += (
-            f"; at best {100.0 * (1.0 - best.ratio):.0f}{NBSP}% less than {best.baseline} (step of "
-            f"{1e6 * best.height:g}{NBSP}µm, {share}loop width {100.0 * best.loop_width:.2g}{NBSP}%)"
-        )
-    return f"{text}."
-
-
-def _tuning(subject: SimulationSubject) -> Section:
-    blocks: list[Block] = []
-    if subject.tuning is not None:
-        blocks.append(
-            _picture(
-                figure_pareto(subject.tuning),
-                "pareto",
-                "Settling time against peak sensitivity of all gains that were tried, the fronts "
-                f"and what was chosen: {', '.join(ordered(subject.tuning.chosen))}.",
-                "Every mark is a set of gains, judged over all gaps, heights and loads at once; "
-                "crosses miss another aim. The line is the front that no set of gains beats, the "
-                "star what was chosen.",
-            )
-        )
-    return Section("tuning", "Tuning", (*blocks, *_more(subject, "tuning")))
-
-
-def _origin(subject: SimulationSubject) -> Section:
-    rows: list[list[str | Cell]] = [
-        [name, Cell(value[:16] + "…" if len(value) > 20 else value, code=True)]
-        for name, value in subject.files.items()
-    ]
-    blocks: list[Block] = []
-    if rows:
-        blocks.append(table("Files", ["file", "SHA-256"], rows, texts=2))
-    items = [f"Seed {subject.rig.settings.seed}; the same seed gives the same figures."]
-    if subject.command:
-        items.append(f"Made by: {subject.command}")
-    blocks.append(Items("How to make it again", tuple(items)))
-    return Section("origin", "Origin", tuple(blocks))
+    return Section("frequency", title, tuple(blocks))

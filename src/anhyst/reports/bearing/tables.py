@@ -4,80 +4,65 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
-from anhyst.compensate.methods import METHODS, MODELS
-from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst.reports.bearing.look import interval_text, ordered
-from anhyst.reports.bearing.subject import WITHIN_NOISE, FigureTable, SimulationSubject, Steps
+from anhyst.reports.bearing.subject import SimulationSubject
+from anhyst.reports.study.look import interval_text, ordered
+from anhyst.reports.study.page import Printed, case_table
+from anhyst.study.bearing.experiments import ExperimentFigures, Experiments, Tried
 from anhyst.study.bearing.linear import Margins
-from anhyst.study.bearing.metrics import SETTLED
-from anhyst.study.engine.verdict import (
-    ComparedFigure,
-    Interval,
-    Judgement,
-    compare,
-    judge,
-    strongest,
-)
+from anhyst.study.bearing.responses import SETTLED, StepCell
+from anhyst.study.bearing.simulate import Simulation
+from anhyst.study.bearing.verdict import NOISE, OVERSHOOT, Steps, grouped, step_difference
+from anhyst.study.engine.table import CaseFigures, Metric
+from anhyst.study.engine.verdict import ComparedFigure, no_mean
 from anhyst.support.kinds import MethodName
 from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Cell, PageTable, number, table
 
-OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
-STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
-    (
-        OVERSHOOT,
-        "Overshoot",
-        "%",
-        1.0,
-        "Of the height of the step, noise included; of a step up and one down, the larger. "
-        f"“{WITHIN_NOISE}”: not certainly more than the noise below, so that it shows nothing of "
-        "the step.",
-    ),
-    (
-        NOISE,
-        "Noise in the overshoot",
-        "%",
-        1.0,
-        "Largest deviation of the gap from its mean in the last half of the hold, to both sides, "
-        "of the height of the step; of a step up and one down, the larger.",
-    ),
-    ("rise_time_s", "Rise time, 10 to 90 %", "ms", 1e3, ""),
-    (
-        "settling_in_noise_s",
-        "Settling time",
-        "ms",
-        1e3,
-        f"Until the gap stays within {100.0 * SETTLED:g} % of the height, or three times the "
-        "resolution of the position sensor (rms of its noise and its steps) where that is more: "
-        "one band for all variants.",
-    ),
-    ("steady_error_m", "Steady-state error", "nm", 1e9, "Of the gap, over the end of the hold."),
-    ("tracking_rms_m", "Deviation from the reference, rms", "µm", 1e6, "Over the whole step."),
-    (
-        "force_error_rms_N",
-        "Force error, rms",
-        "N",
-        1.0,
-        "True less wanted force of the same tick: it holds the tick of delay and the lag of the "
-        "amplifier, which no compensation takes away.",
-    ),
-    (
-        "current_rate_rms_A_per_s",
-        "Current effort",
-        "A/s",
-        1.0,
-        "Root mean square of the current's rate of change.",
-    ),
+WITHIN_NOISE = "≤ noise"
+"""Beside an overshoot that is not certainly more than what the standstill adds to it."""
+SETTLING = Metric("settling_in_noise_s", "Settling time", "ms", 1e3)
+STANDSTILL_OF_STEP = Metric("standstill_rms_m", "Standstill", "nm", 1e9)
+STEADY = Metric("steady_error_m", "Steady-state error", "nm", 1e9)
+FORCE_ERROR = "force_error_rms_N"
+_LATE = (
+    "True less wanted force of the same tick: it holds the tick of delay and the lag of the "
+    "amplifier, which no compensation takes away."
 )
-"""Figure, title, unit as shown, factor to it, caption."""
-
-
-def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> ComparedFigure:
-    """Compare the overshoots of two variants in a step, beyond the larger noise of both."""
-    overshoot, noise = step.of(OVERSHOOT), step.of(NOISE)
-    floor = max(noise[mine].mean, noise[baseline].mean)
-    return compare("overshoot", baseline, overshoot[mine], overshoot[baseline], floor)
+STEP_TABLES: Mapping[Metric, str] = {
+    Metric(OVERSHOOT, "Overshoot", "%"): "Of the height of the step, noise included; of a step up "
+    f"and one down, the larger. “{WITHIN_NOISE}”: not certainly more than the noise below, so that "
+    "it shows nothing of the step.",
+    Metric(NOISE, "Noise in the overshoot", "%"): "Largest deviation of the gap from its mean in "
+    "the last half of the hold, to both sides, of the height of the step; of a step up and one "
+    "down, the larger.",
+    Metric("rise_time_s", "Rise time, 10 to 90 %", "ms", 1e3): "",
+    SETTLING: f"Until the gap stays within {100.0 * SETTLED:g} % of the height, or three times the "
+    "resolution of the position sensor (rms of its noise and its steps) where that is more: one "
+    "band for all variants.",
+    STEADY: "Of the gap, over the end of the hold.",
+    Metric(
+        "tracking_rms_m", "Deviation from the reference, rms", "µm", 1e6
+    ): "Over the whole step.",
+    Metric(FORCE_ERROR, "Force error, rms", "N"): _LATE,
+    Metric("current_rate_rms_A_per_s", "Current effort", "A/s"): "Root mean square of the "
+    "current's rate of change.",
+}
+"""Figures of steps, and what their tables say of them."""
+STANDSTILL = (
+    Metric("rms_m", "Position at a standstill, rms", "nm", 1e9),
+    Metric("mean_error_m", "Mean error at a standstill", "nm", 1e9),
+)
+TRACKING = (
+    Metric("tracking_rms_m", "Deviation from the trajectory, rms", "nm", 1e9),
+    Metric("tracking_peak_m", "Deviation from the trajectory, largest", "nm", 1e9),
+    Metric(FORCE_ERROR, "Force error on the trajectory, rms", "N"),
+)
+PUSHED = Metric("peak_m", "Deviation after a load step, largest", "µm", 1e6)
+RECOVERY = Metric("recovery_s", "Time until the error stays within 1 µm", "ms", 1e3)
+EXCESS = (
+    Metric("excess_peak_m", "Deviation that the event makes, largest", "µm", 1e6),
+    Metric("excess_s", "Time until the event no longer shows", "ms", 1e3),
+)
 
 
 def difference_text(figure: ComparedFigure) -> str:
@@ -89,45 +74,15 @@ def difference_text(figure: ComparedFigure) -> str:
     return "alike" if math.isfinite(figure.mine + figure.its) else NOT_KNOWN
 
 
-def judge_steps(steps: Sequence[Steps], variant: MethodName) -> Judgement:
-    """Judge a variant, or the fullest model beside it where it has none."""
-    names = {name for step in steps for name in step.cells}
-    models = [name for name in ordered(names) if name in MODELS]
-    mine = variant if variant in MODELS or not models else models[-1]
-    if mine not in MODELS:
-        return Judgement("unknown", "no variant with a hysteresis model was run")
-    compared = []
-    for step in steps:
-        other = strongest(step.of(OVERSHOOT))
-        if other is not None and mine in step.cells:
-            difference = step_difference(step, mine, other)
-            compared += [difference] if math.isfinite(difference.mine + difference.its) else []
-    if not compared:
-        return Judgement("unknown", f"{mine} or every baseline lost levitation at every step")
-    judged = judge(mine, compared, "steps", WHERE_IT_PAYS["feedback"])
-    return replace(judged, text=f"{judged.text}{_beside_flux(steps, mine)}")
-
-
-def _beside_flux(steps: Sequence[Steps], mine: MethodName) -> str:
-    """Say how it stands against measured flux, if that was run."""
-    differences = [
-        step_difference(step, mine, "flux") for step in steps if {mine, "flux"} <= set(step.cells)
-    ]
-    known = [
-        difference for difference in differences if math.isfinite(difference.mine + difference.its)
-    ]
-    if not known:
-        return ""
-    less, more = (
-        sum(difference.less for difference in known),
-        sum(difference.more for difference in known),
-    )
-    return f"; than measured flux less at {less} and more at {more}"
+def _remark(cell: CaseFigures) -> str:
+    """Return what is to stand beside an overshoot that is the noise of a standstill."""
+    noise = isinstance(cell, StepCell) and not cell.overshoots and not cell.lost
+    return WITHIN_NOISE if noise else ""
 
 
 def overshoot_text(step: Steps, name: MethodName) -> str:
     """Write the overshoot of a variant, and whether it is noise."""
-    return f"{interval_text(step.of(OVERSHOOT)[name], '%')} {step.remarks.get(name, '')}".rstrip()
+    return f"{interval_text(step.of(OVERSHOOT)[name], '%')} {_remark(step.cells[name])}".rstrip()
 
 
 def benefit_table(subject: SimulationSubject) -> PageTable | None:
@@ -159,42 +114,90 @@ def benefit_table(subject: SimulationSubject) -> PageTable | None:
     )
 
 
+def printed(simulation: Simulation) -> Printed:
+    """Return what a terminal shows of a simulation."""
+    file, iron = simulation.rig.settings, simulation.at.slopes
+    steps = [step for step in grouped(simulation.cells) if step.gap == file.gap_m]
+    rows = []
+    for name in simulation.setups:
+        last = steps[-1].cells[name]
+        rest = (
+            interval_text(last.of(metric.key), factor=metric.factor)
+            for metric in (SETTLING, STANDSTILL_OF_STEP)
+        )
+        mark = " *" if name == simulation.own else ""
+        rows.append([f"{name}{mark}", *(overshoot_text(step, name) for step in steps), *rest])
+    heights = [f"{1e6 * step.height:g} µm" for step in steps]
+    overshoots = table(
+        f"Overshoot of steps at {1e3 * file.gap_m:g} mm",
+        ["", *heights, SETTLING.head, STANDSTILL_OF_STEP.head],
+        rows,
+        f"* of the controller file; mean of {file.noise_seeds} noise seeds with its 95 % interval; "
+        f"settling and standstill at the highest step; {WITHIN_NOISE}: not certainly more than the "
+        "armature moves about at a standstill",
+    )
+    slope = (
+        f"{iron.label} iron: just after a reversal {100.0 * iron.share:.0f} % of the static N/A; "
+        f"unstable pole {simulation.at.point.pole_at_current:.0f} Hz"
+    )
+    return Printed([overshoots], [*simulation.plant.lines, slope])
+
+
 def step_tables(subject: SimulationSubject) -> list[PageTable]:
     """Return one table for each figure of the steps."""
-    made = []
-    for name, title, unit, factor, caption in STEP_TABLES:
-        rows = {subject.situation(step): step.of(name) for step in subject.steps}
-        remarks = {subject.situation(step): step.remarks for step in subject.steps}
-        noted = remarks if name == OVERSHOOT else {}
-        comparison = FigureTable(title, unit, factor, rows, caption, noted)
-        if any(not math.isnan(interval.mean) for row in rows.values() for interval in row.values()):
-            made.append(comparison_table(comparison))
-    return made
-
-
-def comparison_table(comparison: FigureTable) -> PageTable:
-    """Return a table of one figure: a row a situation, a column a variant."""
-    variants = ordered(name for row in comparison.rows.values() for name in row)
-
-    def cell(situation: str, name: MethodName, interval: Interval | None) -> str:
-        """Write a figure and its remark, between which alone a line may end."""
-        remark = comparison.remarks.get(situation, {}).get(name, "")
-        parts = (interval_text(interval, factor=comparison.factor), remark)
-        return " ".join(part.replace(" ", NBSP) for part in parts if part)
-
-    rows = [
-        [situation, *(cell(situation, name, row.get(name)) for name in variants)]
-        for situation, row in comparison.rows.items()
+    steps = {subject.situation(step): step.cells for step in subject.steps}
+    return [
+        case_table(
+            metric,
+            steps,
+            caption,
+            _remark if metric.key == OVERSHOOT else None,
+        )
+        for metric, caption in STEP_TABLES.items()
+        if any(metric.key in one.figures for row in steps.values() for one in row.values())
     ]
-    counts = {one.count for row in comparison.rows.values() for one in row.values() if one.count}
-    ends = " to ".join(str(end) for end in sorted({min(counts), max(counts)})) if counts else "no"
-    interval = f"Mean and 95 % confidence interval over {ends} noise seeds."
-    return table(
-        f"{comparison.title} ({comparison.unit})" if comparison.unit else comparison.title,
-        ["", *variants],
-        rows,
-        f"{comparison.caption} {interval}".strip(),
+
+
+def standstill_tables(tried: Tried) -> list[PageTable]:
+    """Return the figures of a standstill, and under which variants the armature never came to rest."""
+    cycles = table(
+        "Limit cycles at a standstill",
+        ("variant", "runs with one", "amplitude (nm)", "period (ms)"),
+        [[name, *_cycle_row(tried[name])] for name in ordered(tried)],
+        "Amplitude and period: medians of the runs that have a cycle.",
     )
+    return [*(case_table(metric, {"hanging still": tried}) for metric in STANDSTILL), cycles]
+
+
+def _cycle_row(one: ExperimentFigures) -> tuple[str, str, str]:
+    if one.lost:
+        return interval_text(no_mean(one.lost, one.runs)), NOT_KNOWN, NOT_KNOWN
+    size, period = one.median("amplitude"), one.median("period")
+    return (
+        f"{len(one.cycles or ())} of {one.runs}",
+        NOT_KNOWN if size is None else number(1e9 * size, 3),
+        NOT_KNOWN if period is None else number(1e3 * period, 3),
+    )
+
+
+def experiment_tables(tried: Experiments) -> list[PageTable]:
+    """Return the figures of trajectories, load steps, and what goes wrong."""
+    follow = {
+        f"{shape.kind} of {1e6 * shape.amplitude_m:g}{NBSP}µm at {shape.frequency_Hz:g}{NBSP}Hz": one
+        for shape, one in tried.trajectories
+    }
+    loads = {f"load step of {force:g}{NBSP}N": one for force, one in tried.load_steps}
+    recovery: dict[str, Tried] = dict(loads)
+    events: dict[str, Tried] = {}
+    for event, one in tried.events.items():
+        (recovery if event == "overload" else events)[event] = one
+    groups = ((follow, TRACKING), (loads, (PUSHED,)), (recovery, (RECOVERY,)), (events, EXCESS))
+    return [
+        case_table(metric, cases, _LATE if metric.key == FORCE_ERROR else "")
+        for cases, metrics in groups
+        if cases
+        for metric in metrics
+    ]
 
 
 def margin_table(margins: Mapping[MethodName, Margins]) -> PageTable:
@@ -227,52 +230,26 @@ def margin_table(margins: Mapping[MethodName, Margins]) -> PageTable:
     )
 
 
-def legend_table(variants: Sequence[MethodName]) -> PageTable:
-    """Say what the variants are."""
-    meaning = {
-        "ratio": "the paper's case without compensation; nothing cancels the negative stiffness",
-        "secant": "the same, read as a line through the origin",
-        "linearised": "cancels the negative stiffness at the operating point: standard practice",
-        "single-valued": "the honest baseline of hysteresis: all that a curve without memory can do",
-        "play": "the least that knows hysteresis: width of the loops and one state, no law of iron",
-        "simplified": "inverse of the simplified law",
-        "at-rest": "the same as full, but for iron that answers late: taken as if it did not",
-        "full": "inverse of the identified law, its state advanced with what was applied",
-        "flux": "needs a Hall probe in the gap, and measures instead of modelling",
-        "fused": "full, corrected by a Hall probe in the gap",
-    }
-    rows: list[list[str | Cell]] = [
-        [Cell(name, code=True), METHODS[name].title, meaning[name]] for name in variants
-    ]
-    return table(
-        "Variants",
-        ["name", "from wanted force to current", "remark"],
-        rows,
-        "All are fitted to the same measured loops, except flux, which has a static series of its "
-        "probe.",
-        texts=3,
-    )
-
-
 def settling_sentence(subject: SimulationSubject) -> str:
     """Say whether settling and steady-state error change, which the paper found not to."""
     if "ratio" not in subject.baselines:
         return ""
     counts = []
-    for name, title, unit, factor in (
-        ("settling_in_noise_s", "settling time", "ms", 1e3),
-        ("steady_error_m", "steady-state error", "nm", 1e9),
-    ):
+    for metric in (SETTLING, STEADY):
         both = [
             (abs(row[subject.variant].mean), abs(row["ratio"].mean))
-            for row in [step.of(name) for step in subject.steps]
+            for row in [step.of(metric.key) for step in subject.steps]
             if subject.variant in row and "ratio" in row
         ]
         both = [pair for pair in both if not math.isnan(sum(pair))]  # lost
         if both:
-            mine = _range([factor * first for first, _ in both], unit)
-            other = _range([factor * second for _, second in both], unit)
-            counts.append(f"{title}: {mine} with {subject.variant}, {other} with ratio")
+            mine, other = (
+                _range([metric.factor * one for one in ones], metric.unit)
+                for ones in zip(*both, strict=True)
+            )
+            counts.append(
+                f"{metric.title.lower()}: {mine} with {subject.variant}, {other} with ratio"
+            )
     if not counts:
         return ""
     return (

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from anhyst._core import FixedPosition, LoopController, Plant, PlantLoop, Position, PositionF32
+from anhyst._core import FixedPosition, LoopController, Plant, Position, PositionF32
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, PairTable
 from anhyst.control.position import PositionControl, ReferenceConverter
-from anhyst.rig.bearing.file import BearingRig, step_ends
-from anhyst.rig.bearing.plant import current_loops, make_bearing
-from anhyst.rig.bearing.scenario import Scenario, Script, land_time, lift_time, steps_up_and_down
+from anhyst.rig.bearing.scenario import Script, land_time, lift_time, steps_up_and_down
+from anhyst.rig.body import BodyRig, step_ends
+from anhyst.rig.loop import ClosedLoop, Scenario
+from anhyst.rig.plant import current_loops, make_plant
 from anhyst.rig.recording import (
     BREAKAWAY,
+    COLUMNS,
     DESCEND,
     FAULT,
     HOVER,
@@ -27,7 +29,6 @@ from anhyst.rig.recording import (
     Recording,
     SignalBound,
     find_loss,
-    in_columns,
 )
 from anhyst.support.kinds import MethodName
 from anhyst.support.states import Command, Flag
@@ -37,7 +38,7 @@ LONGEST_RAMP_S = 60.0
 """Longest time that lifting off or landing may take, s."""
 
 
-def pair_of(rig: BearingRig) -> PairTable | None:
+def pair_of(rig: BodyRig) -> PairTable | None:
     """Return what a controller has to know of a second magnet, or None where there is none."""
     bias, total = rig.settings.bias_N, rig.settings.gap_total_m
     if bias is None or total is None:
@@ -45,62 +46,56 @@ def pair_of(rig: BearingRig) -> PairTable | None:
     return PairTable(bias_force_N=bias, gap_total_m=total)
 
 
-def check_controller(controller: ControllerFile, rig: BearingRig) -> None:
+def check_controller(controller: ControllerFile, rig: BodyRig) -> None:
     """Refuse a controller that does not belong to the rig."""
-    faults = _rig_faults(controller.settings, rig)
-    if faults:
+    if faults := list(_rig_faults(controller.settings, rig)):
         raise faults_error(controller.path, faults)
 
 
-def _rig_faults(settings: ControllerTable, rig: BearingRig) -> list[FileFault]:
-    faults: list[FileFault] = []
-    rate, plant = rig.settings.timing.rate_Hz, rig.settings
+def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
+    plant, rate = rig.settings, rig.settings.timing.rate_Hz
     if settings.rate_Hz != rate:
         text = f"is {settings.rate_Hz:g} Hz here and {rate:g} Hz in {rig.path}; make them equal"
-        faults.append(FileFault(("rate_Hz",), text, code="differs-from-rig"))
+        yield FileFault(("rate_Hz",), text, code="differs-from-rig")
     limits, amplifier = settings.limits, plant.amplifier
     if limits.current_low_A < amplifier.current_low_A:
         text = f"the amplifier of {rig.path} begins at {amplifier.current_low_A:g} A; raise it"
-        faults.append(FileFault(("limits", "current_low_A"), text, code="beyond-amplifier"))
+        yield FileFault(("limits", "current_low_A"), text, code="beyond-amplifier")
     if limits.current_high_A > amplifier.current_high_A:
         text = f"the amplifier of {rig.path} ends at {amplifier.current_high_A:g} A; lower it"
-        faults.append(FileFault(("limits", "current_high_A"), text, code="beyond-amplifier"))
+        yield FileFault(("limits", "current_high_A"), text, code="beyond-amplifier")
     if len(rig.magnets) == 1 and limits.force_low_N < 0.0:
         text = "a single magnet cannot push; raise it to 0 or more"
-        faults.append(FileFault(("limits", "force_low_N"), text, code="cannot-push"))
+        yield FileFault(("limits", "force_low_N"), text, code="cannot-push")
     if len(rig.magnets) == 1 and not rig.load < limits.force_high_N:
         text = f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.load:g} N"
-        faults.append(
-            FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
-        )
+        yield FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
     variant = settings.compensation.variant
     if variant in PROBED and plant.hall_probe is None:
         text = f'"{variant}" needs the table [hall_probe], {rig.path} has none; add it'
-        faults.append(FileFault(("compensation", "variant"), text, code="no-hall-probe"))
-    faults += _amplifier_faults(settings, rig)
-    cases = rig.settings
-    gaps = [cases.gap_m, *cases.step.also_gaps_m]
-    lowest = min(step_ends(gap, height)[1] for gap in gaps for height in cases.step.heights_m)
-    for trajectory in cases.trajectories:
-        lowest = min(lowest, cases.gap_m - trajectory.amplitude_m)
-    highest = cases.body.stop_high_m
+        yield FileFault(("compensation", "variant"), text, code="no-hall-probe")
+    yield from _amplifier_faults(settings, rig)
+    lows = [
+        step_ends(gap, height)[1] for gap in plant.step_gaps_m for height in plant.step.heights_m
+    ]
+    lowest = min(*lows, *(plant.gap_m - one.amplitude_m for one in plant.trajectories))
+    highest = plant.body.stop_high_m
     if not limits.gap_low_m < lowest:
         text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
-        faults.append(FileFault(("limits", "gap_low_m"), text, code="gaps-not-covered"))
+        yield FileFault(("limits", "gap_low_m"), text, code="gaps-not-covered")
     step = plant.gap_sensor.sensor().step
     if limits.step_m < step:
         text = f"the position sensor of {rig.path} has steps of {step:.4g} m; raise it"
-        faults.append(FileFault(("limits", "step_m"), text, code="step-too-fine"))
+        yield FileFault(("limits", "step_m"), text, code="step-too-fine")
     if not limits.gap_high_m > highest:
         text = f"{rig.path} rests at a gap of {highest:.5g} m; raise it"
-        faults.append(FileFault(("limits", "gap_high_m"), text, code="gaps-not-covered"))
-    return [*faults, *_ramp_faults(settings, rig, lowest)]
+        yield FileFault(("limits", "gap_high_m"), text, code="gaps-not-covered")
+    yield from _ramp_faults(settings, rig, lowest)
 
 
-def _ramp_faults(settings: ControllerTable, rig: BearingRig, lowest: float) -> list[FileFault]:
+def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iterator[FileFault]:
     """Find ramps so slow that nobody waits for them."""
     way = rig.settings.body.stop_high_m - lowest
-    faults: list[FileFault] = []
     for table, what, ramp, seconds in (
         ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest)),
         ("landing", "landing", settings.landing, land_time(rig, settings)),
@@ -110,13 +105,11 @@ def _ramp_faults(settings: ControllerTable, rig: BearingRig, lowest: float) -> l
             longer = forces > way / ramp.speed_m_per_s
             key = "force_rate_N_per_s" if longer else "speed_m_per_s"
             text = f"{what} takes {seconds:.4g} s, at most {LONGEST_RAMP_S:g} s are simulated"
-            faults.append(FileFault((table, key), f"{text}; raise it", code="too-slow"))
-    return faults
+            yield FileFault((table, key), f"{text}; raise it", code="too-slow")
 
 
-def _amplifier_faults(settings: ControllerTable, rig: BearingRig) -> list[FileFault]:
+def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     """Say where the file contradicts the rig on amplifiers or a second magnet."""
-    faults: list[FileFault] = []
     converter, amplifier = settings.converter, rig.settings.amplifier
     if converter is not None:
         ends = {
@@ -127,30 +120,24 @@ def _amplifier_faults(settings: ControllerTable, rig: BearingRig) -> list[FileFa
         for key, value in ends.items():
             if getattr(converter, key) != value:
                 text = f"the amplifier of {rig.path} has {value:g}; make them equal"
-                faults.append(FileFault(("converter", key), text, code="differs-from-rig"))
+                yield FileFault(("converter", key), text, code="differs-from-rig")
     pair = pair_of(rig)
     if settings.pair is not None and pair is None:
-        faults.append(
-            FileFault(
-                ("pair",),
-                f"the magnet of {rig.path} is a single one; take it out",
-                code="differs-from-rig",
-            )
-        )
+        text = f"the magnet of {rig.path} is a single one; take it out"
+        yield FileFault(("pair",), text, code="differs-from-rig")
     elif settings.pair is not None and pair is not None:
         for key in type(pair).model_fields:
             value = getattr(pair, key)
             if getattr(settings.pair, key) != value:
                 text = f"is {value:g} in {rig.path}; make them equal"
-                faults.append(FileFault(("pair", key), text, code="differs-from-rig"))
-    return faults
+                yield FileFault(("pair", key), text, code="differs-from-rig")
 
 
 @dataclass(frozen=True)
 class Setup:
     """Everything one loop needs; goes to other processes."""
 
-    rig: BearingRig  # the plant
+    rig: BodyRig  # the plant
     controller: ControllerTable  # gains, limits, lift-off
     compensator: ForceController  # from force to current, as fitted; never run itself
     own: tuple[ForceController, ...] = ()  # of each magnet, where they are not all the same
@@ -159,11 +146,6 @@ class Setup:
     def name(self) -> MethodName:
         """Of its method."""
         return self.compensator.method
-
-
-def with_gains(setup: Setup, controller: ControllerTable) -> Setup:
-    """Return the same compensator behind another controller of the same limits."""
-    return replace(setup, controller=controller)
 
 
 _CLASSES = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
@@ -199,30 +181,22 @@ def position_control(setup: Setup) -> PositionControl:
     )
 
 
-class SimulatedLoop:
-    """One run of a setup, from power on; scenarios follow each other."""
+class SimulatedLoop(ClosedLoop):
+    """A bearing from power on; scenarios follow each other."""
 
     def __init__(
         self, setup: Setup, seed: int = 0, largest_first: bool = False, bearing: Plant | None = None
     ) -> None:
-        self.setup = setup
         rig = setup.rig
-        bearing = bearing or make_bearing(rig, seed)
+        bearing = bearing or make_plant(rig, seed)
         if largest_first:
             for magnet in range(len(rig.magnets)):
                 for current in (rig.settings.amplifier.current_high_A, 0.0):
                     bearing.hold(current, magnet)
-        self._loop = PlantLoop(bearing, make_position(setup), current_loops(rig))
-
-    def run(self, scenario: Scenario) -> Recording:
-        """Go on with a scenario."""
-        table = self._loop.run(
-            scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command
-        )
-        return Recording.of_table(in_columns(self._loop, table))
+        super().__init__(bearing, make_position(setup), current_loops(rig), COLUMNS)
 
 
-def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | None:
+def lost_at(rig: BodyRig, recording: Recording, since: int = 0) -> float | None:
     """Return when levitation was lost: a stop was touched, or the controller gave up."""
     body = rig.settings.body
     fault = recording["state"] >= FAULT

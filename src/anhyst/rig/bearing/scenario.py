@@ -7,19 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.rig.bearing.file import BearingRig, step_ends
+from anhyst.rig.body import BodyRig, step_ends
+from anhyst.rig.loop import ReferenceStep, Scenario
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.support.numeric import FloatArray, passed, sine
 from anhyst.support.states import Command
-
-DROP, SHORT, FAILS = 256, 512, 16
-"""Of a command: bits of a dropped sample and of a short circuit, first bit of what fails;
-``plant/include/anhyst_plant/loop.h``."""
-HEAD_FAULTS = {"missing": 1024, "frozen": 2048, "jumps": 4096}
-"""Bits of the ways in which heads fail instead of amplifiers."""
 
 SELFTEST_TICKS = 25
 """Until the self-test has passed: plausible samples that it counts, and a few that fill filters."""
@@ -37,44 +31,11 @@ _MOST_SETTLE_S = 1.0
 _SETTLE = 10.0  # times K_p/K_i, the time in which the integral takes over what is left
 
 
-@dataclass(frozen=True, slots=True)
-class ReferenceStep:
-    """A step of the reference within a scenario."""
-
-    begin: int  # ticks: of the step, and of the end of its hold
-    end: int
-    before: float  # reference, m of gap
-    after: float
-
-    @property
-    def height(self) -> float:
-        """Size of the step, m."""
-        return abs(self.after - self.before)
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """What happens at each of n ticks."""
-
-    target: FloatArray  # wanted gap, m; shape (n,)
-    load: FloatArray  # force commanded to the load drive, N; shape (n,)
-    inject: FloatArray  # added to the gap that the controller sees, m; shape (n,)
-    feed: FloatArray  # load that the controller gets, N; shape (n,)
-    command: NDArray[np.uint32]  # :class:`Command`, :data:`DROP`; shape (n,)
-    steps: tuple[ReferenceStep, ...] = ()  # steps of the reference in it
-    lifted: int = 0  # tick from which on the armature should levitate; 0 if nothing lifts it here
-
-    @property
-    def ticks(self) -> int:
-        """How long it is."""
-        return self.target.size
-
-
 @dataclass
 class Script:
     """Writes a scenario piece by piece."""
 
-    rig: BearingRig  # for the rate, the load and its disturbances
+    rig: BodyRig  # for the rate, the load and its disturbances
     gap: float  # first wanted gap, m
     load: float | None = None  # force of the load drive, N; that of the rig file if left out
     _target: list[FloatArray] = field(default_factory=list)
@@ -152,14 +113,13 @@ class Script:
             target=np.concatenate(self._target),
             load=disturbed,
             inject=np.concatenate(self._inject),
-            feed=np.zeros(self.ticks),
             command=command,
             steps=tuple(self._steps),
             lifted=self._lifted,
         )
 
 
-def lift_time(rig: BearingRig, controller: ControllerTable, gap: float) -> float:
+def lift_time(rig: BodyRig, controller: ControllerTable, gap: float) -> float:
     """Return how long self-test, ramp of the force, way and settling take at most, s."""
     gains, ramp = controller.pidd2_gains(), controller.lift_off
     settle = _SETTLE_S
@@ -173,7 +133,7 @@ def lift_time(rig: BearingRig, controller: ControllerTable, gap: float) -> float
     return max(begin + force + way + settle, LEAST_LIFT_S)
 
 
-def land_time(rig: BearingRig, controller: ControllerTable) -> float:
+def land_time(rig: BodyRig, controller: ControllerTable) -> float:
     """Return how long landing takes at most, s: the way down, the ramp of the force, and rest."""
     body, ramp = rig.settings.body, controller.landing
     limits = controller.limits
@@ -182,12 +142,12 @@ def land_time(rig: BearingRig, controller: ControllerTable) -> float:
     return max(way + force + _REST_S, LEAST_LAND_S)
 
 
-def _selftest(rig: BearingRig) -> int:
+def _selftest(rig: BodyRig) -> int:
     return max(round(_SELFTEST_S / rig.dt), SELFTEST_TICKS)
 
 
 def steps_up_and_down(
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerTable,
     gap: float,
     heights: Sequence[float],
@@ -206,7 +166,7 @@ def steps_up_and_down(
     return script.build()
 
 
-def _disturbance(rig: BearingRig, what: DisturbanceTable, ticks: int, number: int) -> FloatArray:
+def _disturbance(rig: BodyRig, what: DisturbanceTable, ticks: int, number: int) -> FloatArray:
     time = np.arange(ticks) * rig.dt - what.start_s
     after = time >= 0.0
     if what.kind == "step":

@@ -11,7 +11,7 @@ from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import Q30, Q31, PlantBus, Reading
 from anhyst.link.process import run_library
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
-from anhyst.rig.bench.protocol import Aim, Parameter, Signal
+from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal
 from anhyst.rig.bench.settings import ControllerSettings, check_values, force_settings
 from anhyst.rig.force.bench import ActuatorStand, StandTick, on_bus
 from anhyst.rig.force.file import Rig
@@ -25,46 +25,28 @@ _SPEED_MOST = 1.0
 _FREQUENCY_MOST = 20.0
 
 
-class Armature:
+class Armature(Knobs):
     """Goes to a gap at a speed, and to and fro about it."""
 
     def __init__(self, low: float, high: float, rate: float) -> None:
         self._low, self._high, self._dt = low, high, 1.0 / rate
-        self._at = 0.5 * (low + high)
-        self._turns = 0.0
-        self._values = {
-            "gap": self._at,
-            "gap_speed": _SPEED,
-            "gap_swing": 0.0,
-            "gap_frequency": 1.0,
-        }
-        self._ranges = (
-            ("gap", "m", low, high, "where the armature is held"),
-            ("gap_speed", "m/s", 1e-4, _SPEED_MOST, "at which it goes there"),
-            ("gap_swing", "m", 0.0, 0.5 * (high - low), "amplitude of a sine about it"),
-            ("gap_frequency", "Hz", 0.0, _FREQUENCY_MOST, "of this sine"),
+        self._at = middle = 0.5 * (low + high)
+        self._turns, swing = 0.0, 0.5 * (high - low)
+        super().__init__(
+            Parameter("gap", "m", low, high, "where the armature is held", middle),
+            Parameter("gap_speed", "m/s", 1e-4, _SPEED_MOST, "at which it goes there", _SPEED),
+            Parameter("gap_swing", "m", 0.0, swing, "amplitude of a sine about it", 0.0),
+            Parameter("gap_frequency", "Hz", 0.0, _FREQUENCY_MOST, "of this sine", 1.0),
         )
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Return all that may be changed, with the values in force."""
-        return tuple(
-            Parameter(name, unit, low, high, doc, self._values[name])
-            for name, unit, low, high, doc in self._ranges
-        )
-
-    def apply(self, values: Mapping[str, float]) -> None:
-        """Put values in force from the next tick on; what is no parameter of it is left alone."""
-        self._values |= {name: values[name] for name in self._values if name in values}
 
     def move(self) -> float:
         """Go on by a tick, and return the gap there, m."""
-        values = self._values
-        step = values["gap_speed"] * self._dt
-        self._at += min(max(values["gap"] - self._at, -step), step)
-        self._turns = (self._turns + values["gap_frequency"] * self._dt) % 1.0
+        step = self["gap_speed"] * self._dt
+        self._at += min(max(self["gap"] - self._at, -step), step)
+        self._turns = (self._turns + self["gap_frequency"] * self._dt) % 1.0
         gap = self._at
-        if values["gap_swing"] > 0.0:
-            gap += values["gap_swing"] * float(sine(self._turns))
+        if self["gap_swing"] > 0.0:
+            gap += self["gap_swing"] * float(sine(self._turns))
         return min(max(gap, self._low), self._high)
 
 
@@ -97,13 +79,13 @@ FORCE_COMMANDS = (
 
 
 class StandPlant:
-    """The actuator as the plant bus knows it: signals as fractions of full scale."""
+    """The actuator as the plant bus knows it."""
 
     def __init__(self, rig: Rig, program: Program, seed: int) -> None:
-        low, high = program.scales.gap_low, program.scales.gap_high
+        self._scales = program.scales
+        low, high = self._scales.gap_low, self._scales.gap_high
         self.armature = Armature(low, high, rig.settings.timing.rate_Hz)
         self.gap = 0.0
-        self._scales = program.scales
         self._stand = ActuatorStand(rig, [2, seed])
         self.at: StandTick
 
@@ -118,12 +100,11 @@ class StandPlant:
 class ForceBench(LockStepBench[PlantBus]):
     """An actuator whose armature is moved from outside, and the firmware that controls its force.
 
-    A :class:`anhyst.rig.bench.protocol.Bench`, in lock-step. Virtual time passes in :meth:`advance`
-    alone. The motion of the armature is among the parameters.
+    Virtual time passes in :meth:`advance` alone. The motion of the armature is among the parameters.
     """
 
-    signals: tuple[Signal, ...] = _SIGNALS
-    load_most = 0.0
+    signals = _SIGNALS
+    commands = FORCE_COMMANDS
 
     def __init__(self, rig: Rig, program: Program, seed: int = 0) -> None:
         self.rate = float(rig.settings.timing.rate_Hz)
@@ -134,10 +115,10 @@ class ForceBench(LockStepBench[PlantBus]):
         try:
             running = self._open.enter_context(run_library(program.firmware, self._stand))
             self._bus = running.bus
-            self._link = self._open.enter_context(ControllerLink(running.link))
-            self._heartbeat = Heartbeat(self._link)
+            self.link = self._open.enter_context(ControllerLink(running.link))
+            self._heartbeat = Heartbeat(self.link)
             known = force_settings(self._scales.demand, self._scales.current, self.rate)
-            self._settings = ControllerSettings(self._link, known)
+            self._settings = ControllerSettings(self.link, known)
             self._state = State.INIT
         except BaseException:
             self._open.close()
@@ -177,17 +158,13 @@ class ForceBench(LockStepBench[PlantBus]):
 
     def command(self, command: Command) -> None:
         """Give a command over the link."""
-        self._state = self._link.command(command)
+        self._state = self.link.command(command)
         self._heartbeat.restart()
-
-    def commands(self) -> tuple[Command, ...]:
-        """Return the commands of a controller of force."""
-        return FORCE_COMMANDS
 
     def demand(self, value: float) -> None:
         """Demand a force, N, up to the largest one of the rig; a run begins at zero."""
         check_demand(self.aim, value, self._state)
-        self._link.demand(min(round(value / self._scales.demand * Q31), int(Q31) - 1))
+        self.link.demand(min(round(value / self._scales.demand * Q31), int(Q31) - 1))
         self._heartbeat.restart()
 
     def load(self, force: float) -> None:

@@ -21,7 +21,7 @@ from anhyst.rig.bench.contact import (
     open_contact,
 )
 from anhyst.rig.bench.force import FORCE_COMMANDS, check_demand
-from anhyst.rig.bench.protocol import Parameter
+from anhyst.rig.bench.protocol import Bench, Parameter
 from anhyst.rig.bench.settings import check_values
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -38,23 +38,22 @@ _ROUND = 1 << 32
 """Ticks after which a controller's count begins again."""
 
 
-class HardwareBench:
+class HardwareBench(Bench):
     """A controller that runs by itself, seen and operated over a line.
 
-    A :class:`anhyst.rig.bench.protocol.Bench` that keeps time. The controller's operator is whoever
+    It keeps time. The controller's operator is whoever
     calls :meth:`advance`: without it there is no sign of life, and the controller goes to its safe
     state by itself. One that is lost is looked for, and no row comes meanwhile; when it is back,
     nothing is commanded or set: its settings are read anew.
     """
 
-    load_most = 0.0
     keeps_time = True
+    tick = 0
 
     def __init__(
         self, reach: Reach, manifest: Mapping[str, Any], patience: float = PATIENCE_S
     ) -> None:
         self.rate = float(manifest["rate_Hz"])
-        self.lost = ""
         self._reach, self._manifest, self._patience = reach, manifest, patience
         self._search: Search | None = None
         self._news: list[str] = []
@@ -64,6 +63,7 @@ class HardwareBench:
         self.every = contact.line.every
         self.signals = contact.columns.signals
         self._force = contact.line.body is Body.FORCE
+        self.commands = FORCE_COMMANDS if self._force else BEARING_COMMANDS
         self.tick = int(contact.rows[0, 0]) - self.every
         self._first: NDArray[np.int64] = contact.rows
         self._take_up(contact, 0)
@@ -161,10 +161,6 @@ class HardwareBench:
     def command(self, command: Command) -> None:
         """Give a command."""
         self._state = self._reached().command(command)
-
-    def commands(self) -> tuple[Command, ...]:
-        """Return the commands that this kind of controller has."""
-        return FORCE_COMMANDS if self._force else BEARING_COMMANDS
 
     def demand(self, value: float) -> None:
         """Demand a force, N, or a gap, m."""

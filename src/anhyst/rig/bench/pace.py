@@ -316,20 +316,16 @@ class _Bus(Protocol):
 _BusT = TypeVar("_BusT", bound=_Bus)
 
 
-class LockStepBench(Generic[_BusT]):
+class LockStepBench(Bench, Generic[_BusT]):
     """Virtual time passes while a bench advances, and stands still for the firmware too otherwise.
 
     Holds a parameter block (:class:`anhyst.dashboard.improver.BlockHolder`); what a bench is made
     of stands in its ``_open``, which ends with it.
     """
 
-    keeps_time = False
-    every = 1
-    lost = ""
-
     _open: ExitStack
     _bus: _BusT
-    _link: ControllerLink
+    link: ControllerLink  # its session; all its commands go over it
     _heartbeat: Heartbeat
 
     @property
@@ -337,18 +333,14 @@ class LockStepBench(Generic[_BusT]):
         """Number of the last tick."""
         return self._bus.tick
 
-    def news(self) -> Sequence[str]:
-        """Return nothing: a firmware of one's own that is lost ends the bench."""
-        return ()
-
     def read_block(self) -> list[int]:
         """Return the parameter block in force."""
         self._heartbeat.restart()
-        return self._link.read_block()
+        return self.link.read_block()
 
     def swap_block(self, words: Sequence[int]) -> int:
         """Put another parameter block in force, from the next tick on."""
-        self._link.write_block(words)
+        self.link.write_block(words)
         self._heartbeat.restart()
         return self.tick + 1
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import threading
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from anhyst._core import POSITION_MAGNETS
 from anhyst.rig.recording import column
@@ -107,41 +108,43 @@ class Parameter(NamedTuple):
     value: float  # in force now
 
 
-class Bench(Protocol):
+class Knobs:
+    """What may be changed of a rig beside the settings of its controller."""
+
+    def __init__(self, *known: Parameter) -> None:
+        self._known = {one.name: one for one in known}
+
+    def __getitem__(self, name: str) -> float:
+        return self._known[name].value
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return them, with the values in force."""
+        return tuple(self._known.values())
+
+    def apply(self, values: Mapping[str, float]) -> None:
+        """Put values in force; what is none of them is left alone."""
+        for name in values.keys() & self._known.keys():
+            self._known[name] = self._known[name]._replace(value=values[name])
+
+
+class Bench(ABC):
     """A rig and its controller. One thread at a time."""
 
-    @property
-    def rate(self) -> float:
-        """Ticks a second."""
+    rate: float  # ticks a second
+    signals: tuple[Signal, ...]  # columns of what is measured, after the number of the tick
+    aim: Aim  # what is demanded
+    commands: tuple[Command, ...]  # of this kind of controller, in any state
+    load_most = 0.0  # largest force of the load drive either way, N; 0: there is none
+    keeps_time = False  # whether its ticks come by themselves
+    every = 1  # ticks from one row to the next
+    lost = ""  # why the controller is looked for; empty while it answers
 
     @property
-    def signals(self) -> tuple[Signal, ...]:
-        """Columns of what is measured, after the number of the tick."""
-
-    @property
+    @abstractmethod
     def tick(self) -> int:
         """Number of the last tick."""
 
-    @property
-    def aim(self) -> Aim:
-        """What is demanded."""
-
-    @property
-    def load_most(self) -> float:
-        """Largest force of the load drive either way, N; 0: there is none."""
-
-    @property
-    def keeps_time(self) -> bool:
-        """Whether its ticks come by themselves."""
-
-    @property
-    def every(self) -> int:
-        """Ticks from one row to the next."""
-
-    @property
-    def lost(self) -> str:
-        """Why the controller is looked for; empty while it answers."""
-
+    @abstractmethod
     def advance(self, ticks: int) -> FloatArray:
         """Go on by some ticks."""
 
@@ -150,25 +153,29 @@ class Bench(Protocol):
 
         It was lost, or is back: what was demanded, :attr:`aim` and parameters are to be read anew.
         """
+        return ()
 
+    @abstractmethod
     def command(self, command: Command) -> None:
         """Give a command, which acts from the next tick on."""
 
-    def commands(self) -> tuple[Command, ...]:
-        """Return the commands that this kind of controller has, in any state."""
-
+    @abstractmethod
     def demand(self, value: float) -> None:
         """Demand a gap, m, of a bearing, or a force, N, of a magnet, from the next tick on."""
 
+    @abstractmethod
     def load(self, force: float) -> None:
         """Command a force, N, to the load drive, from the next tick on."""
 
+    @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all that may be changed, with the values in force."""
 
+    @abstractmethod
     def apply(self, values: Mapping[str, float]) -> int:
-        """Put some parameters in force together, or none of them."""
+        """Put some parameters in force together, or none of them; returns the first tick with them."""
 
+    @abstractmethod
     def close(self) -> None:
         """Let go of the rig."""
 

@@ -14,36 +14,37 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anhyst._core import PlantLoop
 from anhyst.compensate.force_controller import ForceController
 from anhyst.control.position import Standing, refusal
-from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
-from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bench.protocol import (
     AXES_COMMANDS,
     STAGE_COMMANDS,
     STAGE_OWN,
     STAGE_READ,
     Aim,
+    Bench,
     Parameter,
     Signal,
     of_axes_and_magnets,
 )
 from anhyst.rig.bench.settings import check_values, stage_parameters
-from anhyst.rig.recording import Loss, Recording, column, peak
+from anhyst.rig.drift import NO_DRIFT, draw_plant, drifted_plant
+from anhyst.rig.loop import ClosedLoop, Scenario
+from anhyst.rig.plant import current_loops
+from anhyst.rig.recording import CURRENTS, Loss, Recording, column, of_magnets, peak
 from anhyst.rig.stage.file import layout_of, lying, pulls, pushed_with, scan_direction
 from anhyst.rig.stage.loop import (
-    COMMANDS,
     WRENCH,
     Feedforward,
     StageSetup,
-    axes_loss,
-    axes_recorded,
     demand_columns,
     fed_wrench,
+    led,
     make_loop_controller,
     of_axes,
     pid,
+    read_noise,
+    recorded,
     stage_loss,
 )
 from anhyst.rig.stage.setpoint import (
@@ -106,17 +107,16 @@ class StageLap(NamedTuple):
         return self.setup.compensator.method
 
 
-class StageBench:
+class StageBench(Bench):
     """A stage that follows its set-point over and over.
 
-    A :class:`anhyst.rig.bench.protocol.Bench`. The variants are the one without memory and the
+    The variants are the one without memory and the
     compensator, which its parameter ``compensation`` chooses by 0 and 1.
     """
 
-    keeps_time = False
-    every = 1
-    lost = ""
     signals: tuple[Signal, ...] = (*STAGE_OWN[:4], *STAGE_READ.values(), *STAGE_OWN[4:])
+    commands: tuple[Command, ...] = STAGE_COMMANDS
+    tick = 0
     lifted = 0  # tick on which it was lifted last from a rest without current
     _between = False  # whether it is lifted or set down
 
@@ -124,7 +124,6 @@ class StageBench:
         rig = variants[0].setup.rig
         self.rig, self.rate = rig, 1.0 / rig.dt
         self._magnets = len(rig.settings.magnets)
-        self.tick = 0
         self.laps: deque[StageLap] = deque(maxlen=LAPS)
         file, self._peak = rig.settings, max(rig.settings.scan.test_m_per_s2)
         left = file.tracking.force_max_N - file.body.mass_kg * self._peak
@@ -147,7 +146,6 @@ class StageBench:
         self._state, self._fault, self._laps, self._lap = State.READY, Fault.NONE, 0, 0
         self._offset, self._load, self._side = 0.0, 0.0, 1.0
         self._push: dict[str, float] = {}
-        self._ahead = (rig.settings.timing.delay_ticks + 0.5) * rig.dt
         self._move(1.0)
         self._renew()
 
@@ -160,7 +158,7 @@ class StageBench:
         scan = self.rig.settings.scan
         peaks = [share * peak for peak in (*scan.test_m_per_s2, scan.test_m_per_s2[0])]
         self._motion = replace(motion_of(scan, peaks), rests=True)
-        self._way = course_of(self._motion, self.rig.dt, self._ahead)
+        self._way = course_of(self._motion, self.rig.dt, self.rig.late)
 
     def _renew(self) -> None:
         """Put the plant in force where it works, at rest, its iron demagnetised."""
@@ -168,7 +166,7 @@ class StageBench:
         settings = self.rig.settings
         drift, noise = draw_plant(settings, settings.seed, number - 1) if number else (NO_DRIFT, 0)
         self._cable = drift.cable
-        self._plant = drifted_stage(self.rig.bearing, drift, noise)
+        self._plant = drifted_plant(self.rig, drift, noise)
         self._place_body(float(self._strayed(1, 0.0)[0]))
         self._course: Course | None = None
         self._at, self._place = 0, 0.0
@@ -191,8 +189,7 @@ class StageBench:
         # the loop keeps the drives alive
         drives = [self._remembering(setup, k) for k in range(self._magnets)]
         controller = make_loop_controller(setup, drives)
-        self._loop = PlantLoop(self._plant, controller, current_loops(setup.rig.bearing))
-        self._names = [column(*signal) for signal in self._loop.signals]
+        self._loop = ClosedLoop(self._plant, controller, current_loops(setup.rig))
         if len(self._latest):
             wanted, fed = np.split(self._latest[:, 2 * self._magnets :], 2, axis=1)
             self._carried = np.array([np.mean(one) for one in (wanted - fed).T])
@@ -313,34 +310,39 @@ class StageBench:
         What flowed: of each magnet the current and the gap as the controller knows it, then what
         was demanded along each coordinate, and what was fed forward.
         """
-        rig, settings, n = self.rig, self.rig.settings, forward.size
-        frame = place - rig.gap + stray
-        noise = self._rng.normal(0.0, settings.position_sensor.noise_m, n)
-        reference = place[:n] + self._offset
-        table = self._loop.run(
-            np.ascontiguousarray(reference),
-            self._load - self._cable * place[:n],
-            noise,
-            np.ascontiguousarray(self._carried - forward),
-            np.zeros(n, dtype=np.uint32),
-            np.ascontiguousarray(frame),
-        )
-        read = dict(zip(self._names, table.T, strict=True))
-        loss = stage_loss(rig, Recording(read), n)
-        kept = n if loss is None else min(loss.tick + 1, len(table))
-        read = {name: values[:kept] for name, values in read.items()}
-        position = read["gap_m"] + frame[:kept]
-        of_loop = [
-            reference[:kept],
-            position,
-            position + noise[:kept],
-            reference[:kept] - position,
-            *(read[name] for name in STAGE_READ),
-        ]
-        gap = read["gap_read_m"]
-        gaps = [gap, (settings.gap_total_m or 0.0) - gap]
-        seen = [*(read[name] for name in COMMANDS), *gaps, read["demand_N"]]
-        return of_loop, np.column_stack([*seen, -forward[:kept]]), loss
+        rig, free = self.rig, self.rig.settings.body.free
+        fed = fed_wrench(self._setup.believed, forward) + (list(self._push.values()) or 0.0)
+        scenario = led(rig, place, stray, fed + self._carried, self._offset)
+        scenario = self._happening(scenario, place)
+        run = self._loop.run(scenario)
+        loss = stage_loss(rig, run, len(fed)) if self._is_held() else None
+        run = run.part(0, len(fed) if loss is None else loss.tick + 1)
+        seen = dict(run.columns) | recorded(rig, run, scenario) | self._beside(run)
+        wanted = [run[name] for name in of_axes("demand", free, WRENCH)]
+        currents = [run[name] for name in of_magnets(CURRENTS[:1], 1, self._magnets)]
+        flowed = [*currents, *self._gaps_read(run), *wanted, fed[: len(run)]]
+        of_loop = [seen[column(one.name, one.unit)] for one in self._of_loop]
+        return of_loop, np.column_stack(flowed), loss
+
+    def _happening(self, scenario: Scenario, place: FloatArray) -> Scenario:
+        """Return a scenario with what happens beside what is led and fed."""
+        n = scenario.ticks
+        load, noise = self._load - self._cable * place[:n], read_noise(self.rig, n, self._rng)
+        return replace(scenario, load=load, inject=noise)
+
+    def _is_held(self) -> bool:
+        """Whether a body on a stop is a lost one."""
+        return True
+
+    def _gaps_read(self, run: Recording) -> list[FloatArray]:
+        """Return the gap of each magnet as the controller knows it."""
+        gap = run["gap_read_m"]
+        return [gap, (self.rig.settings.gap_total_m or 0.0) - gap]
+
+    def _beside(self, run: Recording) -> dict[str, FloatArray]:
+        """Return what is read beside what is recorded."""
+        del run
+        return {}
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
@@ -368,10 +370,6 @@ class StageBench:
         values = {"reference": place, "position": position, "position_read": position}
         return values | {"error": place - position, "gap": stop, "gap_read": stop}
 
-    def news(self) -> Sequence[str]:
-        """Return nothing: what runs in process is not lost."""
-        return ()
-
     def command(self, command: Command) -> None:
         """Give a command. A stop brakes at once, whatever the state, and the body is held then."""
         if command is Command.STOP:
@@ -389,7 +387,7 @@ class StageBench:
     def _permit(self, command: Command) -> None:
         now = Standing(self._state, False, True, False, True, True)
         name, why = command.name.lower(), refusal(command, now)
-        if command not in self.commands():
+        if command not in self.commands:
             why = "a stage has no such command"
         if why:
             raise InputError(f"{name}: {why}", code="wrong-state", key=name)
@@ -404,11 +402,7 @@ class StageBench:
             motion = course.motion_at(self._at, dt)
             scan = self.rig.settings.scan  # its largest acceleration, whatever the lap's is
             hardest = motion_of(scan, scan.test_m_per_s2)
-            self._begin(braking(*motion, hardest, dt, self._ahead))
-
-    def commands(self) -> tuple[Command, ...]:
-        """Return the commands of a stage."""
-        return AXES_COMMANDS if self.rig.settings.several else STAGE_COMMANDS
+            self._begin(braking(*motion, hardest, dt, self.rig.late))
 
     def demand(self, value: float) -> None:
         """Demand a place beside the set-point, m."""
@@ -463,6 +457,7 @@ class AxesBench(StageBench):
     Its controller lifts it and sets it down: idle it lies without a current, ready it is held.
     """
 
+    commands = AXES_COMMANDS
     _order = Command.NONE  # to the controller, at the next tick
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
@@ -544,46 +539,27 @@ class AxesBench(StageBench):
         along = scan_direction(self.rig.settings)
         self._plant.place((-stray * along).tolist(), [0.0] * along.size)
 
-    def _step(
-        self, place: FloatArray, stray: FloatArray, forward: FloatArray
-    ) -> tuple[list[FloatArray], FloatArray, Loss | None]:
-        rig, file, n = self.rig, self.rig.settings, forward.size
-        along = scan_direction(file)
-        reference = np.outer(place[:n] + self._offset, along)
-        frame, fed = np.outer(place + stray, along), fed_wrench(self._setup.believed, forward)
-        fed += list(self._push.values())
-        commands = np.zeros(n, dtype=np.uint32)
-        commands[0], self._order = self._order, Command.NONE
-        table = self._loop.run(
-            reference.ravel(),
-            np.zeros(n),
-            np.zeros(reference.size),
-            (fed + self._carried).ravel(),
-            commands,
-            frame.ravel(),
-        )
-        flies = self._state is not State.IDLE and not self._between
-        loss = axes_loss(rig, Recording.of_table(table, self._names), n) if flies else None
-        kept = n if loss is None else min(loss.tick + 1, len(table))
-        run = Recording.of_table(table[:kept], self._names)
-        seen = axes_recorded(rig, run, reference, frame) | self._pulled(run)
-        seen["flight"] = self._flights = run["state"] % PHASES
-        if self._between and self._flights[-1] in (Phase.HOVER, Phase.REST):
-            self._between = False
-            self._state = State.READY if self._flights[-1] == Phase.HOVER else State.IDLE
-        count = range(1, self._magnets + 1)
-        each = (("command", "A"), ("gap_read", "m"))
-        flowed = [run[column(*one, number)] for one in each for number in count]
-        flowed += [run[name] for name in of_axes("demand", file.body.free, WRENCH)]
-        of_loop = [seen[column(one.name, one.unit)] for one in self._of_loop]
-        return of_loop, np.column_stack([*flowed, fed[:kept]]), loss
+    def _happening(self, scenario: Scenario, place: FloatArray) -> Scenario:
+        del place
+        scenario.command[0], self._order = self._order, Command.NONE
+        return scenario
 
-    def _pulled(self, run: Recording) -> dict[str, FloatArray]:
-        """Return what each magnet pulls with, and what all do along each coordinate."""
+    def _is_held(self) -> bool:
+        return self._state is not State.IDLE and not self._between
+
+    def _gaps_read(self, run: Recording) -> list[FloatArray]:
+        return [run[name] for name in of_magnets([("gap_read", "m")], 1, self._magnets)]
+
+    def _beside(self, run: Recording) -> dict[str, FloatArray]:
+        """Return what each magnet pulls with, what all do along each coordinate, and the flight."""
         free = self.rig.settings.body.free
         own = of_axes("wrench", free, WRENCH)
         read = dict(zip(demand_columns(free, "wrench"), (run[name] for name in own), strict=True))
-        return read | pulls(self.rig.settings, run)
+        self._flights = run["state"] % PHASES
+        if self._between and self._flights[-1] in (Phase.HOVER, Phase.REST):
+            self._between = False
+            self._state = State.READY if self._flights[-1] == Phase.HOVER else State.IDLE
+        return read | pulls(self.rig.settings, run) | {"flight": self._flights}
 
     def _lying(self) -> dict[str, float]:
         """Return the same where weight pulls the body down, or at the low end of its way."""

@@ -211,17 +211,14 @@ def moving_gap(shape: MovingCase, ticks: int, rate: float) -> FloatArray:
 
 
 def on_bus(reading: BenchReading, scales: Scales) -> Reading:
-    """Return what the sensors say as the plant bus carries it: fractions of full scale."""
+    """Return what a firmware is shown of a reading: fractions of full scale."""
     span = scales.gap_high - scales.gap_low or 1.0
-    return Reading(
-        (reading.gap - scales.gap_low) / span,
-        reading.force / scales.demand,
-        reading.current / scales.current,
-    )
+    gap = (reading.gap - scales.gap_low) / span
+    return Reading(gap, reading.force / scales.demand, reading.current / scales.current)
 
 
 class _Plant:
-    """The bench as the plant bus knows it: signals as fractions of full scale."""
+    """The bench as the plant bus knows it."""
 
     def __init__(self, bench: ActuatorBench, program: Program) -> None:
         self.bench = bench
@@ -234,10 +231,10 @@ class _Plant:
         current = currents[0]
         if self.gaps:
             self.drives.append(round(current * ONE))
-        reading = on_bus(self.bench.step(current * self._scales.current), self._scales)
-        code = min(max(round(reading.gap * _Q30), 0), _Q30)
+        shown = on_bus(self.bench.step(current * self._scales.current), self._scales)
+        code = min(max(round(shown.gap * _Q30), 0), _Q30)
         self.gaps.append(min(2 * code, ONE - 1))  # as the firmware takes it
-        return reading
+        return shown
 
 
 def run_firmware(

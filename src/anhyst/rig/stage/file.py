@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,25 +16,20 @@ from anhyst._core import AXES_ODD, WrenchLayout
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import PROBED
 from anhyst.control.position import Allocation
-from anhyst.rig.bearing.file import BearingRig, plant_faults, travel_m
+from anhyst.rig.body import BodyRig, plant_faults, travel_m
 from anhyst.rig.calibration import (
     CENTRE,
-    OF_ONE,
     CalibratedMethod,
-    CalibrationFile,
     ParameterName,
-    read_calibration,
 )
 from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.magnet_table import DIRECTION_ROUNDING
-from anhyst.rig.measurement_table import Measured
 from anhyst.rig.old_files import rig_error
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.tables import AXES
 from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind, MethodName
+from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import (
     FileFault,
@@ -55,63 +50,11 @@ HELD_S = 0.02
 """For which a force is held until eddy currents of the iron have died away."""
 
 
-@dataclass(frozen=True)
-class StageRig:
-    """A stage as its file describes it."""
-
-    path: Path  # the rig file
-    settings: RigFile  # what it says
-
-    @property
-    def gap(self) -> float:
-        """Of the first magnet with the mass where it works, m."""
-        return self.settings.gap_m
-
-    @property
-    def idle(self) -> float:
-        """What either magnet of a pair pulls with where no net force is wanted, N."""
-        return self.settings.bias_N or 0.0
-
-    @property
-    def dt(self) -> float:
-        """Time between ticks, s."""
-        return 1.0 / self.settings.timing.rate_Hz
-
-    @property
-    def measured(self) -> Measured:
-        """The loops that its file names."""
-        return Measured(self.path, self.settings.loops, self.settings.magnet.output)
-
-    @cached_property
-    def bearing(self) -> BearingRig:
-        """The plant, seen from the long stroke."""
-        return BearingRig(self.path, self.settings)
-
-    @cached_property
-    def calibration(self) -> CalibrationFile | None:
-        """What motion taught of its magnets, from the file that it names.
-
-        Feedforward and force scale must believe in the same mass.
-        """
-        named = self.settings.tracking.calibration
-        if named is None:
-            return None
-        if self.settings.tracking.calibrate:
-            raise InputError(
-                f"{self.path}: control.calibration: calibrate = true begins without one; leave "
-                "one of both out",
-                code="not-both",
-                key="control.calibration",
-            )
-        place = self.path.parent / named
-        return read_calibration(place, self.path, self.settings, numbers_of(self.settings))
-
-
-def read_stage(path: PathLike) -> StageRig:
+def read_stage(path: PathLike) -> BodyRig:
     """Read the rig file of a stage."""
     place = Path(path)
     settings = read_rig_file(place, [FileKind.STAGE])
-    faults = plant_faults(settings)
+    faults = list(plant_faults(settings))
     if settings.magnet.kind == "law":
         text = 'a stage needs a magnet of iron; write kind = "electromagnet"'
         key = settings.place(settings.magnet, "kind")
@@ -123,7 +66,7 @@ def read_stage(path: PathLike) -> StageRig:
         faults = list(_axes_faults(settings))
     if faults:
         raise rig_error(place, faults)
-    return StageRig(place, settings)
+    return BodyRig(place, settings)
 
 
 def _axes_faults(file: RigFile) -> Iterator[FileFault]:
@@ -226,7 +169,7 @@ def lying(file: RigFile, place: float) -> dict[str, float]:
     """Return what a bench reads where weight pulls the body down, or at the low end of its way."""
     free = file.body.free
     along, down = scan_direction(file), np.array([float(axis == "z") for axis in free])
-    falls = file.body.gravity_m_per_s2 > 0.0 and down.any()
+    falls = file.body.weight_N > 0.0 and down.any()
     off = -travel_m(file) * (down if falls else along)
     way = float(off @ along)
     values = {"reference": place, "position": place + way, "error": -way}
@@ -280,7 +223,7 @@ def decoupling(file: RigFile) -> tuple[FloatArray, FloatArray]:
 
 def weight(file: RigFile) -> FloatArray:
     """Return the wrench of the weight, which is along -z."""
-    down = np.array([0.0, 0.0, -file.body.mass_kg * file.body.gravity_m_per_s2])
+    down = np.array([0.0, 0.0, -file.body.weight_N])
     return np.concatenate([down, np.cross(file.body.centre_m, down)])[axes_of(file)]
 
 
@@ -391,15 +334,7 @@ def opposed(file: RigFile) -> list[int]:
 # How a controller uses what motion taught of the magnets.
 
 
-def numbers_of(file: RigFile) -> tuple[ParameterName, ...]:
-    """Return all numbers that a stage has."""
-    if not file.several:
-        return OF_ONE
-    count, kinds = range(1, len(file.placed) + 1), ("scale_{}", "gap_zero_{}_m", "width_{}")
-    return (*(kind.format(one) for kind in kinds for one in count), "payload", *CENTRE)
-
-
-def believed(rig: StageRig, values: Mapping[ParameterName, float]) -> StageRig:
+def believed(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
     """Return the stage with the mass and the centre of mass that a controller believes in."""
     body, off = rig.settings.body, [values.get(name, 0.0) for name in CENTRE]
     changes = {
@@ -409,7 +344,7 @@ def believed(rig: StageRig, values: Mapping[ParameterName, float]) -> StageRig:
     return replace(rig, settings=rig.settings.changed(changes))
 
 
-def correction(found: CalibratedMethod, compensator: ForceController, rig: StageRig) -> FloatArray:
+def correction(found: CalibratedMethod, compensator: ForceController, rig: BodyRig) -> FloatArray:
     """Return the rows of the controller: scale, gap zero, flux density, lead, a magnet each.
 
     On one axis the second magnet's gap is what is left of both: it is read too small by what the
@@ -431,7 +366,7 @@ def correction(found: CalibratedMethod, compensator: ForceController, rig: Stage
     return rows
 
 
-def per_root(compensator: ForceController, rig: StageRig) -> float:
+def per_root(compensator: ForceController, rig: BodyRig) -> float:
     """Return the current over the root of the force, A/N^(1/2), at half of the largest force.
 
     It is held until eddy currents have died away.
@@ -442,12 +377,7 @@ def per_root(compensator: ForceController, rig: StageRig) -> float:
     return float(held.solve(force, rig.gap) / np.sqrt(force))
 
 
-def calibration_of(rig: StageRig, method: MethodName) -> CalibratedMethod | None:
-    """Return what the file that a rig names says of a method; None where it says nothing."""
-    return None if rig.calibration is None else rig.calibration.of(method)
-
-
-def watch_settings(rig: StageRig) -> dict[str, float]:
+def watch_settings(rig: BodyRig) -> dict[str, float]:
     """Return by what a controller of several coordinates finds what is lost, and how it lands."""
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
     late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)

@@ -8,35 +8,33 @@ from dataclasses import dataclass, field, replace
 from functools import cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst._core import (
     POSITION_MAGNETS,
     FixedAxes,
     FixedTracking,
     LoopController,
-    PlantLoop,
     Tracking,
     TrackingAxes,
     TrackingAxesF32,
     TrackingF32,
 )
 from anhyst.compensate.block import Block
-from anhyst.compensate.current_map import PlayMap
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.methods import PROBED, HysteresisInverse, make_compensator
-from anhyst.compensate.sources import Operating, Sources
+from anhyst.compensate.methods import HysteresisInverse
+from anhyst.compensate.sources import Operating
 from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_codes
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
 from anhyst.data import Loops
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_stage
-from anhyst.rig.bearing.file import travel_m
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_rippling
-from anhyst.rig.bearing.plant import current_loops
+from anhyst.rig.body import BodyRig, travel_m
 from anhyst.rig.calibration import CENTRE, CalibratedMethod, ParameterName
+from anhyst.rig.drift import NO_DRIFT, Drift, drifted_plant
 from anhyst.rig.file import RigFile
+from anhyst.rig.fitting import IdentifiedMagnet, calibrated, fit_at, identify_rippling
+from anhyst.rig.loop import ClosedLoop, Scenario
+from anhyst.rig.plant import current_loops
 from anhyst.rig.recording import (
     CURRENTS,
     OUT_OF_PROPORTION,
@@ -45,14 +43,11 @@ from anhyst.rig.recording import (
     SignalBound,
     column,
     find_loss,
-    in_columns,
     of_magnets,
 )
 from anhyst.rig.stage.file import (
-    StageRig,
     axes_of,
     believed,
-    calibration_of,
     correction,
     decoupling,
     error_columns,
@@ -95,7 +90,7 @@ class Feedforward:
 class StageSetup:
     """Everything one run needs; goes to other processes."""
 
-    rig: StageRig  # the plant
+    rig: BodyRig  # the plant
     compensator: ForceController  # from force to current, as fitted; never run itself
     # number format of PID and allocation; f64 goes with any compensator, f32 with f32 and fixed
     law: NumberFormat = "f64"
@@ -107,7 +102,7 @@ class StageSetup:
     cable: float = 0.0  # N/m, and against such a cable
 
     @property
-    def believed(self) -> StageRig:
+    def believed(self) -> BodyRig:
         """The stage as its controller believes it to be."""
         return believed(self.rig, self.body) if self.body else self.rig
 
@@ -121,7 +116,7 @@ class StageSetup:
         return [one.fresh() for one in self.each]
 
 
-def pid(rig: StageRig) -> dict[str, float]:
+def pid(rig: BodyRig) -> dict[str, float]:
     """Return the PID as a filter of second order, by the trapezoidal rule.
 
     Where integral and lead end and begin, the rig file says in parts of the crossover.
@@ -158,9 +153,8 @@ def pid(rig: StageRig) -> dict[str, float]:
 
 def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
     """Return the force fed forward at every tick, N, so much earlier as the loop is late."""
-    rig, timing = setup.rig, setup.rig.settings.timing
-    ahead = (timing.delay_ticks + 0.5) * rig.dt
-    time = instants(rig, ticks_of(rig, motion)) + ahead
+    rig = setup.rig
+    time = instants(rig, ticks_of(rig, motion)) + rig.late
     place, acceleration, jerk, snap = motion.at(time)
     moved = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
     return np.asarray(setup.believed.settings.body.mass_kg * moved + setup.cable * place)
@@ -179,101 +173,99 @@ def track(
     `learnt` is added to what is fed forward; the controller does not know `load`, N, which pushes
     towards larger positions.
     """
-    rig, settings = setup.rig, setup.rig.settings
-    n = ticks_of(rig, motion)
+    rig, n = setup.rig, ticks_of(setup.rig, motion)
     time = instants(rig, n + 1)
-    reference = motion.at(time)[0]
-    frame = reference - rig.gap + stray(rig, motion, time)
-    forward = feed(setup, motion, gains)
+    place, forward = motion.at(time)[0], feed(setup, motion, gains)
     if learnt is not None:
         forward = forward + learnt
-    if settings.several:
-        along = scan_direction(settings)
-        places, strayed = np.outer(reference, along), np.outer(stray(rig, motion, time), along)
-        wrench = fed_wrench(setup.believed, forward)
-        return track_axes(setup, seed, places, places + strayed, wrench)
-    noise = np.random.default_rng([settings.seed, seed]).normal(
-        0.0, settings.position_sensor.noise_m, n
-    )
-    # The body is off its reference by too little for the cable to feel it.
-    pulled = -setup.drift.cable * reference[:n] + (0.0 if load is None else load)
-    bearing = drifted_stage(rig.bearing, setup.drift, seed)
-    bearing.place([rig.gap], [0.0])
-    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
-    # The first magnet pulls towards smaller positions: the force of the pair has the other sign.
-    rows = loop.run(
-        np.ascontiguousarray(reference[:n]),
-        pulled,
-        noise,
-        np.ascontiguousarray(-forward),
-        np.zeros(n, dtype=np.uint32),
-        np.ascontiguousarray(frame),
-    )
-    run = Recording.of_table(in_columns(loop, rows))
-    read = dict(zip((column(*signal) for signal in loop.signals), rows.T, strict=True))
-    read["position_read_m"] = run["gap_m"] + frame[: len(run)] + noise[: len(run)]
-    return Recording(_recorded(rig, run, reference, frame, read), stage_loss(rig, run, n))
+    scenario = led(rig, place, stray(rig, motion, time), fed_wrench(setup.believed, forward))
+    if not rig.settings.several:
+        noise = np.random.default_rng([rig.settings.seed, seed])
+        # The body is off its reference by too little for the cable to feel it.
+        pulled = -setup.drift.cable * place[:n] + (0.0 if load is None else load)
+        scenario = replace(scenario, inject=read_noise(rig, n, noise), load=pulled)
+    return follow(setup, scenario, seed)
 
 
-def track_axes(
-    setup: StageSetup, seed: int, reference: FloatArray, frame: FloatArray, wrench: FloatArray
-) -> Recording:
-    """Follow a reference with a body of several coordinates; it has a row more than what is fed.
+def led(
+    rig: BodyRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, beside: float = 0.0
+) -> Scenario:
+    """Return what a stage is given that is led along its set-point, and is to be so far beside it, m.
 
-    The magnets ride on the frame, the position heads do not. What is fed forward moves the centre
-    of mass, and carries the weight.
+    Places and stray of the long stroke, m, have a value more than the wrench has rows. The magnets
+    ride on the frame, position heads do not.
     """
-    rig, n = setup.rig, len(wrench)
-    run = fly(setup, seed, reference[:n], frame, wrench)
-    return Recording(axes_recorded(rig, run, reference, frame), axes_loss(rig, run, n))
+    file, n = rig.settings, len(wrench)
+    along, begin = scan_direction(file), 0.0 if file.several else rig.gap
+    frame = np.outer(place - begin + stray, along)
+    return Scenario(np.outer(place[:n] + beside, along), feed=wrench, frame=frame)
 
 
-def fly(
-    setup: StageSetup,
-    seed: int,
-    reference: FloatArray,
-    frame: FloatArray,
-    wrench: FloatArray,
-    command: NDArray[np.uint32] | None = None,
-) -> Recording:
-    """Return the loop's own record of a body of several coordinates that follows a reference.
+def read_noise(rig: BodyRig, ticks: int, rng: np.random.Generator) -> FloatArray:
+    """Return the noise of the position of a body of one coordinate, m."""
+    return rng.normal(0.0, rig.settings.position_sensor.noise_m, ticks)
 
-    All have a row a tick and a column a coordinate, the frame a row more.
-    A command a tick says what fails, as in plant/include/anhyst_plant/loop.h.
+
+def stage_loop(setup: StageSetup, seed: int = 0) -> ClosedLoop:
+    """Return a stage at rest where it works, its iron demagnetised, and its controller."""
+    rig, plant = setup.rig, drifted_plant(setup.rig, setup.drift, seed)
+    if not rig.settings.several:
+        plant.place([rig.gap], [0.0])
+    return ClosedLoop(plant, make_loop_controller(setup), current_loops(rig))
+
+
+def follow(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
+    """Go through a scenario from rest."""
+    rig, run = setup.rig, stage_loop(setup, seed).run(scenario)
+    return Recording(recorded(rig, run, scenario), stage_loss(rig, run, scenario.ticks))
+
+
+def fed_wrench(rig: BodyRig, forward: FloatArray) -> FloatArray:
+    """Return the wrench of a force along the set-point, a row a tick.
+
+    Of several coordinates it moves the centre of mass, and carries the weight. Of one it has the
+    other sign: the first magnet pulls towards smaller positions.
     """
-    rig, n = setup.rig, len(reference)
-    bearing = drifted_stage(rig.bearing, setup.drift, seed)
-    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
-    rows = loop.run(
-        reference.ravel(),
-        np.zeros(n),
-        np.zeros(reference.size),
-        wrench.ravel(),
-        np.zeros(n, dtype=np.uint32) if command is None else command,
-        frame.ravel(),
-    )
-    return Recording.of_table(rows, [column(*signal) for signal in loop.signals])
-
-
-def fed_wrench(rig: StageRig, forward: FloatArray) -> FloatArray:
-    """Return the wrench of a force that moves the centre of mass along the set-point, with the weight."""
     file = rig.settings
+    if not file.several:
+        return np.asarray(-forward[:, None])
     moved = mass_matrix(file) @ scan_direction(file)
     return np.asarray(np.outer(forward / file.body.mass_kg, moved) - weight(file))
 
 
-def axes_recorded(
-    rig: StageRig, run: Recording, reference: FloatArray, frame: FloatArray
-) -> dict[str, FloatArray]:
-    """Return the columns of a recording: along the set-point, of every coordinate, every magnet."""
+def recorded(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+    """Return the columns of a recording, of the loop's own record."""
+    return _of_several(rig, run, scenario) if rig.settings.several else _of_one(rig, run, scenario)
+
+
+def _of_one(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+    n, probes = len(run), PROBES if rig.settings.hall_probe is not None else ()
+    reference, frame = scenario.target[:n, 0], scenario.frame[:n, 0]
+    position = run["gap_m"] + frame
+    of_loop = ("gap_m", "demand_N", "force_N", *of_magnets(CURRENTS, 1, POSITION_MAGNETS))
+    return {
+        "t_s": run["t_s"],
+        "reference_m": reference,
+        "position_m": position,
+        "error_m": reference - run["gap_m"] - frame,
+        **{name: run[name] for name in of_loop},
+        "force_error_N": _force_error(rig, run, run["demand_N"]),
+        "position_read_m": position + scenario.inject[:n],
+        "gap_read_m": run["gap_read_m"],
+        **{name: run[name] for name in probes},
+    }
+
+
+def _of_several(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+    """Return the same along the set-point, of every coordinate and of every magnet."""
     file, n = rig.settings, len(run)
-    along, free = scan_direction(file), file.body.free
-    poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + frame[:n]
-    errors = reference[:n] - poses
+    reference, along, free = scenario.target[:n], scan_direction(file), file.body.free
+    poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + scenario.frame[:n]
+    errors = reference - poses
     demand = np.column_stack([run[name] for name in of_axes("demand", free, WRENCH)]) @ along
     return {
         "t_s": run["t_s"],
-        "reference_m": reference[:n] @ along,
+        "reference_m": reference @ along,
         "position_m": poses @ along,
         "error_m": errors @ along,
         "demand_N": demand,
@@ -281,11 +273,11 @@ def axes_recorded(
         "force_error_N": _force_error(rig, run, demand),
         **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
         **{name: run[name] for name in of_magnets([("gap", "m"), *CURRENTS], 1, len(file.placed))},
-        **_axes_read(rig, run, reference[:n]),
+        **_axes_read(rig, run, reference),
     }
 
 
-def _axes_read(rig: StageRig, run: Recording, target: FloatArray) -> dict[str, FloatArray]:
+def _axes_read(rig: BodyRig, run: Recording, target: FloatArray) -> dict[str, FloatArray]:
     """Return what the controller of several coordinates was given and asked for."""
     file, count = rig.settings, len(rig.settings.placed)
     signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
@@ -310,14 +302,20 @@ def of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "ra
     ]
 
 
-def axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
+def stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
     """Return where a stage was lost: on an end stop, or its demand out of proportion."""
     file = rig.settings
-    most = OUT_OF_PROPORTION * file.tracking.force_max_N * len(file.placed)
+    most, stop = OUT_OF_PROPORTION * file.tracking.force_max_N, "an end stop was reached"
+    if file.several:
+        most *= len(file.placed)
     bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
+    if not file.several:
+        body = file.body
+        bounds.insert(0, SignalBound(stop, run["gap_m"], body.stop_low_m, body.stop_high_m))
+        return find_loss(bounds, planned)
     for axis, name in zip(file.body.free, of_axes("pose", file.body.free), strict=True):
         end = stop_of(file, axis)
-        bounds.append(SignalBound("an end stop was reached", run[name], -end, end))
+        bounds.append(SignalBound(stop, run[name], -end, end))
     return find_loss(bounds, planned)
 
 
@@ -343,52 +341,17 @@ def demand_columns(free: Sequence[str], signal: str = "demand") -> list[str]:
 COMMANDS = of_magnets(CURRENTS[:1], 1, POSITION_MAGNETS)
 READ = ("position_read_m", "gap_read_m")
 PROBES = of_magnets([("flux_read", "T")], 1, POSITION_MAGNETS)
-"""What the controller is given of the body, and of flux probes where there are some."""
+"""What the controller is given of a body of one coordinate, and of flux probes where there are some."""
 
 
-def _recorded(
-    rig: StageRig,
-    run: Recording,
-    reference: FloatArray,
-    frame: FloatArray,
-    read: Mapping[str, FloatArray],
-) -> dict[str, FloatArray]:
-    """Return the columns of a recording."""
-    n = len(run)
-    probes = PROBES if rig.settings.hall_probe is not None else ()
-    return {
-        "t_s": run["t_s"],
-        "reference_m": reference[:n],
-        "position_m": run["gap_m"] + frame[:n],
-        "error_m": reference[:n] - run["gap_m"] - frame[:n],
-        "gap_m": run["gap_m"],
-        **{
-            name: run[name]
-            for name in ("demand_N", "force_N", *of_magnets(CURRENTS, 1, POSITION_MAGNETS))
-        },
-        "force_error_N": _force_error(rig, run, run["demand_N"]),
-        **{name: read[name] for name in (*READ, *probes)},
-    }
-
-
-def _force_error(rig: StageRig, run: Recording, demand: FloatArray) -> FloatArray:
+def _force_error(rig: BodyRig, run: Recording, demand: FloatArray) -> FloatArray:
     """Return the force less what was demanded a delay earlier, N."""
     ticks = np.arange(len(run), dtype=float)
     late = rig.settings.timing.delay_ticks + 0.5
     return np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand))
 
 
-def stage_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
-    """Return where a stage was lost: on an end stop, or its demand out of proportion."""
-    stops, most = rig.settings.body, OUT_OF_PROPORTION * rig.settings.tracking.force_max_N
-    bounds = (
-        SignalBound("an end stop was reached", run["gap_m"], stops.stop_low_m, stops.stop_high_m),
-        SignalBound("the demanded force left all bounds", run["demand_N"], -most, most),
-    )
-    return find_loss(bounds, planned)
-
-
-def bias(rig: StageRig, method: str) -> float:
+def bias(rig: BodyRig, method: str) -> float:
     """Return what either magnet pulls with at rest, N: for constants half of the largest force."""
     if rig.settings.magnet.both_ways:
         return 0.0
@@ -461,8 +424,12 @@ def axes_controller(
     settings.pop("gap_total")
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
     made = TrackingAxesF32 if setup.law == "f32" else TrackingAxes
-    layout = wrench_layout(setup.rig.settings, kind, idle)
-    controller = made(magnets, layout, axes_rows(setup), settings)
+    controller = made(
+        magnets,
+        wrench_layout(setup.rig.settings, kind, idle),
+        axes_rows(setup),
+        settings,
+    )
     if setup.correction is not None:
         controller.correct(setup.correction)
     return controller
@@ -521,7 +488,7 @@ def fixed_pid(setup: StageSetup) -> FixedPidd2:
     return as_pidd2(Biquad((b0, b1, b2), (a1, a2)), 1.0 / rig.dt, full).fixed(scales)
 
 
-def identify_stage(rig: StageRig, loops: Loops | None = None) -> IdentifiedMagnet:
+def identify_stage(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
     """Identify what is known of the magnets of a stage, from its loops or others of them."""
 
     def usable(known: IdentifiedMagnet) -> bool:
@@ -534,7 +501,7 @@ def identify_stage(rig: StageRig, loops: Loops | None = None) -> IdentifiedMagne
 
 
 def make_stage(
-    rig: StageRig,
+    rig: BodyRig,
     magnet: IdentifiedMagnet,
     method: MethodName,
     calibrated: CalibratedMethod | None = None,
@@ -543,14 +510,14 @@ def make_stage(
 
     It is corrected by what was found, here or in the file that the rig names.
     """
-    found = calibrated or calibration_of(rig, method)
+    found = calibrated or rig.learnt(method)
     if found is None:
         return StageSetup(rig, fit_method(rig, magnet, method))
     return corrected(rig, cache(partial(fit_method, rig, magnet, method)), found)
 
 
 def corrected(
-    rig: StageRig,
+    rig: BodyRig,
     fitted: Callable[[float], ForceController],
     found: CalibratedMethod,
     drift: Drift = NO_DRIFT,
@@ -572,7 +539,7 @@ def corrected(
 
 
 def fit_method(
-    rig: StageRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
+    rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
 ) -> ForceController:
     """Fit one variant to what is known of a magnet whose loops are wider by a part."""
     table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
@@ -586,12 +553,7 @@ def fit_method(
             current_max=table.amplifier.current_high_A,
             both_ways=table.magnet.both_ways,
         )
-        probe = calibrate_probe(rig.bearing) if method in PROBED else None
-        model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
-        sources = Sources(operating, magnet.loops, model, probe)
-        compensator = make_compensator(method, sources, table.tracking.format)
+        known = calibrated(magnet, wider=wider) if wider else magnet
+        return fit_at(rig, operating, [known], method, table.tracking.format)[0]
     except InputError as error:
         raise error.at(rig.measured.text) from error
-    if wider and isinstance(compensator.parameters, PlayMap):
-        return replace(compensator, parameters=compensator.parameters.widened(wider))
-    return compensator

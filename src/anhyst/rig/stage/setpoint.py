@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import ScanCase
-from anhyst.rig.stage.file import StageRig
 from anhyst.support.numeric import FloatArray
 
 STRAY_LATE = 5e-3
@@ -146,12 +146,12 @@ def braking(speed: float, acceleration: float, motion: SetPoint, dt: float, ahea
     return Course(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + ahead)))
 
 
-def stray(rig: StageRig, motion: SetPoint, time: FloatArray) -> FloatArray:
+def stray(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
     """Return how far the long stroke is off along a motion, m."""
     return strayed(rig, motion.at(time - STRAY_LATE)[1] / max(motion.peaks), time)
 
 
-def strayed(rig: StageRig, late: FloatArray | float, time: FloatArray) -> FloatArray:
+def strayed(rig: BodyRig, late: FloatArray | float, time: FloatArray) -> FloatArray:
     """Return how far the long stroke is off, m: half with the acceleration, half by itself.
 
     The former is what it was :data:`STRAY_LATE` before, in parts of the largest.
@@ -160,11 +160,11 @@ def strayed(rig: StageRig, late: FloatArray | float, time: FloatArray) -> FloatA
     return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _STRAY_HZ * time)))
 
 
-def instants(rig: StageRig, count: int) -> FloatArray:
+def instants(rig: BodyRig, count: int) -> FloatArray:
     """Return when the first ticks are, s."""
     return np.asarray(rig.dt * np.arange(count), dtype=np.float64)
 
 
-def ticks_of(rig: StageRig, motion: SetPoint) -> int:
+def ticks_of(rig: BodyRig, motion: SetPoint) -> int:
     """Return how many ticks a motion takes."""
     return round(motion.duration / rig.dt)

@@ -13,16 +13,16 @@ import numpy as np
 from anhyst.compensate import methods
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.verdict import judge, reversal_share
-from anhyst.rig.bearing.drift import with_iron
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import check_controller
-from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import with_iron
+from anhyst.rig.fitting import identify_magnet
 from anhyst.rig.iron_table import NamedCells
-from anhyst.study.bearing.linear import Quotient, quotient
+from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
-from anhyst.study.engine.verdict import Interval, mean_interval
+from anhyst.study.engine.verdict import Interval, Quotient, mean_interval, quotient
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
@@ -153,7 +153,7 @@ class Benefit:
 
 @dataclass(frozen=True)
 class _Work:
-    rig: BearingRig
+    rig: BodyRig
     controller: ControllerFile
     scale: float
     fraction: float | None
@@ -162,7 +162,7 @@ class _Work:
 
 
 def benefit(
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerFile,
     scales: Sequence[float] = WIDTHS,
     fractions: Sequence[float | None] | None = None,

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 from anhyst.link.client import Refused
-from anhyst.link.plant_bus import Reading
-from anhyst.rig.bearing.board import LevitatingFirmware
+from anhyst.link.frames import PlantSample
+from anhyst.link.plant_bus import Q30, Q31
 from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.scenario import LEAST_LIFT_S
+from anhyst.rig.bench.bearing import BearingBench
 from anhyst.support.block_head import regenerate
 from anhyst.support.errors import NegativeResult
 from anhyst.support.states import Command, Fault, Phase, State
 
-Act = Callable[[LevitatingFirmware, int], bool]
+Act = Callable[[BearingBench, int], bool]
 """Called before every tick, counted from the beginning of a fault; whether the link stays alive."""
 _NO_SAMPLE = 1
 _AMPLIFIER, _EMERGENCY_STOP, _OVER_CURRENT, _SUPPLY, _TOO_WARM = 2, 4, 8, 16, 32
 """Bits of ``PORT_...`` in ``firmware/port/port.h``."""
+_ERROR_CODE = -(1 << 31)
+"""What a sensor says that is broken."""
 _SAG = 0.2
 """What a sagging supply is left with."""
 _LONGEST_S = 1.0
@@ -63,62 +66,62 @@ class Ending:
         return self.reason is expected and self.levitates == (expected is Fault.NONE)
 
 
-def _shows(change: Callable[[Reading], Reading], ticks: float = math.inf) -> Act:
+def _shows(change: Callable[[PlantSample], PlantSample], ticks: float = math.inf) -> Act:
     """Let sensors show something else for some ticks."""
 
-    def act(running: LevitatingFirmware, n: int) -> bool:
-        running.plant.shown = change if n < ticks else None
+    def act(running: BearingBench, n: int) -> bool:
+        running.tap.shown = change if n < ticks else None
         return True
 
     return act
 
 
 def _reports(bit: int) -> Act:
-    return _shows(lambda reading: reading._replace(status=bit))
+    return _shows(lambda sample: replace(sample, status=bit))
 
 
-def _no_sample(reading: Reading) -> Reading:
-    return reading._replace(status=_NO_SAMPLE)
+def _no_sample(sample: PlantSample) -> PlantSample:
+    return replace(sample, status=_NO_SAMPLE)
 
 
-def _freezes(running: LevitatingFirmware, n: int) -> bool:
+def _freezes(running: BearingBench, n: int) -> bool:
     """Freeze the sensor of the position, and step the target."""
     if n == 0:
-        running.aim(running.plant.bearing.gap + _STEP_M)
-        last: list[float] = []
+        running.demand(running.gap + _STEP_M)
+        last: list[int] = []
 
-        def frozen(reading: Reading) -> Reading:
-            last.append(reading.position)
-            return reading._replace(position=last[0])
+        def frozen(sample: PlantSample) -> PlantSample:
+            last.append(sample.position)
+            return replace(sample, position=last[0])
 
-        running.plant.shown = frozen
+        running.tap.shown = frozen
     return True
 
 
-def _misses(running: LevitatingFirmware, n: int) -> bool:
+def _misses(running: BearingBench, n: int) -> bool:
     """Miss five ticks in a row."""
     if n == 0:
-        running.bus.skip(5)
+        running.tap.missed = 5
+        running.advance(5)
     return True
 
 
-def _sags(running: LevitatingFirmware, n: int) -> bool:
+def _sags(running: BearingBench, n: int) -> bool:
     """Let the supply fall; the board reports it a millisecond later."""
-    bearing = running.plant.bearing
     if n == 0:
-        bearing.supply = _SAG * running.plant.supply
-    if n == round(1e-3 * running.link.info.rate):
-        running.plant.shown = lambda reading: reading._replace(status=_SUPPLY)
+        running.bearing.supply *= _SAG
+    if n == round(1e-3 * running.rate):
+        running.tap.shown = lambda sample: replace(sample, status=_SUPPLY)
     return True
 
 
-def _stops(running: LevitatingFirmware, n: int) -> bool:
+def _stops(running: BearingBench, n: int) -> bool:
     if n == 0:
         running.command(Command.STOP)
     return True
 
 
-def _bad_block(running: LevitatingFirmware, n: int) -> bool:
+def _bad_block(running: BearingBench, n: int) -> bool:
     """Send a block with a broken checksum, and one whose words are not valid behind a right one."""
     if n == 0:
         words = running.link.read_block()
@@ -137,17 +140,17 @@ def _broken(words: list[int]) -> list[int]:
     return [*words[:2], words[2] ^ 0x40, *words[3:]]
 
 
-def _swaps(running: LevitatingFirmware, n: int) -> bool:
+def _swaps(running: BearingBench, n: int) -> bool:
     """Swap in the same parameters as another generation."""
     if n == 0:
         running.link.write_block(regenerate(running.link.read_block(), 9))
     return True
 
 
-def _overload(running: LevitatingFirmware, n: int) -> bool:
+def _overload(running: BearingBench, n: int) -> bool:
     """Load it with more than the largest force can carry, for a while."""
-    over = n < round(_OVERLOAD_S * running.link.info.rate)
-    running.plant.load = 1.2 * running.plant.force_high if over else running.plant.rest_load
+    if n in (0, round(_OVERLOAD_S * running.rate)):
+        running.load(1.2 * running.load_most if n == 0 else running.rest_load)
     return True
 
 
@@ -159,23 +162,27 @@ def injections() -> Iterator[Injection]:
     yield Injection(
         "position out of range",
         Fault.POSITION_RANGE,
-        _shows(lambda reading: reading._replace(position=0.95)),
+        _shows(lambda sample: replace(sample, position=round(0.95 * Q31))),
     )
     yield Injection(
         "position jumps",
         Fault.POSITION_STEP,
-        _shows(lambda reading: reading._replace(position=reading.position - 0.7)),
+        _shows(
+            lambda sample: replace(
+                sample, position=max(sample.position - round(0.7 * Q31), 1 + _ERROR_CODE)
+            )
+        ),
     )
     yield Injection("position frozen, target stepped", Fault.POSITION_STUCK, _freezes)
     yield Injection(
         "current sensor's error code",
         Fault.CURRENT_RESERVED,
-        _shows(lambda reading: reading._replace(current=math.nan)),
+        _shows(lambda sample: replace(sample, current=_ERROR_CODE)),
     )
     yield Injection(
         "current out of range",
         Fault.CURRENT_RANGE,
-        _shows(lambda reading: reading._replace(current=1.9)),
+        _shows(lambda sample: replace(sample, current=round(1.9 * Q30))),
     )
     yield Injection("five ticks missed", Fault.MISSED_TICK, _misses)
     yield Injection("link lost", Fault.LINK_LOST, lambda running, n: False)
@@ -193,12 +200,11 @@ def injections() -> Iterator[Injection]:
 class FaultRuns:
     """Lifts, hovers, does something bad and watches, again and again in one session."""
 
-    def __init__(self, setup: Setup, running: LevitatingFirmware) -> None:
+    def __init__(self, setup: Setup, running: BearingBench) -> None:
         self.setup = setup
         self.running = running
-        self._rate = running.link.info.rate
         self._gap = setup.rig.settings.gap_m
-        self._lift = round((LEAST_LIFT_S) * self._rate)
+        self._supply = running.bearing.supply
         self._first = True
 
     def run(self, injection: Injection) -> Ending:
@@ -208,23 +214,21 @@ class FaultRuns:
         self._recover(ending)
         return ending
 
-    def _ticks(self, seconds: float) -> range:
-        return range(round(seconds * self._rate))
+    def _ticks(self, seconds: float) -> int:
+        return round(seconds * self.running.rate)
 
     def _hover(self) -> None:
         """Lift off with the iron as it is: its memory has followed every current so far."""
         running = self.running
-        running.plant.load = running.plant.rest_load
+        running.load(running.rest_load)
         if running.state is not State.READY:
-            for _ in self._ticks(0.005):
-                running.tick()
+            running.advance(self._ticks(0.005))
             running.command(Command.DEMAGNETISED if self._first else Command.ARM)
         self._first = False
-        running.aim(self._gap)
-        running.tick()
+        running.demand(self._gap)
+        running.advance(1)
         running.command(Command.LIFT)
-        for _ in range(self._lift):
-            running.tick()
+        running.advance(self._ticks(LEAST_LIFT_S))
         phase = Phase(running.link.status().codes.phase)
         if running.state is not State.RUN or phase is not Phase.HOVER:
             raise NegativeResult(
@@ -235,26 +239,27 @@ class FaultRuns:
 
     def _watch(self, injection: Injection) -> Ending:
         running, body = self.running, self.setup.rig.settings.body
-        bearing = running.plant.bearing
-        begin, still = bearing.gap, 0
+        begin, still = running.gap, 0
         rest_speed = magnet_speed = away = 0.0
         inside, speed = True, 0.0
         seconds = math.nan
         on = injection.reason is Fault.NONE
-        for n in self._ticks(_ON_S if on else _LONGEST_S):
-            running.tick(beats=injection.act(running, n))
-            gap = bearing.gap
+        for n in range(self._ticks(_ON_S if on else _LONGEST_S)):
+            running.beats = injection.act(running, n)
+            now = running.step()
+            gap = now["gap"]
             outside = gap <= body.stop_low_m or gap >= body.stop_high_m
             if outside and inside and gap >= body.stop_high_m:
                 rest_speed = rest_speed or speed
             elif outside and inside:
                 magnet_speed = magnet_speed or speed
-            inside, speed = not outside, abs(bearing.velocity)
+            inside, speed = not outside, abs(now["velocity"])
             away = max(away, abs(gap - begin))
-            still = still + 1 if outside and running.bus.drives == (0.0, 0.0) else 0
-            if still >= _STILL_S * self._rate:
-                seconds = n / self._rate - _STILL_S
+            still = still + 1 if outside and not _driven(now) else 0
+            if still >= _STILL_S * running.rate:
+                seconds = n / running.rate - _STILL_S
                 break
+        running.beats = True
         levitates = running.state is State.RUN
         return Ending(
             injection,
@@ -269,17 +274,21 @@ class FaultRuns:
     def _recover(self, ending: Ending) -> None:
         """Everything works again: clear the fault, or land."""
         running = self.running
-        running.plant.shown = None
-        running.plant.load = running.plant.rest_load
-        running.plant.bearing.supply = running.plant.supply
+        running.tap.shown = None
+        running.load(running.rest_load)
+        running.bearing.supply = self._supply
         if ending.levitates:
             running.command(Command.LAND)
-        for _ in self._ticks(_LONGEST_S):
-            running.tick()
-            if running.state is not State.RUN and running.bus.drives == (0.0, 0.0):
+        for _ in range(self._ticks(_LONGEST_S)):
+            now = running.step()
+            if running.state is not State.RUN and not _driven(now):
                 break
-        for _ in self._ticks(0.05):
-            running.tick()
+        running.advance(self._ticks(0.05))
         if running.state is State.FAULT:
             running.command(Command.CLEAR)
-            running.tick()
+            running.advance(1)
+
+
+def _driven(now: Mapping[str, float]) -> bool:
+    """Whether a current is asked for."""
+    return any(value for name, value in now.items() if name.startswith("command"))

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -24,14 +24,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtr
 
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.scenario import DROP, ReferenceStep, Scenario, Script
+from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import TrajectoryCase
-from anhyst.rig.recording import RISE, Recording
-from anhyst.study.bearing.metrics import deviation, recovery_time
-from anhyst.study.bearing.responses import position_resolution
-from anhyst.study.engine.verdict import mean_interval
+from anhyst.rig.loop import DROP, ReferenceStep, Scenario
+from anhyst.rig.recording import RISE, Recording, peak, rms
+from anhyst.study.bearing.responses import position_resolution, recovery_time
+from anhyst.study.engine.table import CaseFigures
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, sine, triangle
@@ -161,19 +161,41 @@ class ExperimentOutcome:
     """What an experiment gave."""
 
     figures: dict[str, float]  # Numbers by name
-    lost: bool  # whether levitation was lost
     # the limit cycle if there was one; None where nobody looked for any
     cycles: tuple[LimitCycle, ...] | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class ExperimentFigures(CaseFigures):
+    """What one variant gave in an experiment."""
+
+    # of all runs; a mean over runs with and without one would be neither. None: not looked for
+    cycles: tuple[LimitCycle, ...] | None
+
+    def median(self, name: Literal["amplitude", "period"]) -> float | None:
+        """Return the median of the runs that have a limit cycle, m or s."""
+        values = [getattr(cycle, name) for cycle in self.cycles or ()]
+        return statistics.median(values) if values else None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``figures.json`` holds it."""
+        if self.cycles is None:
+            return super().as_dict()
+        return super().as_dict() | {
+            "limit_cycles": len(self.cycles),
+            "limit_cycle_m": self.median("amplitude"),
+            "limit_cycle_s": self.median("period"),
+        }
+
+
 def of_all(
-    work: Callable[[ExperimentTrial], ExperimentOutcome],
+    work: Callable[[ExperimentTrial], ExperimentOutcome | None],
     setups: Mapping[MethodName, Setup],
     seeds: Sequence[int],
     what: TrajectoryCase | Event | float | None,
     progress: Progress | None = None,
-) -> dict[str, Any]:
-    """Run an experiment with every setup and every seed."""
+) -> dict[MethodName, ExperimentFigures]:
+    """Run an experiment with every setup and every seed; it gives None where levitation was lost."""
     trials = [ExperimentTrial(setup, seed, what) for setup in setups.values() for seed in seeds]
     outcomes = all_of(work, trials, progress)
     return {
@@ -182,27 +204,72 @@ def of_all(
     }
 
 
-def _sum_up(outcomes: Sequence[ExperimentOutcome]) -> dict[str, Any]:
-    lost = sum(one.lost for one in outcomes)
-    figures: dict[str, Any] = {"lost": lost, "runs": len(outcomes)}
-    if lost:
-        return figures
-    for name in outcomes[0].figures:
-        one = mean_interval([outcome.figures[name] for outcome in outcomes])
-        figures[name] = {"mean": one.mean, "half_width": one.half_width, "count": one.count}
-    return figures | _cycles([one.cycles for one in outcomes if one.cycles is not None])
+def _sum_up(outcomes: Sequence[ExperimentOutcome | None]) -> ExperimentFigures:
+    held = [one for one in outcomes if one is not None]
+    looked = [one.cycles for one in held if one.cycles is not None]
+    cycles = tuple(cycle for run in looked for cycle in run)
+    return ExperimentFigures.over(
+        [None if one is None else one.figures for one in outcomes],
+        cycles=cycles if looked and len(held) == len(outcomes) else None,
+    )
 
 
-def _cycles(runs: Sequence[tuple[LimitCycle, ...]]) -> dict[str, Any]:
-    """Sum up limit cycles: a mean over runs with and without one would be neither."""
-    cycles = [cycle for run in runs for cycle in run]
-    if not runs:
-        return {}
-    return {
-        "limit_cycles": len(cycles),
-        "limit_cycle_m": statistics.median(run.amplitude for run in cycles) if cycles else None,
-        "limit_cycle_s": statistics.median(run.period for run in cycles) if cycles else None,
-    }
+Tried = Mapping[MethodName, ExperimentFigures]
+
+
+@dataclass(frozen=True)
+class Experiments:
+    """All that is tried beside steps, with every variant."""
+
+    standstill: Tried
+    trajectories: tuple[tuple[TrajectoryCase, Tried], ...]
+    load_steps: tuple[tuple[float, Tried], ...]  # N
+    events: Mapping[Event, Tried]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``figures.json`` holds it."""
+
+        def rows(tried: Tried) -> dict[str, Any]:
+            return {name: one.as_dict() for name, one in tried.items()}
+
+        return {
+            "standstill": rows(self.standstill),
+            "trajectories": [
+                {
+                    "kind": shape.kind,
+                    "amplitude_m": shape.amplitude_m,
+                    "frequency_Hz": shape.frequency_Hz,
+                    "variants": rows(tried),
+                }
+                for shape, tried in self.trajectories
+            ],
+            "load_steps": [
+                {"force_N": force, "variants": rows(tried)} for force, tried in self.load_steps
+            ],
+            "events": {event: rows(tried) for event, tried in self.events.items()},
+        }
+
+
+def try_all(
+    rig: BodyRig,
+    setups: Mapping[MethodName, Setup],
+    seeds: Sequence[int],
+    parts: Iterator[Progress],
+) -> Experiments:
+    """Stand still, follow all trajectories of a rig file, step its loads, and let things go wrong."""
+
+    def tried(
+        work: Callable[[ExperimentTrial], ExperimentOutcome | None],
+        what: TrajectoryCase | Event | float | None = None,
+    ) -> Tried:
+        return of_all(work, setups, seeds, what, next(parts))
+
+    return Experiments(
+        tried(stand_still),
+        tuple((shape, tried(follow, shape)) for shape in rig.settings.trajectories),
+        tuple((force, tried(step_load, force)) for force in rig.settings.load_steps_N),
+        {event: tried(recover, event) for event in EVENTS},
+    )
 
 
 def standing(setup: Setup) -> tuple[Scenario, int]:
@@ -231,13 +298,11 @@ def loaded(setup: Setup, force: float) -> tuple[Scenario, int]:
     return script.build(), begin
 
 
-def stand_still(trial: ExperimentTrial) -> ExperimentOutcome:
+def stand_still(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Hold a position: rms of the true gap, its drift, and a limit cycle if there is one."""
-    scenario, begin = standing(trial.setup)
-    recording, lost = _run(trial, scenario)
-    if lost:
-        return ExperimentOutcome({}, True)
-    part = recording.part(begin, len(recording))
+    part = _part(trial, *standing(trial.setup))
+    if part is None:
+        return None
     gap = part["gap_m"]
     cycle = limit_cycle(part["t_s"], gap)
     figures = {
@@ -245,44 +310,41 @@ def stand_still(trial: ExperimentTrial) -> ExperimentOutcome:
         "mean_error_m": float(np.mean(gap)) - trial.setup.rig.settings.gap_m,
         "current_rms_A": float(np.std(part["current_A"])),
     }
-    return ExperimentOutcome(figures, False, () if cycle is None else (cycle,))
+    return ExperimentOutcome(figures, () if cycle is None else (cycle,))
 
 
-def follow(trial: ExperimentTrial) -> ExperimentOutcome:
+def follow(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Follow a trajectory for two periods; judge the second."""
     assert isinstance(trial.what, TrajectoryCase)
-    scenario, begin = following(trial.setup, trial.what)
-    recording, lost = _run(trial, scenario)
-    if lost:
-        return ExperimentOutcome({}, True)
-    part = recording.part(begin, len(recording))
-    off = deviation(part["gap_m"], part["reference_m"])
-    force = deviation(part["force_N"], part["demand_N"])
+    part = _part(trial, *following(trial.setup, trial.what))
+    if part is None:
+        return None
+    off = part["gap_m"] - part["reference_m"]
     return ExperimentOutcome(
-        {"tracking_rms_m": off.rms, "tracking_peak_m": off.peak, "force_error_rms_N": force.rms},
-        False,
+        {
+            "tracking_rms_m": rms(off),
+            "tracking_peak_m": peak(off),
+            "force_error_rms_N": rms(part["force_N"] - part["demand_N"]),
+        }
     )
 
 
-def step_load(trial: ExperimentTrial) -> ExperimentOutcome:
+def step_load(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Step the load by so many newtons: how far the armature gives way, and for how long."""
     assert isinstance(trial.what, float)
-    scenario, begin = loaded(trial.setup, trial.what)
-    recording, lost = _run(trial, scenario)
-    if lost:
-        return ExperimentOutcome({}, True)
-    part = recording.part(begin, len(recording))
+    part = _part(trial, *loaded(trial.setup, trial.what))
+    if part is None:
+        return None
     error = part["gap_m"] - part["reference_m"]
     return ExperimentOutcome(
         {
-            "peak_m": float(np.max(np.abs(error))),
+            "peak_m": peak(error),
             "recovery_s": recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M),
-        },
-        False,
+        }
     )
 
 
-def recover(trial: ExperimentTrial) -> ExperimentOutcome:
+def recover(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Let something go wrong and see how much it shows, and for how long.
 
     ``overload``: for 100 ms the load is larger than any current carries, so that force and current
@@ -301,13 +363,13 @@ def recover(trial: ExperimentTrial) -> ExperimentOutcome:
     scenario = _stepped(trial.setup)
     usual = _run(trial, scenario)
     if usual[1]:
-        return ExperimentOutcome({}, True)
+        return None
     begin = _fastest(usual[0], scenario.steps[0])
     scenario.command[begin] |= DROP
     return _excess(trial.setup, usual, _run(trial, scenario), lambda _: begin)
 
 
-def _overload(trial: ExperimentTrial) -> ExperimentOutcome:
+def _overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
     rig = trial.setup.rig
     script = _lifted(trial.setup)
     script.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
@@ -319,13 +381,13 @@ def _overload(trial: ExperimentTrial) -> ExperimentOutcome:
     # It lies on its stop when the load goes: what counts is that it levitates again.
     lost = lost_at(rig, part, 2 * (scenario.ticks - begin) // 3) is not None
     if lost or len(recording) < scenario.ticks:
-        return ExperimentOutcome({}, True)
+        return None
     error = part["gap_m"] - part["reference_m"]
     seconds = recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M)
-    return ExperimentOutcome({"recovery_s": seconds}, False)
+    return ExperimentOutcome({"recovery_s": seconds})
 
 
-def excess_band(rig: BearingRig, excess: FloatArray) -> float:
+def excess_band(rig: BodyRig, excess: FloatArray) -> float:
     """Return the difference of two runs beyond which an event shows, m.
 
     Three times what one reading is uncertain by, noise and resolution together. Runs that differ
@@ -341,10 +403,10 @@ def _excess(
     usual: tuple[Recording, bool],
     unusual: tuple[Recording, bool],
     begins: Callable[[Recording], int],
-) -> ExperimentOutcome:
+) -> ExperimentOutcome | None:
     """Compare a run with one that knows no event, each from where it begins."""
     if usual[1] or unusual[1]:
-        return ExperimentOutcome({}, True)
+        return None
     errors = []
     for recording, _ in (usual, unusual):
         part = recording.part(begins(recording), len(recording))
@@ -353,9 +415,7 @@ def _excess(
     excess = errors[1][:count] - errors[0][:count]
     time = setup.rig.dt * np.arange(count)
     seconds = recovery_time(time, excess, 0.0, excess_band(setup.rig, excess))
-    return ExperimentOutcome(
-        {"excess_peak_m": float(np.max(np.abs(excess))), "excess_s": seconds}, False
-    )
+    return ExperimentOutcome({"excess_peak_m": peak(excess), "excess_s": seconds})
 
 
 def _stepped(setup: Setup) -> Scenario:
@@ -377,6 +437,12 @@ def _leaves_rest(recording: Recording) -> int:
 
 def _lifted(setup: Setup) -> Script:
     return Script(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
+
+
+def _part(trial: ExperimentTrial, scenario: Scenario, begin: int) -> Recording | None:
+    """Run a scenario and return it from a tick on; None where levitation was lost."""
+    recording, lost = _run(trial, scenario)
+    return None if lost else recording.part(begin, len(recording))
 
 
 def _run(

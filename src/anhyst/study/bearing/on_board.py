@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,17 +17,17 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.link.firmware import build, check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.board import COLUMNS, BearingPlant, firmware_run
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run, position_control
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, compiled_model, make_setups
+from anhyst.rig.bearing.make_setup import compiled_model, make_setups
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.body import BodyRig
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, injections
 from anhyst.study.bearing.operating import make_ready, read_files
-from anhyst.support.atomic import PathLike, atomic_writer, json_text
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, in_parts
-from anhyst.support.numeric import FloatArray
 from anhyst.support.states import State
 
 QEMU = "qemu-mps2"
@@ -42,23 +43,23 @@ class BoardComparison:
 
     Parameters
     ----------
-    rig : BearingRig
+    rig : BodyRig
     controller : ControllerFile
     board : str
         Where it ran.
     simulated : Recording
         The same run with the simulated controller.
-    recorded : ndarray, shape (n, 7)
-        See :data:`anhyst.rig.bearing.board.COLUMNS`.
+    recorded : Recording
+        The same of the firmware: gaps, speeds and currents are those of the plant.
     endings : tuple of Ending
         Of every fault.
     """
 
-    rig: BearingRig
+    rig: BodyRig
     controller: ControllerFile
     board: str
     simulated: Recording
-    recorded: FloatArray
+    recorded: Recording
     endings: tuple[Ending, ...]
 
     @property
@@ -69,7 +70,7 @@ class BoardComparison:
     @property
     def landing_speed(self) -> float:
         """At which the armature came to its rest the first time after it was in the air, m/s."""
-        gap, speed = self.recorded[:, 1], np.abs(self.recorded[:, 2])
+        gap, speed = self.recorded["gap_m"], np.abs(self.recorded["velocity_m_per_s"])
         rest = self.rig.settings.body.stop_high_m
         air = np.flatnonzero(gap < rest - _AIR_M)
         if not air.size:
@@ -80,8 +81,8 @@ class BoardComparison:
     @property
     def landed(self) -> bool:
         """Whether it lies, without current and ready to lift again."""
-        last = self.recorded[-1]
-        return bool(last[5] == State.READY and last[3] == 0.0 and last[4] == 0.0)
+        driven = any(self.recorded[name][-1] for name in _commands(self.recorded))
+        return bool(self.recorded["state"][-1] == State.READY and not driven)
 
     def as_dict(self) -> dict[str, Any]:
         """Return all of it for JSON; times and distances that do not apply are null."""
@@ -125,12 +126,15 @@ class BoardComparison:
             )
 
 
-def count_differences(simulated: Recording, recorded: FloatArray) -> int:
+def count_differences(simulated: Recording, recorded: Recording) -> int:
     """Return at how many ticks a current of a run is another than in its simulation."""
     n = min(len(simulated), len(recorded))
-    commands = [name for name in COLUMNS if name.startswith("command")]
-    other = [recorded[:n, COLUMNS.index(name)] != simulated[name][:n] for name in commands]
+    other = [recorded[name][:n] != simulated[name][:n] for name in _commands(simulated)]
     return int(np.count_nonzero(np.any(other, axis=0))) + abs(len(simulated) - len(recorded))
+
+
+def _commands(run: Recording) -> list[str]:
+    return [name for name in run.columns if name.startswith("command")]
 
 
 def run_board(
@@ -157,7 +161,7 @@ def run_board(
         )
         next(parts)(1, 1)
         simulated, recorded = _run_twice(setup, firmware, board, next(parts))
-        with firmware_run(firmware, BearingPlant(setup), board) as running:
+        with closing(BearingBench(setup, firmware, board=board)) as running:
             runs, todo, endings = FaultRuns(setup, running), list(injections()), []
             report = next(parts)
             for injection in todo:
@@ -168,19 +172,19 @@ def run_board(
 
 def _run_twice(
     setup: Setup, firmware: Path, board: str, progress: Progress
-) -> tuple[Recording, FloatArray]:
+) -> tuple[Recording, Recording]:
     """Run what a simulation records, simulated and with the firmware."""
     *parts, _ = parts_of_run(setup)
     loop = SimulatedLoop(setup)
     simulated = Recording.joined([loop.run(part) for part in parts])
-    with firmware_run(firmware, BearingPlant(setup), board) as running:
+    with closing(BearingBench(setup, firmware, board=board)) as running:
         reports = in_parts(progress, [1.0] * len(parts))
-        rows = [running.run(part, report) for part, report in zip(parts, reports, strict=True)]
-    return simulated, np.concatenate(rows)
+        runs = [running.run(part, report) for part, report in zip(parts, reports, strict=True)]
+    return simulated, Recording.joined(runs)
 
 
 def build_firmware(
-    rig: BearingRig,
+    rig: BodyRig,
     controller: ControllerFile,
     knowledge: IdentifiedMagnet,
     board: str,
@@ -205,12 +209,6 @@ def build_firmware(
             code="controller-and-rig-differ",
         )
     return setup, build(board, folder / "c", folder / "firmware")
-
-
-def write_comparison(comparison: BoardComparison, out: PathLike) -> None:
-    """Write the figures of a run as JSON."""
-    with atomic_writer(out) as stream:
-        stream.write(json_text(comparison.as_dict()))
 
 
 def _ending(ending: Ending) -> dict[str, Any]:

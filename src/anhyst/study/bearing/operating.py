@@ -14,18 +14,18 @@ from typing import Literal
 
 import numpy as np
 
-from anhyst._core import Coil
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.rig.bearing.file import BearingRig, check_load, check_rate, read_bearing
 from anhyst.rig.bearing.loop import Setup, check_controller
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
-from anhyst.rig.bearing.plant import current_gains, flux_table, law_of, make_magnet, static_map
+from anhyst.rig.body import BodyRig, check_load, check_rate, read_bearing
+from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.old_files import rig_error
+from anhyst.rig.parts.magnet import Electromagnet
+from anhyst.rig.plant import current_gains, flux_table, law_of, make_magnet, static_map
 from anhyst.study.bearing import linear
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError
@@ -50,7 +50,7 @@ class OperatingPoint:
     point: linear.Point
 
 
-def find_operating_point(rig: BearingRig) -> OperatingPoint:
+def find_operating_point(rig: BodyRig) -> OperatingPoint:
     """Measure the magnet of a rig at its operating gap and load."""
     settings = rig.settings
     gap, high = settings.gap_m, settings.amplifier.current_high_A
@@ -71,12 +71,7 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
     rising = float(np.interp(wanted, force[:_CURRENTS], up))
     falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
     current = 0.5 * (rising + falling)
-    coil = Coil(make_magnet(rig))
-
-    def step(amperes: float, metres: float) -> float:
-        coil.hold(amperes, metres)
-        return coil.force
-
+    step = Electromagnet(make_magnet(rig)).step
     try:
         slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
     except ValueError as error:
@@ -107,7 +102,7 @@ def has_constants(setup: Setup) -> bool:
     return "k_i_N_per_A" in setup.compensator.parameters.numbers
 
 
-def _check_rest(rig: BearingRig) -> None:
+def _check_rest(rig: BodyRig) -> None:
     """Refuse a load that is carried at the operating gap and not lifted off its rest."""
     gap, high = rig.settings.body.stop_high_m, rig.settings.amplifier.current_high_A
     up = np.linspace(0.0, high, _CURRENTS)
@@ -118,7 +113,7 @@ def _check_rest(rig: BearingRig) -> None:
         raise rig_error(rig.path, [FileFault(("load", "force_N"), text, code="load-too-large")])
 
 
-def _check_probe(rig: BearingRig) -> None:
+def _check_probe(rig: BodyRig) -> None:
     """Refuse a Hall probe that ends below what the largest current makes at the smallest gap."""
     settings = rig.settings
     probe, body = settings.hall_probe, settings.body
@@ -161,7 +156,7 @@ def linear_loop(setup: Setup, at: OperatingPoint) -> linear.LinearLoop:
     )
 
 
-def _amplifier(rig: BearingRig, magnets: float) -> linear.CurrentLoop | linear.DigitalAmplifier:
+def _amplifier(rig: BodyRig, magnets: float) -> linear.CurrentLoop | linear.DigitalAmplifier:
     gain, reset = (magnets * number for number in current_gains(rig))
     if rig.settings.amplifier.mode == "current":
         return linear.CurrentLoop(gain, reset)
@@ -173,7 +168,7 @@ def _amplifier(rig: BearingRig, magnets: float) -> linear.CurrentLoop | linear.D
     )
 
 
-def sweep_frequencies(rig: BearingRig) -> FloatArray:
+def sweep_frequencies(rig: BodyRig) -> FloatArray:
     """Return the frequencies of a swept sine, Hz: around everything that a bearing's loop does."""
     return spaced(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)
 
@@ -267,7 +262,7 @@ def _middle(
 
 def read_files(
     rig_path: PathLike, controller_path: PathLike | None
-) -> tuple[BearingRig, ControllerFile]:
+) -> tuple[BodyRig, ControllerFile]:
     """Read a rig file and a controller file, which lies beside it if it is not named."""
     rig = read_bearing(rig_path)
     beside = rig.path.parent / "controller.toml"
@@ -278,7 +273,7 @@ def read_files(
 class Ready:
     """A rig, a controller and the loops, read and checked against each other."""
 
-    rig: BearingRig  # its magnet is whole
+    rig: BodyRig  # its magnet is whole
     controller: ControllerFile
     loops: Loops
     model: Model | None  # that the controller file names
@@ -291,9 +286,7 @@ class Ready:
         return identify_magnet(self.loops, self.rig.settings.loops)
 
 
-def make_ready(
-    rig: BearingRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()
-) -> Ready:
+def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()) -> Ready:
     """Read and check everything that a rig and a controller name, before any work."""
     files = [rig.path, controller.path, controller.model, rig.model, rig.flux_table]
     reads = [*rig.measured.files, *(file for file in files if file is not None)]
@@ -320,7 +313,7 @@ def make_ready(
     return Ready(whole, controller, loops, model, at or find_operating_point(whole))
 
 
-def _check_calibration(rig: BearingRig, controller: ControllerFile) -> None:
+def _check_calibration(rig: BodyRig, controller: ControllerFile) -> None:
     own = controller.settings.compensation.variant
     if rig.calibration is not None and rig.learnt(own) is None:
         raise InputError(
@@ -331,7 +324,7 @@ def _check_calibration(rig: BearingRig, controller: ControllerFile) -> None:
         )
 
 
-def _controller_model(controller: ControllerFile, rig: BearingRig) -> Model | None:
+def _controller_model(controller: ControllerFile, rig: BodyRig) -> Model | None:
     if controller.model is None:
         return None
     model = read_model(controller.model)

@@ -1,4 +1,6 @@
-"""Step responses of several variants over gaps, heights and noise seeds.
+"""Step responses of several variants over gaps, heights and noise seeds, and their figures.
+
+Times are in seconds at equal distances. A step down is judged as one up.
 
 Sensitivity of a running loop, measured: a stepped sine is added to what the controller sees.
 
@@ -10,23 +12,115 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.scenario import ReferenceStep, Script, steps_up_and_down
-from anhyst.rig.recording import Recording
+from anhyst.rig.bearing.scenario import Script, steps_up_and_down
+from anhyst.rig.body import BodyRig
+from anhyst.rig.loop import ReferenceStep
+from anhyst.rig.recording import Recording, peak, rms, settled_from
 from anhyst.study.bearing.linear import Zone, zone
-from anhyst.study.bearing.metrics import deviation, effort, step_figures
-from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
+from anhyst.study.engine.table import CaseFigures
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, sine
+
+SETTLED = 0.02  # of a step's height
+_RESOLUTIONS = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived
+_REST = 0.25  # last part of a hold, taken for standstill
+# Last part of a hold, taken for what a standstill adds to an overshoot. Deviations to both sides
+# count, beyond a reference only one does: half the hold draws as many chances as the whole of it.
+_NOISE = 0.5
+
+
+@dataclass(frozen=True)
+class StepFigures:
+    """What a step of the reference did."""
+
+    # largest way beyond the new reference, % of the height, noise included; 0 if it was not reached
+    overshoot_percent: float
+    # largest deviation of the gap from its mean over the last half of the hold, % of the height: an
+    # overshoot that is no larger shows nothing of the step
+    noise_percent: float
+    undershoot_percent: float  # largest way back behind the old reference, % of the height
+    rise_time_s: float  # from 10 to 90 % of the height; infinite if 90 % was not reached
+    # from the step until the gap stays within :data:`SETTLED` of the height around the new
+    # reference; infinite if it did not within the hold
+    settling_time_s: float
+    settling_in_noise_s: float  # the same for :func:`settling_band`
+    steady_error_m: float  # mean of gap less reference over the last quarter of the hold
+    standstill_rms_m: float  # standard deviation of the gap there
+
+
+def settling_band(height: float, resolution: float) -> float:
+    """Return within which distance of its reference a position counts as arrived.
+
+    It depends on the step and the sensor alone: whoever trembles more gets no wider one.
+    """
+    return max(SETTLED * abs(height), _RESOLUTIONS * resolution)
+
+
+def step_figures(
+    time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float
+) -> StepFigures:
+    """Judge one step: one sample of the old level, then the hold at the new one."""
+    t, r, y = (np.asarray(row, dtype=float) for row in (time, reference, gap))
+    if len(t) < 8 or r[0] == r[1] or np.any(r[1:] != r[1]):
+        raise ValueError("the reference must step after the first sample and stay for at least 7")
+    height = float(r[1] - r[0])
+    way = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
+    since = t[1:] - t[1]
+    rest = y[1 + int((1.0 - _REST) * len(way)) :]
+    late = way[int((1.0 - _NOISE) * len(way)) :]
+    error = np.abs(y[1:] - r[1])
+    return StepFigures(
+        overshoot_percent=100.0 * max(0.0, float(np.max(way)) - 1.0),
+        noise_percent=100.0 * float(np.max(np.abs(late - np.mean(late)))),
+        undershoot_percent=100.0 * max(0.0, -float(np.min(way))),
+        rise_time_s=_reached(since, way, 0.9) - min(_reached(since, way, 0.1), since[-1]),
+        settling_time_s=_stays_from(since, error, SETTLED * abs(height)),
+        settling_in_noise_s=_stays_from(since, error, settling_band(height, resolution)),
+        steady_error_m=float(np.mean(rest)) - float(r[1]),
+        standstill_rms_m=float(np.std(rest)),
+    )
+
+
+def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) -> float:
+    """Return how long after a disturbance an error stays within a band."""
+    t = np.asarray(time, dtype=float)
+    later = t >= start
+    return _stays_from(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
+
+
+def rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
+    """Return the rms of a current's rate of change; times the inductance, the voltage it took."""
+    return rms(np.diff(np.asarray(current, float)) / np.diff(np.asarray(time, float)))
+
+
+def _reached(since: FloatArray, way: FloatArray, share: float) -> float:
+    """Return when a share of the way was first covered, between samples; inf if never."""
+    beyond = np.flatnonzero(way >= share)
+    if not len(beyond):
+        return math.inf
+    i = int(beyond[0])
+    if i == 0:
+        return float(since[0])
+    part = (share - way[i - 1]) / (way[i] - way[i - 1])
+    return float(since[i - 1] + part * (since[i] - since[i - 1]))
+
+
+def _stays_from(since: FloatArray, error: FloatArray, band: float) -> float:
+    """Return the first time from which the error stays within the band; inf if it does not."""
+    first = settled_from(error, band)
+    if not first:
+        return 0.0
+    return math.inf if first == len(since) else float(since[first])
+
 
 _PERIODS, _SECONDS = 5, 0.02  # at least, of each frequency
 _SETTLE_PERIODS, _SETTLE_SECONDS = 2, 0.02
@@ -165,45 +259,37 @@ class StepRun:
     seed: int
 
 
-@dataclass(frozen=True)
-class StepResult:
+class StepResult(NamedTuple):
     """One step of a run, judged."""
 
-    variant: MethodName
-    gap: float
-    height: float
-    load: float
-    seed: int
-    up: bool
-    figures: Mapping[str, float]
+    height: float  # m
+    figures: Mapping[str, float]  # by :data:`FIGURES`
 
 
-@dataclass(frozen=True)
-class StepCell:
-    """One variant, gap, load and height over all seeds and both directions."""
+@dataclass(frozen=True, kw_only=True)
+class StepCell(CaseFigures):
+    """One variant, gap, load and height over all seeds, by :data:`FIGURES`.
+
+    Both directions of a seed count as one value, their mean; of overshoot and noise, the larger one.
+    """
 
     variant: MethodName
     gap: float  # m
     height: float
     load: float  # N
-    # By :data:`FIGURES`: mean over the seeds, and half the width of its 95 % interval. Both
-    # directions of a seed count as one value, their mean; of overshoot and noise, the larger one.
-    # Empty if levitation was lost in any of them.
-    figures: Mapping[str, Interval]
-    lost: int  # seeds in which levitation was lost, and all seeds
-    runs: int
-
-    def of(self, name: str) -> Interval:
-        """Return a figure; one without a mean if levitation was lost in any run."""
-        return self.figures.get(name) or no_mean(self.lost, self.runs)
 
     @property
     def overshoots(self) -> bool:
         """Whether the overshoot is certainly more than what the standstill adds to it."""
         return self.of("overshoot_percent").exceeds(self.of("noise_percent"))
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``figures.json`` holds it."""
+        where = {"gap_m": self.gap, "height_m": self.height, "load_N": self.load}
+        return {"variant": self.variant, **where, **super().as_dict()}
 
-def position_resolution(rig: BearingRig) -> float:
+
+def position_resolution(rig: BodyRig) -> float:
     """Return what the position sensor of a rig cannot resolve, rms of noise and steps, m."""
     sensor = rig.settings.gap_sensor.sensor()
     return math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
@@ -223,33 +309,16 @@ def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
 def _judge(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResult:
     part = recording.part(step.begin - 1, step.end)
     time, reference, gap = part["t_s"], part["reference_m"], part["gap_m"]
-    found = step_figures(time, reference, gap, position_resolution(run.setup.rig))
-    off = deviation(gap, reference)
-    cost = effort(time, part["current_A"], run.setup.rig.settings.magnet.poles.resistance)
-    values = (
-        found.overshoot,
-        found.noise,
-        found.undershoot,
-        found.rise_time,
-        found.settling_time,
-        found.settling_time_in_noise,
-        found.steady_error,
-        found.standstill,
-        off.rms,
-        off.peak,
-        deviation(part["force_N"], part["demand_N"]).rms,
-        cost.change,
-        cost.heat,
-    )
-    return StepResult(
-        variant=run.setup.compensator.method,
-        gap=run.gap,
-        height=step.height,
-        load=run.load,
-        seed=run.seed,
-        up=step.after < step.before,
-        figures=dict(zip(FIGURES, values, strict=True)),
-    )
+    current, off = part["current_A"], gap - reference
+    figures = {
+        **asdict(step_figures(time, reference, gap, position_resolution(run.setup.rig))),
+        "tracking_rms_m": rms(off),
+        "tracking_peak_m": peak(off),
+        "force_error_rms_N": rms(part["force_N"] - part["demand_N"]),
+        "current_rate_rms_A_per_s": rate_of_change(time, current),
+        "heat_W": run.setup.rig.settings.magnet.poles.resistance * float(np.mean(current**2)),
+    }
+    return StepResult(step.height, figures)
 
 
 def compare(
@@ -281,48 +350,25 @@ def compare(
 def _sum_up(
     setup: Setup, gap: float, load: float, height: float, runs: Sequence[Sequence[StepResult]]
 ) -> StepCell:
-    lost = sum(not steps for steps in runs)
-    pairs = [
-        [
-            figures_of_step.figures
-            for figures_of_step in steps
-            if math.isclose(figures_of_step.height, height, rel_tol=1e-6)
-        ]
-        for steps in runs
-    ]
-    figures = {}
-    for name in () if lost else FIGURES:
-        merge = max if name in _LARGEST else np.mean
-        figures[name] = mean_interval(
-            [float(merge([figures_of_step[name] for figures_of_step in pair])) for pair in pairs]
-        )
-    return StepCell(setup.compensator.method, gap, height, load, figures, lost, len(runs))
+    return StepCell.over(
+        [merged(steps, height) for steps in runs],
+        variant=setup.compensator.method,
+        gap=gap,
+        height=height,
+        load=load,
+    )
 
 
-def as_rows(cells: Sequence[StepCell]) -> list[dict[str, Any]]:
-    """Return cells as ``figures.json`` holds them."""
-    return [
-        {
-            "variant": cell.variant,
-            "gap_m": cell.gap,
-            "height_m": cell.height,
-            "load_N": cell.load,
-            "lost": cell.lost,
-            "runs": cell.runs,
-            **{
-                name: {
-                    "mean": interval.mean,
-                    "half_width": interval.half_width,
-                    "count": interval.count,
-                }
-                for name, interval in cell.figures.items()
-            },
-        }
-        for cell in cells
-    ]
+def merged(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
+    """Return what steps up and down of a height are together; None where there was none."""
+    pair = [one.figures for one in steps if math.isclose(one.height, height, rel_tol=1e-6)]
+    return {
+        name: float((max if name in _LARGEST else np.mean)([figures[name] for figures in pair]))
+        for name in (FIGURES if steps else ())
+    } or None
 
 
-def default_seeds(rig: BearingRig) -> range:
+def default_seeds(rig: BodyRig) -> range:
     """Return the noise seeds that a rig file asks for."""
     return range(rig.settings.noise_seeds)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,16 +12,13 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
 from anhyst.model.compilable import has_layers
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import LevitationRun, Setup, SimulatedLoop, lost_blocks, parts_of_run
-from anhyst.rig.bearing.make_setup import (
-    IdentifiedMagnet,
-    calibrated_magnets,
-    check_plant,
-    make_setups,
-)
-from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
+from anhyst.rig.bearing.make_setup import calibrated_magnets, make_setups
+from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
+from anhyst.rig.fitting import IdentifiedMagnet, check_plant
+from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing import experiments, linear
 from anhyst.study.bearing.operating import (
@@ -35,35 +32,35 @@ from anhyst.study.bearing.operating import (
 from anhyst.study.bearing.responses import (
     Sensitivity,
     StepCell,
-    as_rows,
     compare,
     default_seeds,
     sweep,
 )
-from anhyst.support.atomic import PathLike, atomic_writer, json_text
+from anhyst.study.bearing.verdict import grouped, judge_steps
+from anhyst.study.engine.table import FIGURES, StudyResult, keep_lost
+from anhyst.study.engine.verdict import Judgement
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, in_parts
 from anhyst.support.kinds import MethodName
-from anhyst.support.result import Result, columns_of
+from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COMPARED = (*BASELINES, "flux", *(name for name in MODELS if name not in ("at-rest", "fused")))
 """What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
-FIGURES = "figures.json"
-"""What is written beside the recording."""
 _WORK_OF_PARTS = (5.0, 4.0)
 """Model and first run, then the steps, in units of any other experiment."""
 
 
 @dataclass(frozen=True, repr=False)
-class Simulation(Result):
+class Simulation(StudyResult):
     """What a simulation gave.
 
     Parameters
     ----------
-    rig : BearingRig
+    rig : BodyRig
     controller : ControllerFile
     knowledge : IdentifiedMagnet
         Loops and model.
@@ -78,6 +75,8 @@ class Simulation(Result):
         Of these.
     cells : list of StepCell
         Figures of all steps, over all seeds.
+    experiments : Experiments
+        Figures of all else that was tried.
     loops : mapping of str to linear.SimulatedLoop
         For small movements, by variant.
     sensitivity : mapping of str to Sensitivity
@@ -88,7 +87,7 @@ class Simulation(Result):
         What ``figures.json`` holds; infinite where a level was not reached, null in the file.
     """
 
-    rig: BearingRig
+    rig: BodyRig
     controller: ControllerFile
     knowledge: IdentifiedMagnet
     setups: Mapping[MethodName, Setup]
@@ -97,10 +96,17 @@ class Simulation(Result):
     shown: Mapping[MethodName, Recording]
     scenario: Scenario
     cells: list[StepCell]
+    experiments: experiments.Experiments
     loops: Mapping[MethodName, linear.LinearLoop]
     sensitivity: Mapping[MethodName, Sensitivity]
     plant: PlantCheck
     figures: dict[str, Any]
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Variants that could not be made, and why."""
+        left_out: dict[str, str] = self.figures["left_out"]
+        return left_out
 
     @property
     def lost_in(self) -> list[str]:
@@ -118,6 +124,11 @@ class Simulation(Result):
             )
 
     @property
+    def verdict(self) -> Judgement:
+        """Whether compensation is worth it, by the overshoots of all steps."""
+        return judge_steps(grouped(self.cells), self.own)
+
+    @property
     def own(self) -> MethodName:
         """MethodName of the controller file."""
         return self.controller.settings.compensation.variant
@@ -132,7 +143,7 @@ class Simulation(Result):
                 f"{1e6 * last.height:g} um, standstill "
                 f"{1e9 * last.of('standstill_rms_m').mean:.0f} nm"
             )
-        return facts | ({"lost levitation in": "; ".join(self.lost_in)} if self.lost_in else {})
+        return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
         """Return the figures of all steps, one row a variant, gap and height, SI and per cent."""
@@ -163,24 +174,11 @@ class Simulation(Result):
         ax.set_ylabel("gap [mm]")
 
     def save(self, path: PathLike) -> Path:
-        """Write recording, identified model and ``figures.json``; see :func:`write_simulation`."""
-        write_simulation(self, path)
+        """Write recording, identified model and ``figures.json``."""
+        self.recording.save(path)
+        _write_model(path, self.rig, self.controller, self.knowledge)
+        self.write_figures(Path(path).parent / FIGURES)
         return Path(path)
-
-
-def simulate(
-    rig_path: PathLike,
-    out: PathLike,
-    controller_path: PathLike | None = None,
-    progress: Progress | None = None,
-) -> Simulation:
-    """Simulate a bearing with every kind of compensation; write recording and ``figures.json``.
-
-    As :func:`explore`, and :func:`write_simulation` of what it found.
-    """
-    simulation = explore(rig_path, out, controller_path, progress)
-    write_simulation(simulation, out)
-    return simulation
 
 
 def explore(
@@ -189,7 +187,7 @@ def explore(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
-    """Simulate a bearing with every kind of compensation."""
+    """Simulate a bearing with every kind of compensation; nothing is written but what was lost."""
     rig, controller = read_files(rig_path, controller_path)
     ready = make_ready(rig, controller, _places(out, controller))
     rig = ready.rig
@@ -201,11 +199,11 @@ def explore(
     mine = make_setups(rig, controller, knowledge, (own,))[own]
     run = _whole_run(mine)
     fault = run.fault()
-    if fault and out is None:
-        raise NegativeResult(fault, code="levitation-lost")
-    if fault and out is not None:
-        (Path(out).parent / FIGURES).unlink(missing_ok=True)  # of another recording
-        _write_recording(out, run.recording, rig, controller, knowledge)
+    if fault:
+        if out is None:
+            raise NegativeResult(fault, code="levitation-lost")
+        keep_lost(run.recording, out)
+        _write_model(out, rig, controller, knowledge)
         raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
     next(parts)(1, 1)
     setups, left_out = _beside(mine, controller, knowledge)
@@ -224,23 +222,10 @@ def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike,
     return (out, Path(out).parent / FIGURES, *model_file)
 
 
-def write_simulation(simulation: Simulation, out: PathLike) -> None:
-    """Write recording, identified model and ``figures.json``."""
-    _write_recording(
-        out, simulation.recording, simulation.rig, simulation.controller, simulation.knowledge
-    )
-    with atomic_writer(Path(out).parent / FIGURES) as stream:
-        stream.write(json_text(simulation.figures))
-
-
-def _write_recording(
-    out: PathLike,
-    recording: Recording,
-    rig: BearingRig,
-    controller: ControllerFile,
-    knowledge: IdentifiedMagnet,
+def _write_model(
+    out: PathLike, rig: BodyRig, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> None:
-    recording.save(out)
+    """Write the model that was identified, if the controller file names none."""
     if controller.model is None:
         magnets = calibrated_magnets(rig, knowledge, controller.settings.compensation.variant)
         # each of a calibrated pair has one of its own
@@ -283,28 +268,29 @@ def _compare(
     """Try everything with every variant."""
     rig = setups[controller.settings.compensation.variant].rig
     tried = rig.settings
+    heights, load = tried.step.heights_m, tried.load.force_N
     cells = compare(
         list(setups.values()),
-        [rig.settings.gap_m, *rig.settings.step.also_gaps_m],
-        _heights(rig),
-        [_load(rig)],
+        [tried.gap_m, *tried.step.also_gaps_m],
+        heights,
+        [load],
         default_seeds(rig),
         next(parts),
     )
-    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, _heights(rig))
+    tried_beside = experiments.try_all(rig, setups, default_seeds(rig), parts)
+    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, heights)
     loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
-    point, frequencies = (tried.gap_m, _load(rig)), sweep_frequencies(rig)
     swept = {
-        name: sweep(sensitivity, *point, frequencies, seed=0)
-        for name, sensitivity in setups.items()
+        name: sweep(setup, tried.gap_m, load, sweep_frequencies(rig), seed=0)
+        for name, setup in setups.items()
     }
     plant = check_plant(rig, knowledge)
     figures = {
         **_head(rig, controller),
         "plant": plant.as_dict(),
         "operating_point": _point(at),
-        "steps": as_rows(cells),
-        **_experiments(rig, setups, parts),
+        "steps": [cell.as_dict() for cell in cells],
+        **tried_beside.as_dict(),
         "loop": {
             name: asdict(loops[name].margins) if has_constants(setup) else None
             for name, setup in setups.items()
@@ -329,6 +315,7 @@ def _compare(
         shown={name: SimulatedLoop(setup).run(scenario) for name, setup in setups.items()},
         scenario=scenario,
         cells=cells,
+        experiments=tried_beside,
         loops=loops,
         sensitivity={
             name: sensitivity for name, sensitivity in swept.items() if sensitivity is not None
@@ -338,7 +325,7 @@ def _compare(
     )
 
 
-def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
+def _head(rig: BodyRig, controller: ControllerFile) -> dict[str, Any]:
     """Return what was simulated."""
     return {
         "format": "anhyst-simulation",
@@ -352,20 +339,12 @@ def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
     }
 
 
-def compared(rig: BearingRig, own: MethodName) -> tuple[MethodName, ...]:
+def compared(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
     """Return all variants that a rig allows, that of the controller file among them."""
     methods = [
         name for name in COMPARED if name not in PROBED or rig.settings.hall_probe is not None
     ]
     return tuple(dict.fromkeys([*methods, own]))
-
-
-def _heights(rig: BearingRig) -> list[float]:
-    return rig.settings.step.heights_m
-
-
-def _load(rig: BearingRig) -> float:
-    return rig.settings.load.force_N
 
 
 def _whole_run(setup: Setup) -> LevitationRun:
@@ -376,40 +355,6 @@ def _whole_run(setup: Setup) -> LevitationRun:
     if len(parts[0]) == steps.ticks:
         parts.append(loop.run(after))
     return LevitationRun(setup, Recording.joined(parts), steps, landing)
-
-
-def _experiments(
-    rig: BearingRig, setups: Mapping[MethodName, Setup], parts: Iterator[Progress]
-) -> dict[str, Any]:
-    """Try everything beside steps, with every variant."""
-    seeds: Sequence[int] = default_seeds(rig)
-    tried = rig.settings
-    figures: dict[str, Any] = {
-        "standstill": experiments.of_all(experiments.stand_still, setups, seeds, None, next(parts))
-    }
-    figures["trajectories"] = [
-        {
-            "kind": shape.kind,
-            "amplitude_m": shape.amplitude_m,
-            "frequency_Hz": shape.frequency_Hz,
-            "variants": experiments.of_all(experiments.follow, setups, seeds, shape, next(parts)),
-        }
-        for shape in tried.trajectories
-    ]
-    figures["load_steps"] = [
-        {
-            "force_N": force,
-            "variants": experiments.of_all(
-                experiments.step_load, setups, seeds, force, next(parts)
-            ),
-        }
-        for force in tried.load_steps_N
-    ]
-    figures["events"] = {
-        event: experiments.of_all(experiments.recover, setups, seeds, event, next(parts))
-        for event in experiments.EVENTS
-    }
-    return figures
 
 
 def _point(at: OperatingPoint) -> dict[str, Any]:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from anhyst.control.exchange import control_library
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.body import BodyRig, read_bearing
+from anhyst.rig.drift import changed
 from anhyst.rig.from_loops import complete_rig
-from anhyst.study.bearing.linear_plant import Point, voltage_matrices
+from anhyst.study.bearing.linear import Point, voltage_matrices
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.support.atomic import PathLike
 from anhyst.support.numeric import FloatArray
@@ -25,7 +25,7 @@ Drive = Literal["current", "voltage"]
 
 
 def linearise(
-    rig: PathLike | BearingRig,
+    rig: PathLike | BodyRig,
     gap: float | None = None,
     force: float | None = None,
     *,
@@ -35,12 +35,12 @@ def linearise(
 
     With the position ``p = gap_middle - gap``, ``m p'' = k_i i + k_s p - d p' - load``; driven by a
     voltage, the winding and the voltage that motion induces come on top
-    (:mod:`anhyst.study.bearing.linear_plant`). The slopes are static ones, rising and falling
+    (:mod:`anhyst.study.bearing.linear`). The slopes are static ones, rising and falling
     branch averaged: just after a reversal iron with hysteresis answers less.
 
     Parameters
     ----------
-    rig : path-like or BearingRig
+    rig : path-like or BodyRig
         A bearing, or its rig file.
     gap : float, optional
         Operating gap, m; that of the rig file if left out.
@@ -64,7 +64,7 @@ def linearise(
         The rig cannot be read, no current carries the force, or python-control is not installed.
     """
     library = control_library()
-    bearing = rig if isinstance(rig, BearingRig) else read_bearing(rig)
+    bearing = rig if isinstance(rig, BodyRig) else read_bearing(rig)
     bearing = _moved(bearing, gap, force)
     if bearing.settings.magnet.from_loops:
         bearing = complete_rig(bearing, bearing.measured.read())
@@ -84,7 +84,7 @@ def linearise(
     )
 
 
-def _moved(rig: BearingRig, gap: float | None, force: float | None) -> BearingRig:
+def _moved(rig: BodyRig, gap: float | None, force: float | None) -> BodyRig:
     """Return a rig at another operating point."""
     changes: dict[str, float] = {}
     if gap is not None:

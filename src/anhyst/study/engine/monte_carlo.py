@@ -16,15 +16,16 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst.rig.bearing.drift import Drift, draw_plant
+from anhyst.rig.drift import Drift, draw_plant
 from anhyst.rig.file import RigFile
+from anhyst.study.engine.table import Metric, StudyResult
 from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge, mean_interval, strongest
 from anhyst.support.atomic import PathLike, plain
 from anhyst.support.errors import Interrupted, NegativeResult
 from anhyst.support.jobs import Progress, each
 from anhyst.support.kept import ResultsFile
 from anhyst.support.kinds import FileKind, MethodName
-from anhyst.support.result import Result, columns_of
+from anhyst.support.result import columns_of
 from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
@@ -40,13 +41,9 @@ _INSTEAD = {
 
 
 @dataclass(frozen=True)
-class PlantFigure:
-    """What is measured of a plant; the smaller, the better."""
+class PlantFigure(Metric):
+    """What is measured of a plant."""
 
-    key: str  # in files, with its unit
-    title: str  # in words
-    unit: str  # as it is shown, and the factor to it
-    factor: float
     cases: tuple[float | str, ...] = ()  # at which it is measured; without them once a plant
     case_key: str = ""  # what files call a case
 
@@ -111,7 +108,7 @@ class PlantRun:
 
 
 @dataclass(frozen=True, repr=False)
-class MonteCarlo(Result):
+class MonteCarlo(StudyResult):
     """Plants drawn and run.
 
     Parameters
@@ -149,6 +146,15 @@ class MonteCarlo(Result):
         method : str
         """
         return sum(run.lost is not None for run in self.runs[method])
+
+    @property
+    def lost_in(self) -> list[str]:
+        """How many plants were lost behind each method that lost any."""
+        return [
+            f"{lost} of {len(self.drifts)} plants with '{name}'"
+            for name in self.runs
+            if (lost := self.lost(name))
+        ]
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult where a plant was lost behind the compensator."""
@@ -191,12 +197,10 @@ class MonteCarlo(Result):
         """Return the first figure of every method, and the verdict."""
         figure = self.plants.figures[0]
         facts = {"plants": str(len(self.drifts)), "seed": str(self.plants.seed)}
-        if any(self.lost(name) for name in self.runs):
-            facts["lost"] = ", ".join(f"{name} {self.lost(name)}" for name in self.runs)
         for name in self.runs:
             median = figure.factor * percentile(self.values(name, figure.key), 50)
             facts[name] = f"{figure.title}, median {median:.3g} {figure.unit}"
-        return facts | {"verdict": self.verdict.sentence}
+        return facts | self.losses_fact() | {"verdict": self.verdict.sentence}
 
     def to_columns(self) -> dict[str, Any]:
         """Return every figure of every plant, one row a plant, method and case."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,6 +45,10 @@ class Interval:
         """Whether it is certainly above another mean, noise of both taken as independent."""
         return self.mean - floor.mean > math.hypot(self.half_width, floor.half_width)
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as files hold it."""
+        return {"mean": self.mean, "half_width": self.half_width, "count": self.count}
+
 
 def no_mean(lost: int, count: int) -> Interval:
     """Return what stands in place of a mean of runs of which some lost levitation."""
@@ -61,6 +65,35 @@ def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
     factor = float(stdtrit(len(row) - 1, 0.5 + 0.5 * level))
     spread = float(np.std(row, ddof=1)) / math.sqrt(len(row))
     return Interval(mean=float(np.mean(row)), half_width=factor * spread, count=len(row))
+
+
+@dataclass(frozen=True)
+class Quotient:
+    """A ratio of means with its confidence interval."""
+
+    value: float  # infinite over a mean of zero
+    low: float  # ends of the interval; 0 and infinite where the lower mean may be zero
+    high: float
+
+
+def quotient(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> Quotient:
+    """Return the ratio of the means of pairs, with Fieller's interval.
+
+    It holds all ratios R for which the mean of ``upper - R lower`` may be zero. So it holds 1
+    exactly where the mean of the difference may be zero.
+    """
+    rows = np.array([upper, lower], dtype=float)
+    count = rows.shape[1]
+    factor = float(stdtrit(count - 1, 0.5 + 0.5 * level)) ** 2 / count
+    a, b = (float(mean) for mean in rows.mean(axis=1))
+    (aa, ab), (_, bb) = (factor * np.cov(rows)).tolist()
+    value = a / b if b > 0.0 else math.inf
+    # (a - R b)^2 <= aa - 2 R ab + R^2 bb
+    square, half, rest = b * b - bb, a * b - ab, a * a - aa
+    if square <= 0.0:
+        return Quotient(value, 0.0, math.inf)
+    root = math.sqrt(max(half * half - square * rest, 0.0))
+    return Quotient(value, max((half - root) / square, 0.0), (half + root) / square)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,13 +15,12 @@ from itertools import pairwise
 import numpy as np
 
 from anhyst.data.history import DEMAGNETISED, History
-from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.measuring import FAST_CYCLES, FAST_SAMPLES, HeldBearing
+from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile
 from anhyst.rig.force.bench import HeldActuator
 from anhyst.rig.force.file import Rig
 from anhyst.rig.measurement_table import ExciteTable, MeasurementTable
-from anhyst.rig.measuring import HeldRig, straight
+from anhyst.rig.measuring import FAST_CYCLES, FAST_SAMPLES, HeldBearing, HeldRig, straight
 from anhyst.rig.tables import TrackingTable
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -101,7 +100,7 @@ class Specimen:
     both_ways: bool = False  # whether the current goes as far below zero as above
 
 
-def bearing_specimen(rig: BearingRig) -> Specimen:
+def bearing_specimen(rig: BodyRig) -> Specimen:
     """Return the first magnet of a body; it must be whole."""
     settings = rig.settings
     amplifier, excite, campaign = settings.amplifier, settings.excite, settings.measurement
@@ -148,7 +147,7 @@ def _hurry(file: RigFile) -> float:
     return file.body.mass_kg * max(*scan.train_m_per_s2, *scan.test_m_per_s2) / rise
 
 
-def _operating(rig: BearingRig) -> Bound:
+def _operating(rig: BodyRig) -> Bound:
     """Return the force about which a magnet of a body works, where the file does not say."""
     control = rig.settings.control
     if isinstance(control, TrackingTable):

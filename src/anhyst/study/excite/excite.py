@@ -12,7 +12,7 @@ import numpy as np
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.sidecar import is_sidecar
-from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.body import read_bearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import Pull, Sensors, straight, take
@@ -61,7 +61,7 @@ def read_specimen(path: PathLike) -> ReadSpecimen:
             files += rig.measured.files
             rig = complete_rig(rig, rig.measured.read())
         return ReadSpecimen(force_specimen(rig), tuple(files))
-    bearing = read_stage(file_path).bearing if kind is FileKind.STAGE else read_bearing(file_path)
+    bearing = read_stage(file_path) if kind is FileKind.STAGE else read_bearing(file_path)
     files = [file for file in (file_path, bearing.model, bearing.flux_table) if file is not None]
     if bearing.settings.magnet.from_loops:
         files += bearing.measured.files

@@ -14,6 +14,7 @@ from anhyst.compensate.block import Kind as BlockKind
 from anhyst.compensate.twin import Io
 from anhyst.data.formats.text import write_csv
 from anhyst.identification.identify import check_wanted
+from anhyst.identification.space import coordinate_of
 from anhyst.study.fleet.judge import (
     MODEL,
     FleetSettings,
@@ -24,8 +25,8 @@ from anhyst.study.fleet.judge import (
     judge,
     share,
 )
-from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, coordinate_of, spread_of
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable, json_text
+from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, spread_of
+from anhyst.support.atomic import PathLike, check_writable, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, all_of, workers_of
 from anhyst.support.numeric import FloatArray
@@ -253,8 +254,7 @@ def fleet(
         )
     judged = _compared(members, results, choice.settings, target, jobs)
     write_csv(target / TABLE, {name: _plain(c) for name, c in judged.to_columns().items()})
-    with atomic_writer(target / FIGURES) as stream:
-        stream.write(json_text(judged.as_dict()))
+    write_json(target / FIGURES, judged.as_dict())
     return judged
 
 

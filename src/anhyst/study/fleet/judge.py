@@ -22,7 +22,7 @@ from anhyst.identification import identify
 from anhyst.identification.run import IdentifyResult, whole_search
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.support.atomic import PathLike, atomic_writer, json_text
+from anhyst.support.atomic import PathLike, json_text, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of
 from anhyst.support.version import running_version
@@ -142,8 +142,7 @@ def judge(task: FleetTask) -> dict[str, Any]:
         found = {"error": f"a fault of anhyst: {type(fault).__name__}: {fault}"}
     result = {"name": task.member.name, **found, "made_from": made_from}
     task.folder.mkdir(parents=True, exist_ok=True)
-    with atomic_writer(task.folder / RESULT) as stream:
-        stream.write(json_text(result))
+    write_json(task.folder / RESULT, result)
     return dict(json.loads(json_text(result)))
 
 
@@ -283,8 +282,7 @@ def decide(
         "gap_map": gap_map,
         "pilots": list(pilots),
     }
-    with atomic_writer(out / CHOICE) as stream:
-        stream.write(json_text(kept))
+    write_json(out / CHOICE, kept)
     return FleetChoice(
         replace(settings, law=law, gap_map=gap_map), pilots, {name: found[name] for name in pilots}
     )

@@ -20,19 +20,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
-from anhyst.identification.space import AROUND
-from anhyst.laws import LAWS
-from anhyst.laws.law import Kernel
+from anhyst.identification.space import Coordinate
 from anhyst.support.numeric import FloatArray
 
 ROUNDS = 200
-Coordinate = Literal["log", "asinh", "plain"]
 
 RARE = 0.01
 """Chance that a fleet without outliers has a magnet that is called one."""
@@ -215,14 +211,3 @@ def _squares(
     return np.array(
         [a @ np.linalg.solve(s + prior, a) for a, s in zip(away, covariances, strict=True)]
     )
-
-
-def coordinate_of(law: str, quantity: str) -> Coordinate:
-    """Return the one that identification moves; of a law that says none, the logarithm."""
-    kernel = LAWS[law].kernel
-    numbers = (*(kernel.numbers if isinstance(kernel, Kernel) else ()), *AROUND)
-    coordinates = {number.meaning: number.coordinate for number in numbers}
-    meaning = max(
-        (m for m in coordinates if f"{quantity} ".startswith(f"{m} ")), key=len, default=""
-    )
-    return coordinates.get(meaning, "log")

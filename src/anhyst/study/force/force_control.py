@@ -22,6 +22,9 @@ from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.programs import Program, find_model, loops_at, loops_of_rig, prepare
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.recording import Recording
+from anhyst.study.engine.table import FIGURES, StudyResult
+from anhyst.study.engine.verdict import TITLES as VERDICTS
+from anhyst.study.engine.verdict import Judgement
 from anhyst.study.force.trials import (
     Controllers,
     ForceOutcome,
@@ -32,11 +35,11 @@ from anhyst.study.force.trials import (
     plan_trials,
     run_trial,
 )
-from anhyst.support.atomic import PathLike, atomic_writer, json_text, whole_folder
+from anhyst.support.atomic import PathLike, whole_folder, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.kinds import MethodName
-from anhyst.support.result import Result, columns_of
+from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +54,7 @@ LONGEST_DEMAND = 120.0
 
 
 @dataclass(frozen=True, repr=False)
-class ForceControl(Result):
+class ForceControl(StudyResult):
     """What came out.
 
     Parameters
@@ -95,6 +98,15 @@ class ForceControl(Result):
                 code="firmware-differs",
             )
 
+    @property
+    def verdict(self) -> Judgement:
+        """Whether compensation is worth it, by the worst errors of all stages."""
+        if self.lost_in:
+            return Judgement("unknown", f"the force was lost: {'; '.join(self.lost_in)}")
+        judged = self.figures["verdict"]
+        level, sentence = judged["level"], judged["text"]
+        return Judgement(level, sentence.removeprefix(f"{VERDICTS[level]}: "))
+
     def facts(self) -> dict[str, str]:
         """Return where everything is, and the error of each controller's force over all trials."""
         facts = {"folder": str(self.out), "trials": str(len(self.outcomes))}
@@ -102,7 +114,7 @@ class ForceControl(Result):
         for name in dict.fromkeys(row["controller"] for row in rows):
             mean = np.mean([row["error_rms_N"] for row in rows if row["controller"] == name])
             facts[name] = f"force off by {mean:.3g} N rms"
-        return facts | ({"lost in": "; ".join(self.lost_in)} if self.lost_in else {})
+        return facts | self.losses_fact()
 
     def _errors(self) -> list[dict[str, Any]]:
         return [
@@ -305,8 +317,7 @@ def _write(
 ) -> None:
     for outcome in outcomes:
         _write_trial(rig, folder / f"{outcome.trial.name}.{recordings}", outcome)
-    with atomic_writer(folder / "figures.json") as stream:
-        stream.write(json_text(figures))
+    write_json(folder / FIGURES, figures)
 
 
 def _write_trial(rig: Rig, path: Path, outcome: ForceOutcome) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -162,70 +162,52 @@ STAGES: Mapping[str, str] = {
 """Groups of trials as tables call them, by their keys in ``figures.json``."""
 
 
-@dataclass(frozen=True, slots=True)
-class Errors:
-    """How far a force is from the demand, after the lead-in."""
-
-    # largest and root-mean-square deviation, and mean of its size, N
-    worst_N: float  # noqa: N815 - keys of a file carry units
-    rms_N: float  # noqa: N815
-    mean_N: float  # noqa: N815
-    worst_percent: float  # the same over the largest force of the rig
-    rms_percent: float
-    mean_percent: float
-
-    @classmethod
-    def of(cls, deviation: FloatArray, force_max: float) -> Errors:
-        """Sum up a deviation, N."""
-        errors = [peak(deviation), rms(deviation), float(np.abs(deviation).mean())]
-        return cls(*errors, *(100.0 * value / force_max for value in errors))
-
-
-@dataclass(frozen=True, slots=True)
-class Score:
-    """One controller in one trial."""
-
-    true: Errors  # of the true force, which only a simulation knows
-    read: Errors  # of the force as its sensor reads it: with noise and its delay
-    simulated: Errors | None  # of the force that the simulated program expects
-    # ticks at which the simulated program gave another current than the firmware
-    differing: int | None
-
-
-def score(outcome: ForceOutcome, force_max: float) -> dict[str, Score]:
-    """Score every controller of a trial."""
-    demand = outcome.trial.demand
-    counts = slice(demand.lead_in, None)
-
-    def errors(force: FloatArray) -> Errors:
-        return Errors.of((force - demand.force)[counts], force_max)
-
-    return {
-        name: Score(
-            true=errors(recording["force_N"]),
-            read=errors(recording["force_read_N"]),
-            simulated=errors(outcome.simulated[name]) if name in outcome.simulated else None,
-            differing=outcome.differing.get(name),
-        )
-        for name, recording in outcome.recordings.items()
+def errors_of(deviation: FloatArray, force_max: float) -> dict[str, float]:
+    """Sum up how far a force is from the demand, N and per cent of the largest force of the rig."""
+    errors = {
+        "worst": peak(deviation),
+        "rms": rms(deviation),
+        "mean": float(np.abs(deviation).mean()),
     }
+    newtons = {f"{name}_N": one for name, one in errors.items()}
+    return newtons | {f"{name}_percent": 100.0 * one / force_max for name, one in errors.items()}
 
 
-def summary(scores: Sequence[tuple[ForceOutcome, dict[str, Score]]]) -> dict[str, Any]:
+def score(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
+    """Score every controller of a trial, after the lead-in.
+
+    ``true`` is the force that only a simulation knows, ``read`` as its sensor reads it, with noise
+    and its delay, ``simulated`` what the simulated program of a firmware expects; ``differing`` are
+    the ticks at which that gave another current than the firmware.
+    """
+    demand, scores = outcome.trial.demand, {}
+    for name, recording in outcome.recordings.items():
+        forces = {"true": recording["force_N"], "read": recording["force_read_N"]}
+        if name in outcome.simulated:
+            forces["simulated"] = outcome.simulated[name]
+        scores[name] = {
+            what: errors_of((force - demand.force)[demand.lead_in :], force_max)
+            for what, force in forces.items()
+        } | ({"differing": outcome.differing[name]} if name in outcome.differing else {})
+    return scores
+
+
+def summary(scores: Sequence[tuple[ForceOutcome, dict[str, dict[str, Any]]]]) -> dict[str, Any]:
     """Worst errors of each stage and start by controller, and against the single-valued curve."""
-    groups: dict[str, list[dict[str, Score]]] = {}
+    groups: dict[str, list[dict[str, dict[str, Any]]]] = {}
     for outcome, scored in scores:
         past = "_demagnetised" if outcome.trial.start == "demagnetised" else ""
         groups.setdefault(outcome.trial.stage + past, []).append(scored)
     result: dict[str, Any] = {}
     for stage, members in groups.items():
         worst = {
-            name: max(member[name].true.worst_percent for member in members) for name in members[0]
+            name: max(member[name]["true"]["worst_percent"] for member in members)
+            for name in members[0]
         }
         result[stage] = {
             name: {
                 "worst_percent": worst[name],
-                "rms_percent": max(member[name].true.rms_percent for member in members),
+                "rms_percent": max(member[name]["true"]["rms_percent"] for member in members),
                 "of_single": worst[name] / worst["single"],
             }
             for name in TITLES
@@ -272,10 +254,7 @@ def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str,
                 "demand": outcome.trial.demand.name,
                 "position_m": outcome.trial.position,
                 "start": outcome.trial.start,
-                "controllers": {
-                    name: {k: v for k, v in asdict(one).items() if v is not None}
-                    for name, one in scored.items()
-                },
+                "controllers": scored,
             }
             for outcome, scored in scores
         ],

@@ -12,13 +12,13 @@ import numpy as np
 
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.loop import Setup
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrated
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.protocol import Bench, Signal, Subscription
 from anhyst.rig.bench.stage import LAPS, StageBench, StageLap
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import ParameterName
+from anhyst.rig.fitting import IdentifiedMagnet, calibrated
 from anhyst.rig.recording import column, peak, rms
-from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.loop import StageSetup
 from anhyst.study.tracking.bodies import BearingLaw, law_of
 from anhyst.study.tracking.calibrate import needed
@@ -173,7 +173,7 @@ class BenchLearner:
 class StageLearner(BenchLearner):
     """Calibrates a stage from its laps; what it found acts when the body next rests."""
 
-    def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, bench: StageBench) -> None:
+    def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, bench: StageBench) -> None:
         super().__init__(bench, rig.settings.tracking.calibrate)
         self._rig, self._magnet, self._bench = rig, magnet, bench
         self._needed = needed(rig)[1:]  # the clock is the tick here

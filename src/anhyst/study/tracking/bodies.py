@@ -23,21 +23,13 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerTable
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import pair_of
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrated, fit_magnets
+from anhyst.rig.bearing.make_setup import fit_magnets
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE, ParameterName
+from anhyst.rig.fitting import IdentifiedMagnet, calibrated
 from anhyst.rig.recording import HOVER, column
-from anhyst.rig.stage.file import (
-    StageRig,
-    axes_of,
-    believed,
-    head_rows,
-    mass_matrix,
-    numbers_of,
-    pull_rows,
-    weight,
-)
+from anhyst.rig.stage.file import axes_of, believed, head_rows, mass_matrix, pull_rows, weight
 from anhyst.rig.stage.loop import demand_columns, pose_columns
 from anhyst.study.tracking.motion import DEAD, UPDATES_HZ, Motion, MotionLaw, on_grid
 from anhyst.support.kinds import MethodName
@@ -50,7 +42,7 @@ START_S = 0.01
 the currents follow their commands."""
 
 
-def law_of(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> MotionLaw:
+def law_of(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> MotionLaw:
     """Return the law of a method of a stage of one or several coordinates."""
     return (AxesLaw if rig.settings.several else MotionLaw)(rig, magnet, method)
 
@@ -137,16 +129,15 @@ class AxesLaw(MotionLaw):
     trust = 0.0015
     seen = 0.9
 
-    def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
+    def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         super().__init__(rig, magnet, method)
         self._of: AxesMotion | None = None
         self._kept: dict[tuple[object, ...], FloatArray] = {}  # of single magnets along that motion
         self._count = range(1, len(rig.settings.placed) + 1)
         of_iron = ("gap_zero", "width") if method in PROBED else ("width",)
         without = () if method in ("full", "play") else of_iron
-        numbers = numbers_of(rig.settings)
         self.names: Sequence[ParameterName] = [
-            name for name in numbers if not name.startswith(without)
+            name for name in rig.numbers if not name.startswith(without)
         ]
 
     @property
@@ -274,13 +265,13 @@ class BearingLaw(MotionLaw):
 
     def __init__(
         self,
-        bearing: BearingRig,
+        bearing: BodyRig,
         controller: ControllerTable,
         magnet: IdentifiedMagnet,
         method: MethodName,
         load_known: bool = True,
     ) -> None:
-        self.rig, self.method = StageRig(bearing.path, bearing.settings), method
+        self.rig, self.method = bearing, method
         self.names = bearing.numbers
         self._most = controller.force_max(pair_of(bearing))
         self._totals, self._load_known = [one.total for one in bearing.magnets], load_known
@@ -307,7 +298,7 @@ class BearingLaw(MotionLaw):
         if name.startswith("scale"):
             return 0.01 * self.rig.settings.spread.sensor_gain_percent
         if name == "bias_N":
-            return KNOWN * self._most if self._load_known else UNSURE * self.rig.bearing.load
+            return KNOWN * self._most if self._load_known else UNSURE * self.rig.load
         return super().prior(name)
 
     def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:

@@ -15,12 +15,12 @@ from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.table import read_columns
 from anhyst.model.compilable import has_layers
-from anhyst.rig.bearing.drift import untaught
-from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.calibration import CalibrationFile
+from anhyst.rig.drift import untaught
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.recording import CURRENTS, Recording, of_magnets
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import (
     COMMANDS,
     READ,
@@ -56,7 +56,7 @@ HEAD = """\
 # control.calibration. Values are parts, or carry their unit; the scale of force is the mass."""
 
 
-def needed(rig: StageRig) -> list[str]:
+def needed(rig: BodyRig) -> list[str]:
     """Return the columns without which nothing is learnt."""
     file = rig.settings
     if file.kind is FileKind.BEARING:
@@ -68,7 +68,7 @@ def needed(rig: StageRig) -> list[str]:
     return ["t_s", "demand_N", *of_body, *of_magnets(read, 1, len(file.placed))]
 
 
-def _beside(rig: StageRig) -> tuple[str, ...]:
+def _beside(rig: BodyRig) -> tuple[str, ...]:
     """Return the columns that help: of flux probes, where there are some; of a bearing its load.
 
     The live page writes the phase of a controller beside its state.
@@ -79,7 +79,7 @@ def _beside(rig: StageRig) -> tuple[str, ...]:
     return of_magnets([("flux_read", "T")], 1, len(rig.settings.placed)) if has else ()
 
 
-def _read(rig: StageRig, path: PathLike) -> dict[str, FloatArray]:
+def _read(rig: BodyRig, path: PathLike) -> dict[str, FloatArray]:
     """Read the columns that are needed of a file, SI."""
     table = read_columns(path)
     columns = {}
@@ -130,7 +130,7 @@ def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
     return motion
 
 
-def _check_sign(rig: StageRig, where: str, motion: Motion) -> None:
+def _check_sign(rig: BodyRig, where: str, motion: Motion) -> None:
     """Refuse a demand that counts the other way than the body goes."""
     if float(motion.pushed[motion.compared] @ motion.asked[motion.compared]) < 0.0:
         why = (
@@ -146,7 +146,7 @@ def _check_sign(rig: StageRig, where: str, motion: Motion) -> None:
         )
 
 
-def _check_ticks(rig: StageRig, where: str, time: FloatArray) -> None:
+def _check_ticks(rig: BodyRig, where: str, time: FloatArray) -> None:
     """Refuse a recording that is too short, of another rate, or not of every tick."""
     if time.size < LEAST:
         raise InputError(
@@ -173,7 +173,7 @@ def _check_ticks(rig: StageRig, where: str, time: FloatArray) -> None:
         )
 
 
-def _check_rest(rig: StageRig, where: str, columns: Mapping[str, FloatArray]) -> None:
+def _check_rest(rig: BodyRig, where: str, columns: Mapping[str, FloatArray]) -> None:
     """Refuse a recording that begins in motion: what the iron remembers of before is not known."""
     if rig.settings.kind is FileKind.BEARING:
         if columns["command_A"][0] > 0.0:
@@ -269,17 +269,17 @@ class Calibration(Result):
         return Path(path)
 
 
-def _read_rig(path: PathLike) -> StageRig | BearingRig:
+def _read_rig(path: PathLike) -> BodyRig:
     return read_bearing(path) if kind_of(path) is FileKind.BEARING else read_stage(path)
 
 
 def _laws(
-    rig: StageRig | BearingRig,
+    rig: BodyRig,
     controller: ControllerFile | PathLike | None,
     magnet: IdentifiedMagnet | None,
 ) -> tuple[Callable[..., MotionLaw], IdentifiedMagnet]:
     """Return what makes the law of a method, and what is known of the magnets of a rig."""
-    if isinstance(rig, StageRig):
+    if rig.settings.kind is FileKind.STAGE:
         if controller is not None:
             raise InputError(
                 "controller: a stage has no controller file", code="option-not-for-this"
@@ -295,7 +295,7 @@ def _laws(
 
 
 def calibrate(
-    rig: StageRig | BearingRig | PathLike,
+    rig: BodyRig | PathLike,
     recordings: Recording | PathLike | Sequence[Recording | PathLike],
     out: PathLike | None = None,
     *,
@@ -307,7 +307,7 @@ def calibrate(
 
     Parameters
     ----------
-    rig : StageRig, BearingRig or path-like
+    rig : BodyRig, BodyRig or path-like
         The stage or bearing, or its rig file. Its mass is the scale of all forces, its ``[spread]`` says how
         far each number may be off.
     recordings : Recording, path-like, or a sequence of them
@@ -333,7 +333,7 @@ def calibrate(
     InputError
         A file cannot be read, or does not fit the rig.
     """
-    whole = rig if isinstance(rig, StageRig | BearingRig) else _read_rig(rig)
+    whole = rig if isinstance(rig, BodyRig) else _read_rig(rig)
     alone = isinstance(recordings, Recording | str | Path)
     given: list[Recording | PathLike] = [recordings] if alone else list(recordings)  # type: ignore[arg-type,list-item]
     files = [Path(one) for one in given if not isinstance(one, Recording)]
@@ -349,7 +349,7 @@ def calibrate(
         )
     file, probes = whole.settings, _beside(laws("full").rig)
     left_out: set[MethodName] = set() if has_layers(known.model) else {"at-rest"}
-    if isinstance(whole, BearingRig):
+    if whole.settings.kind is FileKind.BEARING:
         laws = partial(laws, load_known=all("load_N" in one.read for one in motions))
         left_out.update(PROBED)
     elif not probes or not all(name in one.read for one in motions for name in probes):

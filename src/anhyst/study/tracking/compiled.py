@@ -19,15 +19,14 @@ from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
 from anhyst.compilation.verb import compile_actuator
 from anhyst.control.fixed_axes import codes
 from anhyst.model.actuator import Model
+from anhyst.rig.body import BodyRig
 from anhyst.rig.recording import Loss, column, of_magnets
 from anhyst.rig.stage.file import (
-    StageRig,
     least_of,
     mass_matrix,
     opposed,
     pull_rows,
     read_stage,
-    scan_direction,
     watch_settings,
     weight,
     yields,
@@ -36,15 +35,16 @@ from anhyst.rig.stage.loop import (
     Feedforward,
     StageSetup,
     axes_controller,
-    axes_loss,
     axes_rows,
     controller_settings,
     fed_wrench,
     feed,
     fixed_words,
-    fly,
     identify_stage,
+    led,
     make_stage,
+    stage_loop,
+    stage_loss,
     track,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
@@ -216,7 +216,7 @@ def compile_stage(
     return write_stage(setup, kind, out, name or c_name(rig.settings.name))
 
 
-def compiled_rig(rig: StageRig) -> StageRig:
+def compiled_rig(rig: BodyRig) -> BodyRig:
     """Return a stage whose magnets reckon as they are compiled: in fixed or in single precision."""
     if rig.settings.tracking.format == "fixed":
         return rig
@@ -232,7 +232,7 @@ def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> Compi
     return CompiledStage(Path(out), described, (*files, "manifest.json"), vectors)
 
 
-def _refuse(rig: StageRig, io: Io, rate: float | None) -> None:
+def _refuse(rig: BodyRig, io: Io, rate: float | None) -> None:
     """Refuse what cannot be compiled, or is not what the rig file says."""
     if io == "q15" or (io == "q31" and rig.settings.tracking.format != "fixed"):
         raise InputError(
@@ -284,7 +284,7 @@ def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
         sha256=hashlib.sha256(rig.path.read_bytes()).hexdigest(),
         kind=kind,
         rate=timing.rate_Hz,
-        ahead=(timing.delay_ticks + 0.5) * rig.dt,
+        ahead=rig.late,
         free=file.body.free,
         rows=axes_rows(setup) | own,
         against=opposed(file),
@@ -340,12 +340,10 @@ def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
     motion = motion_of(file.scan, file.scan.test_m_per_s2)
     rows = min(rows, ticks_of(rig, motion))
     time = instants(rig, rows + 1)
-    reference, along = motion.at(time)[0], scan_direction(file)
     wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
-    frame = np.outer(reference + stray(rig, motion, time), along)
-    target = np.outer(reference[:rows], along)
-    run = fly(setup, 0, target, frame, wrench)
-    _refuse_lost(rig, axes_loss(rig, run, rows))
+    scenario = led(rig, motion.at(time)[0], stray(rig, motion, time), wrench)
+    target, run = scenario.target, stage_loop(setup).run(scenario)
+    _refuse_lost(rig, stage_loss(rig, run, rows))
     magnets, heads = len(file.placed), len(file.position_sensors)
     read = [run[column("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]
     off = np.array(read[magnets:])
@@ -369,7 +367,7 @@ def _fly_one(setup: StageSetup, rows: int) -> FloatArray:
     return np.vstack([off, forward, gap, file.gap_total_m - gap, *read])[:, :rows]
 
 
-def _refuse_lost(rig: StageRig, loss: Loss | None) -> None:
+def _refuse_lost(rig: BodyRig, loss: Loss | None) -> None:
     if loss is not None:
         raise NegativeResult(
             f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it with anhyst simulate",

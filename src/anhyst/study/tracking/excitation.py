@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data.table import check_recording
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import ParameterName
+from anhyst.rig.fitting import IdentifiedMagnet
+from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import (
-    StageRig,
     mass_matrix,
     read_stage,
     scan_direction,
@@ -31,10 +32,10 @@ from anhyst.rig.stage.file import (
 from anhyst.rig.stage.loop import (
     Feedforward,
     StageSetup,
+    follow,
     identify_stage,
     make_stage,
     track,
-    track_axes,
 )
 from anhyst.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, motion_of, strayed
 from anhyst.study.tracking.bodies import START_S, law_of
@@ -57,7 +58,7 @@ Legs = Mapping[str, SetPoint]
 """By coordinate what it follows, from rest to rest, one after another."""
 
 
-def legs_of(rig: StageRig) -> dict[str, list[SetPoint]]:
+def legs_of(rig: BodyRig) -> dict[str, list[SetPoint]]:
     """Return what each coordinate may follow: within the set-point's snap, jerk, speed and way."""
     file, found = rig.settings, dict[str, list[SetPoint]]()
     scan, layout = file.scan, wrench_layout(file, usual_allocation(file), rig.idle)
@@ -87,18 +88,18 @@ def fly(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
         return track(setup, next(iter(legs.values())), Feedforward(), seed)
     begin = START_S  # the weight is taken up before
     n = round((begin + sum(leg.duration for leg in legs.values())) / rig.dt)
-    time, ahead = instants(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
+    time = instants(rig, n + 1)
     place, frame, fed = np.zeros((3, n + 1, len(file.body.free)))
     for at, axis in enumerate(file.body.free):
         if leg := legs.get(axis):
             since = time - begin
-            place[:, at], fed[:, at] = leg.at(since)[0], leg.at(since + ahead)[1]
+            place[:, at], fed[:, at] = leg.at(since)[0], leg.at(since + rig.late)[1]
             late = leg.at(since - STRAY_LATE)[1] / max(leg.peaks)
             frame[:, at] = place[:, at] + strayed(rig, late, time)
             begin += leg.duration
     believed = setup.believed.settings
     wrench = fed[:n] @ mass_matrix(believed).T - weight(believed)
-    return track_axes(setup, seed, place, frame, wrench)
+    return follow(setup, Scenario(place[:n], feed=wrench, frame=frame), seed)
 
 
 def design(learner: Learner, setup: StageSetup) -> Legs:
@@ -165,7 +166,7 @@ class CalibratingMove:
         return figure
 
 
-def find_move(rig: StageRig, magnet: IdentifiedMagnet | None = None) -> CalibratingMove:
+def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> CalibratingMove:
     """Design the move of a stage, fly it, and say what is left of each number after it."""
     refuse_uncalibratable(rig)
     known, scan = magnet or identify_stage(rig), rig.settings.scan

@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import LIMITS, CalibratedMethod, LearntParameter, ParameterName, kind_of
+from anhyst.rig.drift import NO_DRIFT, Drift
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.recording import Recording, rms
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of

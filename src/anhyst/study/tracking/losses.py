@@ -11,14 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.rig.bearing.scenario import FAILS, HEAD_FAULTS, SHORT
+from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import LossCase
+from anhyst.rig.loop import FAILS, HEAD_FAULTS, SHORT
 from anhyst.rig.recording import Recording, column, peak
 from anhyst.rig.stage.file import (
-    StageRig,
     error_columns,
     pull_rows,
-    scan_direction,
     spare,
     usual_allocation,
     without,
@@ -27,11 +26,12 @@ from anhyst.rig.stage.file import (
 from anhyst.rig.stage.loop import (
     Feedforward,
     StageSetup,
-    axes_recorded,
     fed_wrench,
     feed,
-    fly,
+    led,
     of_axes,
+    recorded,
+    stage_loop,
     stop_of,
 )
 from anhyst.rig.stage.setpoint import STRAY_LATE, braking, instants, motion_of, strayed, ticks_of
@@ -154,7 +154,7 @@ class Losses:
         return [*found, self._lifted(whole)] if case.lift else found
 
     @property
-    def _rig(self) -> StageRig:
+    def _rig(self) -> BodyRig:
         return self.setup.rig
 
     def _lose(self, magnet: int, whole: _Plan, calm: Recording) -> LostMagnet:
@@ -251,12 +251,11 @@ class Losses:
         rig, file, mass = self._rig, self._rig.settings, self.setup.believed.settings.body.mass_kg
         motion = motion_of(file.scan, file.scan.test_m_per_s2)
         a, lasts = float(whole.acceleration[now]), motion.jerk_phase
-        ahead = (file.timing.delay_ticks + 0.5) * rig.dt
         around = whole.place[max(now - 1, 0) : now + 2]
         v = float((around[-1] - around[0]) / ((around.size - 1) * rig.dt))
         time = instants(rig, round(lasts / rig.dt) + 1)
         eased = whole.place[now] + v * time + a * (time**2 / 2.0 - time**3 / (6.0 * lasts))
-        later = time[:-1] + ahead
+        later = time[:-1] + rig.late
         falls = a * np.maximum(1.0 - later / lasts, 0.0)
         easing = np.column_stack([falls, -a / lasts * (later < lasts), 0.0 * later])
         v += 0.5 * a * lasts
@@ -265,7 +264,7 @@ class Losses:
             (one for one in able if self._makes(magnet, np.array([-mass * one * np.sign(v)]))),
             PARTS[-1] * max(motion.peaks),
         )
-        course = braking(v, 0.0, replace(motion, peaks=(most,)), rig.dt, ahead)
+        course = braking(v, 0.0, replace(motion, peaks=(most,)), rig.dt, rig.late)
         gains = np.array([self.gains.acceleration, self.gains.jerk, self.gains.snap])
         still = np.zeros(round(HELD_S / rig.dt))
         place, slows = eased[-1] + course.place, a * (1.0 - time[:-1] / lasts)
@@ -293,17 +292,13 @@ class Losses:
         delay = round(STRAY_LATE / rig.dt)
         late = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
         stray = strayed(rig, late / max(rig.settings.scan.test_m_per_s2), instants(rig, n + 1))
-        along = scan_direction(rig.settings)
-        places, frame = np.outer(plan.place, along), np.outer(plan.place + stray, along)
-        command = np.zeros(n, dtype=np.uint32)
+        scenario = led(rig, plan.place, stray, fed_wrench(self.setup.believed, plan.forward))
         for at, which in fails.items():
-            command[at:] = which
+            scenario.command[at:] = which
         for at, which in (commands or {}).items():
-            command[at] |= which
-        wrench = fed_wrench(self.setup.believed, plan.forward)
-        run = fly(self.setup, self.seed, places[:n], frame, wrench, command)
-        own = {name: run[name] for name in run.columns}
-        return Recording(own | axes_recorded(rig, run, places, frame))
+            scenario.command[at] |= which
+        run = stage_loop(self.setup, self.seed).run(scenario)
+        return Recording(dict(run.columns) | recorded(rig, run, scenario))
 
     def _touches(self, run: Recording) -> tuple[float, float]:
         """Return how fast the body comes onto stops at most, downwards and anywhere at a magnet."""

@@ -12,14 +12,30 @@ import numpy as np
 
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import Recording, moving, peak, rms, settled_from
-from anhyst.rig.stage.file import error_columns, scan_direction
+from anhyst.rig.stage.file import error_columns, scan_direction, unit_of
 from anhyst.rig.stage.setpoint import SetPoint
+from anhyst.study.engine.table import Metric
 from anhyst.support.numeric import FloatArray
 
 BANDS_M = (50e-9, 10e-9)
 """Into which the settling is measured."""
 EXPOSE_AFTER_S = 5e-3
 """After the end of the acceleration, from where on the moving average is judged."""
+
+
+PEAK = Metric("peak_m", "peak", "nm", 1e9)
+AVERAGE = Metric("average_m", "moving average", "nm", 1e9)
+SETTLING = Metric("settling_50_s", "settling to 50 nm", "ms", 1e3)
+METRICS = (
+    PEAK,
+    AVERAGE,
+    Metric("deviation_m", "deviation over the slit", "nm", 1e9),
+    SETTLING,
+    Metric("settling_10_s", "settling to 10 nm", "ms", 1e3),
+    Metric("force_peak_N", "force error, largest", "N"),
+    Metric("force_rms_N", "force error, rms", "N"),
+)
+"""By which a motion is judged, in the order of every table."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +69,12 @@ LOST = Measures(*[float("inf")] * 8)
 """Of a run in which the loop was lost."""
 
 
+def cross_metrics(file: RigFile) -> list[Metric]:
+    """Return the figures of :func:`cross_talk`."""
+    units = {axis: unit_of(axis) for axis in still_axes(file)}
+    return [Metric(f"{axis}_{u}", f"{axis}, largest", f"n{u}", 1e9) for axis, u in units.items()]
+
+
 def still_axes(file: RigFile) -> list[str]:
     """Return the coordinates that the set-point does not move; none of a body of one coordinate."""
     if not file.several:
@@ -62,17 +84,16 @@ def still_axes(file: RigFile) -> list[str]:
 
 
 def cross_talk(run: Recording, motion: SetPoint, still: Sequence[str]) -> dict[str, float]:
-    """Return the largest error of each coordinate that stands still, m or rad.
+    """Return the largest error of each coordinate that stands still, by axis and unit, m or rad.
 
     The first scan is left out.
     """
+    names = [f"{axis}_{unit_of(axis)}" for axis in still]
     if run.loss is not None:
-        return dict.fromkeys(still, math.inf)
+        return dict.fromkeys(names, math.inf)
     since = round(motion.pulses[1][0] / run.dt)
-    return {
-        axis: peak(run[column][since:])
-        for axis, column in zip(still, error_columns(still), strict=True)
-    }
+    columns = zip(names, error_columns(still), strict=True)
+    return {name: peak(run[column][since:]) for name, column in columns}
 
 
 def cruises(motion: SetPoint, dt: float) -> list[slice]:

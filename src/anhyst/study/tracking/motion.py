@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from anhyst._core import allocate
 from anhyst.compensate.methods import PROBED, FluxFeedback, FusedInverse
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.control.position import shared_by_pair
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterName, kind_of
+from anhyst.rig.drift import NO_DRIFT, Drift
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.recording import rms
-from anhyst.rig.stage.file import StageRig, per_root
+from anhyst.rig.stage.file import per_root
 from anhyst.rig.stage.loop import COMMANDS, PROBES, StageSetup, corrected, fit_method
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName
@@ -51,7 +52,7 @@ WIDTHS = 0.005
 """A law is fitted anew for widths on this grid."""
 
 
-def refuse_uncalibratable(rig: StageRig) -> None:
+def refuse_uncalibratable(rig: BodyRig) -> None:
     """Refuse a stage whose motion would teach something else than what its magnets are off by."""
     file, least = rig.settings, AMPLIFIER * FILTER_HZ
     if file.amplifier.bandwidth_Hz < least:
@@ -67,7 +68,7 @@ def refuse_uncalibratable(rig: StageRig) -> None:
 class Motion:
     """What was read while a stage moved, and what its body did."""
 
-    rig: StageRig
+    rig: BodyRig
     read: Mapping[str, FloatArray]  # by column
     begin: int = 0  # tick from which on it teaches; before, it only tells what the iron remembers
 
@@ -139,8 +140,7 @@ class Motion:
     @cached_property
     def rises(self) -> FloatArray:
         """By how much the root of the force of each magnet that was asked for rises in a tick."""
-        idle = self.rig.idle
-        asked = np.array([allocate(one, idle) for one in self.read["demand_N"].tolist()]).T
+        asked = shared_by_pair(self.read["demand_N"], self.rig.idle)
         return np.diff(np.sqrt(asked), prepend=0.0)
 
     @property
@@ -163,7 +163,7 @@ class MotionLaw:
     seen = 0.7
     """Of its prior standard deviation: a parameter with more left is called not seen."""
 
-    def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
+    def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         self.rig, self.method = rig, method
         self.compensator = cache(lambda width: fit_method(rig, magnet, method, width))
 

@@ -13,21 +13,41 @@ import numpy as np
 from scipy.optimize import minimize
 
 from anhyst.compensate.methods import METHODS, PROBED
-from anhyst.data.table import check_recording
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.model.compilable import has_layers
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CalibratedMethod
-from anhyst.rig.file import RigFile
+from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.file import StageRig, error_columns, read_stage, unit_of
-from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, make_stage, pid, track
+from anhyst.rig.stage.file import error_columns
+from anhyst.rig.stage.loop import (
+    AT_BIAS,
+    Feedforward,
+    StageSetup,
+    identify_stage,
+    make_stage,
+    pid,
+    track,
+)
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
+from anhyst.study.engine.table import FIGURES, CaseFigures, StudyResult, keep_lost
+from anhyst.study.engine.verdict import (
+    ComparedFigure,
+    Interval,
+    Judgement,
+    compare,
+    judge,
+    weigh,
+)
 from anhyst.study.tracking.learner import Learner, at_work
 from anhyst.study.tracking.losses import Losses, LostMagnet
 from anhyst.study.tracking.measures import (
+    AVERAGE,
     BANDS_M,
+    PEAK,
+    SETTLING,
     Measures,
+    cross_metrics,
     cross_talk,
     cruises,
     measure,
@@ -35,12 +55,12 @@ from anhyst.study.tracking.measures import (
     still_axes,
 )
 from anhyst.study.tracking.motion import refuse_uncalibratable
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable, json_text
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, columns_of
+from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,7 +85,7 @@ def learn(setup: StageSetup, gains: Feedforward, trials: int = TRIALS) -> list[R
     return runs
 
 
-def _filtered(rig: StageRig, learnt: FloatArray, error: FloatArray) -> FloatArray:
+def _filtered(rig: BodyRig, learnt: FloatArray, error: FloatArray) -> FloatArray:
     """Add the force that would have left no error, and keep what lies below the filter.
 
     With the plant ``P = e^(-s late)/(m s^2)`` and the controller C an error e is gone after the
@@ -74,8 +94,7 @@ def _filtered(rig: StageRig, learnt: FloatArray, error: FloatArray) -> FloatArra
     n, dt = error.size, rig.dt
     frequency = np.fft.rfftfreq(n + _PADDING, dt)
     s = 2j * math.pi * frequency
-    late = (rig.settings.timing.delay_ticks + 0.5) * dt
-    late += 1.0 / (2.0 * math.pi * rig.settings.amplifier.bandwidth_Hz)
+    late = rig.late + 1.0 / (2.0 * math.pi * rig.settings.amplifier.bandwidth_Hz)
     filtered = 1.0 / (1.0 + (frequency / FILTER_HZ) ** 4)
     with np.errstate(divide="ignore", invalid="ignore"):
         control = _pid_at(rig, np.exp(s * dt))
@@ -86,7 +105,7 @@ def _filtered(rig: StageRig, learnt: FloatArray, error: FloatArray) -> FloatArra
     return np.ascontiguousarray(np.fft.irfft(filtered * whole, n + _PADDING)[:n])
 
 
-def _pid_at(rig: StageRig, z: np.ndarray[tuple[int, ...], np.dtype[np.complex128]]) -> FloatArray:
+def _pid_at(rig: BodyRig, z: np.ndarray[tuple[int, ...], np.dtype[np.complex128]]) -> FloatArray:
     """Return the PID over the frequency."""
     c = pid(rig)
     back = 1.0 / z
@@ -133,7 +152,6 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
     return gains_at(np.asarray(found.x))
 
 
-FIGURES = "figures.json"
 OWN: MethodName = "full"
 """What the others are the baselines of; its run is recorded."""
 _NOT_SHOWN = ("ratio", "secant", "simplified", "at-rest")
@@ -160,22 +178,24 @@ class TriedVariant:
     repeated: Measures
     standstill: Mapping[str, float]  # by column, errors at rest, rms, the long stroke moving
     trials_m: tuple[float, ...]  # peak of each trial of learning control, m
-    # of each coordinate that the set-point does not move the largest error, one a seed, m or rad;
-    # none of a body of one coordinate
+    # of each coordinate that the set-point does not move, with its unit, the largest error, one a
+    # seed; none of a body of one coordinate
     crossed: Mapping[str, tuple[float, ...]]
     learnt: CalibratedMethod | None  # of a stage that calibrates itself
 
-    def of(self, name: str) -> Interval:
-        """Return a measure over the seeds; no mean where one of the runs was lost."""
-        lost, count = sum(one.lost for one in self.measures), len(self.measures)
-        if lost:
-            return no_mean(lost, count)
-        return mean_interval([getattr(one, name) for one in self.measures])
+    @property
+    def judged(self) -> CaseFigures:
+        """All figures on the test set-point, over the seeds."""
+        runs = [one.as_dict() for one in self.measures]
+        for key, values in self.crossed.items():
+            runs = [run | {key: value} for run, value in zip(runs, values, strict=True)]
+        return CaseFigures.over(
+            [None if one.lost else run for one, run in zip(self.measures, runs, strict=True)]
+        )
 
-    def cross_talk(self, axis: str) -> Interval:
-        """Return the largest error of another coordinate over the seeds."""
-        lost, count = sum(one.lost for one in self.measures), len(self.measures)
-        return no_mean(lost, count) if lost else mean_interval(self.crossed[axis])
+    def of(self, key: str) -> Interval:
+        """Return a measure over the seeds; no mean where one of the runs was lost."""
+        return self.judged.of(key)
 
     @property
     def standstill_m(self) -> float:
@@ -191,7 +211,7 @@ class TriedVariant:
     @property
     def lost_in(self) -> list[str]:
         """Everything tried in which the loop was lost, but for what learning control added."""
-        lost, count = sum(one.lost for one in self.measures), len(self.measures)
+        lost, count = self.judged.lost, self.judged.runs
         tried = {
             f"test set-point ({lost} of {count} runs)": lost > 0,
             "a tenth of its accelerations": self.small.lost,
@@ -202,12 +222,12 @@ class TriedVariant:
 
 
 @dataclass(frozen=True, repr=False)
-class TrackingStudy(Result):
+class TrackingStudy(StudyResult):
     """What was found.
 
     Parameters
     ----------
-    rig : StageRig
+    rig : BodyRig
     tried : mapping of str to TriedVariant
     left_out : mapping of str to str
         Variants that could not be made, and why.
@@ -215,7 +235,7 @@ class TrackingStudy(Result):
         What became of the compensator's own stage without each magnet that the rig file loses.
     """
 
-    rig: StageRig
+    rig: BodyRig
     tried: Mapping[MethodName, TriedVariant]
     left_out: Mapping[MethodName, str]
     losses: Sequence[LostMagnet] = ()
@@ -233,9 +253,8 @@ class TrackingStudy(Result):
                 code="loop-lost",
             )
 
-    @property
-    def figures(self) -> dict[str, Any]:
-        """Content of ``figures.json``."""
+    def as_dict(self) -> dict[str, Any]:
+        """Return what ``figures.json`` holds."""
         control, table = self.rig.settings.tracking, self.rig.settings.scan
         return {
             "format": "anhyst-tracking",
@@ -250,15 +269,65 @@ class TrackingStudy(Result):
             **({"losses": [asdict(one) for one in self.losses]} if self.losses else {}),
         }
 
+    @property
+    def held(self) -> list[MethodName]:
+        """Variants that were not lost on the test set-point."""
+        return [name for name, one in self.tried.items() if not one.judged.lost]
+
+    @property
+    def verdict(self) -> Judgement:
+        """Whether compensation is worth it on this stage, against the strongest baselines."""
+        if self.lost_in:
+            return Judgement("unknown", f"the loop of '{OWN}' was lost: {'; '.join(self.lost_in)}")
+        held = [name for name in self.held if METHODS[name].role == "baseline"]
+        if not held:
+            return Judgement("unknown", "every baseline lost the loop")
+        return judge(OWN, self._compared(held), "measures", WHERE_IT_PAYS["stage"])
+
+    @property
+    def verdicts(self) -> dict[MethodName, Judgement]:
+        """Against the best curve without memory, what knows one play, and the probe.
+
+        What was lost is compared with nothing.
+        """
+        if self.lost_in:
+            return {}
+        names: list[MethodName] = [self.memoryless]
+        names += [name for name in self.tried if name not in (OWN, *names, *AT_BIAS)]
+        return {
+            name: weigh(OWN, self._compared([name]), "measures")
+            for name in names
+            if name in self.held
+        }
+
+    @property
+    def memoryless(self) -> MethodName:
+        """The variant without memory whose peak is the lowest."""
+        methods: list[MethodName] = [*AT_BIAS, "single-valued"]
+        tried = [name for name in methods if name in self.tried]
+        held = [name for name in tried if name in self.held]
+        return min(held or tried, key=lambda name: self.tried[name].of("peak_m").mean)
+
+    def _compared(self, names: Sequence[MethodName]) -> list[ComparedFigure]:
+        """Compare each of some measures with the lowest one of some variants."""
+        compared = []
+        for metric in (PEAK, AVERAGE, SETTLING):
+            of = {name: self.tried[name].of(metric.key) for name in names}
+            best = min(of, key=lambda name: of[name].mean)
+            own = self.tried[OWN].of(metric.key)
+            compared.append(compare(metric.title, best, own, of[best]))
+        return compared
+
     def facts(self) -> dict[str, str]:
         """Return peak of the error and moving average of every variant."""
         facts = {"rig": self.rig.settings.name}
         for name, one in self.tried.items():
             peak, average = 1e9 * one.of("peak_m").mean, 1e9 * one.of("average_m").mean
             facts[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
-            for axis in one.crossed:
-                facts[name] += f", {axis} {1e9 * one.cross_talk(axis).mean:.0f} n{unit_of(axis)}"
-        return facts | ({"lost in": "; ".join(self.lost_in)} if self.lost_in else {})
+            for metric in cross_metrics(self.rig.settings):
+                largest = metric.factor * one.of(metric.key).mean
+                facts[name] += f", {metric.title.partition(',')[0]} {largest:.0f} {metric.unit}"
+        return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
         """Return the measures of every variant on the test set-point, means over the seeds, SI."""
@@ -270,10 +339,6 @@ class TrackingStudy(Result):
             ]
         )
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return what ``figures.json`` holds."""
-        return self.figures
-
     def draw(self, ax: Axes) -> None:
         """Draw the error of every variant over the test set-point, one noise seed."""
         for name, one in self.tried.items():
@@ -282,16 +347,9 @@ class TrackingStudy(Result):
         ax.set_ylabel("error [nm]")
 
     def save(self, path: PathLike) -> Path:
-        """Write the recording of the compensator's run, and ``figures.json`` beside it.
-
-        Raises
-        ------
-        InputError
-            A place cannot be written.
-        """
+        """Write the recording of the compensator's run, and ``figures.json`` beside it."""
         self.tried[OWN].shown.save(path)
-        with atomic_writer(Path(path).parent / FIGURES) as stream:
-            stream.write(json_text(self.figures))
+        self.write_figures(Path(path).parent / FIGURES)
         return Path(path)
 
 
@@ -302,31 +360,18 @@ def _figures(one: TriedVariant) -> dict[str, Any]:
             "jerk_s": one.gains.jerk,
             "snap_s2": one.gains.snap,
         },
-        "test": {
-            field.name: {
-                "mean": one.of(field.name).mean,
-                "half_width": one.of(field.name).half_width,
-                "count": len(one.measures),
-            }
-            for field in fields(Measures)
-        },
+        "test": {field.name: one.of(field.name).as_dict() for field in fields(Measures)},
         "small_forces": one.small.as_dict(),
         "one_repeated_setpoint": one.repeated.as_dict(),
         "standstill_rms_m": one.standstill_m,
         **({"standstill_rms": one.at_rest} if one.at_rest else {}),
         "learning_peaks_m": list(one.trials_m),
-        **({"cross_talk": _crossed(one)} if one.crossed else {}),
+        **(
+            {"cross_talk": {key: one.of(key).as_dict() for key in one.crossed}}
+            if one.crossed
+            else {}
+        ),
         **({"learnt": one.learnt.model_dump()} if one.learnt else {}),
-    }
-
-
-def _crossed(one: TriedVariant) -> dict[str, Any]:
-    return {
-        f"{axis}_{unit_of(axis)}": {
-            "mean": one.cross_talk(axis).mean,
-            "half_width": one.cross_talk(axis).half_width,
-        }
-        for axis in one.crossed
     }
 
 
@@ -347,6 +392,8 @@ def try_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> TriedVariant:
     small = motion_of(table, [SMALL * peak for peak in table.test_m_per_s2])
     here = find_gains(setup, motion)
     trials = learn(setup, gains)
+    still = still_axes(setup.rig.settings)
+    crossed = [cross_talk(run, motion, still) for run in runs]
     return TriedVariant(
         gains=gains,
         measures=tuple(measure(run, motion, table.slit_s) for run in runs),
@@ -358,7 +405,7 @@ def try_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> TriedVariant:
         repeated=measure(track(setup, motion, here, 1), motion, table.slit_s),
         standstill=standing(setup, gains),
         trials_m=tuple(measure(run, motion, table.slit_s).peak_m for run in trials),
-        crossed=_cross_talks(setup.rig.settings, runs, motion),
+        crossed={key: tuple(one[key] for one in crossed) for key in crossed[0]},
         learnt=None if learner is None else learner.found,
     )
 
@@ -369,14 +416,6 @@ def settle(setup: StageSetup, magnet: IdentifiedMagnet) -> tuple[Feedforward, Le
     gains = find_gains(setup, training)
     learner = at_work(setup, magnet, gains, LEARNING)
     return gains if learner is None else find_gains(learner.stage(), training), learner
-
-
-def _cross_talks(
-    file: RigFile, runs: Sequence[Recording], motion: SetPoint
-) -> dict[str, tuple[float, ...]]:
-    still = still_axes(file)
-    found = [cross_talk(run, motion, still) for run in runs]
-    return {axis: tuple(one[axis] for one in found) for axis in still}
 
 
 def standing(setup: StageSetup, gains: Feedforward, seed: int = 1) -> dict[str, float]:
@@ -392,7 +431,7 @@ def standing(setup: StageSetup, gains: Feedforward, seed: int = 1) -> dict[str, 
 
 
 def make_variants(
-    rig: StageRig, magnet: IdentifiedMagnet, names: Sequence[MethodName] = ()
+    rig: BodyRig, magnet: IdentifiedMagnet, names: Sequence[MethodName] = ()
 ) -> tuple[dict[MethodName, StageSetup], dict[MethodName, str]]:
     """Fit variants, all compared ones where none are named.
 
@@ -428,17 +467,15 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
     )
     if out is None:
         raise NegativeResult(text, code="loop-lost")
-    run.save(out)
-    (Path(out).parent / FIGURES).unlink(missing_ok=True)
+    keep_lost(run, out)
     raise NegativeResult(f"{text}; the recording is kept in {out}", code="loop-lost")
 
 
-def check_calibration(rig: StageRig) -> None:
+def check_calibration(rig: BodyRig) -> None:
     """Say before any work what is wrong with a calibration, or with learning one."""
     if rig.settings.tracking.calibrate:
         refuse_uncalibratable(rig)
-    file = rig.calibration
-    if file is not None and OWN not in [one.name for one in file.method]:
+    if rig.calibration is not None and rig.learnt(OWN) is None:
         raise InputError(
             f"{rig.path}: control.calibration: {rig.settings.tracking.calibration} says nothing "
             f"of '{OWN}', and others would be calibrated alone; calibrate again, with all methods",
@@ -448,7 +485,7 @@ def check_calibration(rig: StageRig) -> None:
 
 
 def explore_stage(
-    rig: StageRig,
+    rig: BodyRig,
     magnet: IdentifiedMagnet | None = None,
     names: Sequence[MethodName] = (),
     progress: Progress | None = None,
@@ -465,16 +502,3 @@ def explore_stage(
         return found
     flights = Losses(made[OWN], found.tried[OWN].gains, rig.settings.loss)
     return replace(found, losses=flights.all())
-
-
-def simulate_stage(
-    path: PathLike, out: PathLike, progress: Progress | None = None
-) -> TrackingStudy:
-    """Read a rig file, try every variant, write recording and ``figures.json``."""
-    rig = read_stage(path)
-    reads = [rig.path, *rig.measured.files]
-    check_recording(out, reads)
-    check_writable(Path(out).parent / FIGURES, reads)
-    found = explore_stage(rig, progress=progress, out=out)
-    found.save(out)
-    return found

@@ -13,8 +13,9 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import reduce
-from typing import ClassVar, NamedTuple, Self, TypeVar
+from typing import ClassVar, Self, TypeVar
 
+from anhyst.study.engine.table import Metric
 from anhyst.support.errors import InputError
 
 MISSED = 1e3
@@ -80,35 +81,36 @@ class StageFigures(GainFigures):
     error_peak_m: float = 0.0  # largest error
 
 
-class FigureTitle(NamedTuple):
-    """How a figure is written."""
+@dataclass(frozen=True)
+class GainMetric(Metric):
+    """A figure of gains, and how it is written."""
 
-    title: str
-    factor: float  # that an SI value is multiplied by
-    unit: str  # then
-    digits: int  # behind the point, in tables
+    digits: int = 2  # behind the point, in tables
 
     def limit_text(self, limit: float) -> str:
         """Write a limit with its unit."""
         return f"{self.factor * limit:g} {self.unit}".rstrip()
 
 
-TITLES: Mapping[str, FigureTitle] = {
-    "overshoot_percent": FigureTitle("overshoot", 1.0, "%", 2),
-    "average_m": FigureTitle("moving average", 1e9, "nm", 2),
-    "error_peak_m": FigureTitle("peak error", 1e9, "nm", 1),
-    "settling_time_s": FigureTitle("settling time", 1e3, "ms", 2),
-    "peak_sensitivity": FigureTitle("peak sensitivity", 1.0, "", 2),
-    "standstill_rms_m": FigureTitle("rms at standstill", 1e9, "nm", 1),
-    "current_rate_rms_A_per_s": FigureTitle("rms rate of the current", 1.0, "A/s", 0),
+TITLES: Mapping[str, GainMetric] = {
+    one.key: one
+    for one in (
+        GainMetric("overshoot_percent", "overshoot", "%"),
+        GainMetric("average_m", "moving average", "nm", 1e9),
+        GainMetric("error_peak_m", "peak error", "nm", 1e9, 1),
+        GainMetric("settling_time_s", "settling time", "ms", 1e3),
+        GainMetric("peak_sensitivity", "peak sensitivity", ""),
+        GainMetric("standstill_rms_m", "rms at standstill", "nm", 1e9, 1),
+        GainMetric("current_rate_rms_A_per_s", "rms rate of the current", "A/s", 1.0, 0),
+    )
 }
 
 
 def text_of(name: str, value: float) -> str:
     """Write a figure with its unit."""
-    title, factor, unit, _ = TITLES[name]
-    number = f"{factor * value:.3g}" if math.isfinite(value) else "unlimited"
-    return f"{title} {number} {unit}".rstrip()
+    metric = TITLES[name]
+    number = f"{metric.factor * value:.3g}" if math.isfinite(value) else "unlimited"
+    return f"{metric.title} {number} {metric.unit}".rstrip()
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ What limits are aims, noise, force, voltage, delay, pinning.
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,19 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, make_position, with_gains
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, make_position
 from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed
 from anhyst.study.bearing.linear import CurrentLoop
 from anhyst.study.bearing.responses import (
     Sensitivity,
     StepCell,
     StepResult,
     StepRun,
-    as_rows,
     compare,
     default_seeds,
+    merged,
     run_steps,
     sweep,
 )
@@ -42,7 +41,7 @@ HOLD_S = 0.03
 _BOUNDS = (0.55, 0.7, 1.0)  # parts of the aimed peak: where the front is looked at
 
 
-def default_conditions(rig: BearingRig) -> tuple[Condition, ...]:
+def default_conditions(rig: BodyRig) -> tuple[Condition, ...]:
     """Return all gaps of a rig file with its load and with two thirds of it."""
     tried, load = rig.settings, rig.settings.load.force_N
     return tuple(
@@ -73,7 +72,7 @@ class BearingLoop:
     def at(self, place: FloatArray) -> BearingLoop:
         """Return the same with the gains at a place of the box."""
         table = self.space.controller(place, self.setup.controller)
-        return replace(self, setup=with_gains(self.setup, table))
+        return replace(self, setup=replace(self.setup, controller=table))
 
     def brief(self) -> BearingLoop:
         """Return the same with steps that are held no longer than they take to settle."""
@@ -153,7 +152,7 @@ class BearingLoop:
             len(seeds),
             {name: cell.figures[name].half_width for name, cell in worst.items()},
             {name: f"step of {1e6 * cell.height:g} um" for name, cell in worst.items()},
-            {"steps": as_rows(cells)},
+            {"steps": [cell.as_dict() for cell in cells]},
         )
 
     def limits(self, aims: Aims, reached: Check, seed: int, jobs: int | None = None) -> list[Limit]:
@@ -208,31 +207,25 @@ class BearingLoop:
 
 def of_steps(steps: Sequence[StepResult]) -> Figures:
     """Sum up the steps of a run; the peak sensitivity is left at 0."""
-    by_height: dict[float, list[StepResult]] = defaultdict(list)
-    for step in steps:
-        by_height[step.height].append(step)
+    rows = [merged(steps, height) for height in dict.fromkeys(step.height for step in steps)]
+    return _worst([row for row in rows if row is not None])
 
-    def worst(name: str) -> float:
-        return max(
-            float(np.mean([one.figures[name] for one in both])) for both in by_height.values()
-        )
 
+def _worst(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> Figures:
+    """Return the worst of each figure, with a peak of the sensitivity."""
+    names = set(rows[0]) & set(Figures().named())
     return Figures(
-        overshoot_percent=max(one.figures["overshoot_percent"] for one in steps),
-        settling_time_s=worst("settling_time_s"),
-        peak_sensitivity=0.0,
-        standstill_rms_m=worst("standstill_rms_m"),
-        current_rate_rms_A_per_s=worst("current_rate_rms_A_per_s"),
+        peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names}
     )
 
 
-def search_frequencies(rig: BearingRig) -> FloatArray:
+def search_frequencies(rig: BodyRig) -> FloatArray:
     """Return the few frequencies of a search, Hz: where a loop that is fast enough has its peak."""
     rate = rig.settings.timing.rate_Hz
     return spaced(rate / 160.0, rate / 10.0, 11)
 
 
-def check_frequencies(rig: BearingRig) -> FloatArray:
+def check_frequencies(rig: BodyRig) -> FloatArray:
     """Return the frequencies of a check, Hz."""
     rate = rig.settings.timing.rate_Hz
     return spaced(rate / 500.0, rate / 8.0, 40)
@@ -257,16 +250,8 @@ def _figures(cells: Sequence[StepCell], measured: Sensitivity | None) -> Figures
     if measured is None or any(cell.lost or not cell.figures for cell in cells):
         return Figures.lost()
 
-    def worst(name: str) -> float:
-        return max(cell.figures[name].mean for cell in cells)
-
-    return Figures(
-        overshoot_percent=worst("overshoot_percent"),
-        settling_time_s=worst("settling_time_s"),
-        peak_sensitivity=peak_of(measured),
-        standstill_rms_m=worst("standstill_rms_m"),
-        current_rate_rms_A_per_s=worst("current_rate_rms_A_per_s"),
-    )
+    means = [{name: one.mean for name, one in cell.figures.items()} for cell in cells]
+    return _worst(means, peak_of(measured))
 
 
 _AT = 0.995  # of what there is: counts as all of it
@@ -379,17 +364,13 @@ def _would_help(loop: BearingLoop, aims: Aims, seed: int, jobs: int | None) -> l
             ),
             aims,
         )
-    base, helps = what_helps(partial(loop.least_settling, seed), eased, jobs)
-    if not math.isfinite(base):
-        return []
-    return [
-        Limit(
-            what,
-            f"with {eased[what][0]} linear loops would settle in {1e3 * time:.2g} instead of "
-            f"{1e3 * base:.2g} ms",
-        )
-        for time, what in helps
-    ]
+    text = "with {0} linear loops would settle in {1:.2g} instead of {2:.2g} ms"
+    return what_helps(
+        partial(loop.least_settling, seed),
+        eased,
+        jobs,
+        lambda what, one, base: text.format(what, 1e3 * one, 1e3 * base),
+    )
 
 
 def _quick(amplifier: CurrentLoop) -> CurrentLoop:

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any
 from anhyst.compensate.methods import BASELINES, MODELS, PROBED
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
-from anhyst.rig.stage.file import StageRig
 from anhyst.study.engine.verdict import Interval, compare
 from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.search import FoundGains
 from anhyst.study.tuning.trial import Limit
-from anhyst.support.atomic import atomic_writer, json_text
+from anhyst.support.atomic import atomic_writer, write_json
 from anhyst.support.kinds import MethodName
 from anhyst.support.result import Result, columns_of
 from anhyst.support.version import running_version
@@ -53,7 +52,7 @@ class Tuning(Result):
 
     Parameters
     ----------
-    rig : BearingRig or StageRig
+    rig : BodyRig or BodyRig
     controller : ControllerFile or None
         As it was; None of a stage.
     plant : PlantCheck or None
@@ -72,7 +71,7 @@ class Tuning(Result):
         By the clock, and of all processes.
     """
 
-    rig: BearingRig | StageRig
+    rig: BodyRig
     controller: ControllerFile | None
     plant: PlantCheck | None
     own: MethodName
@@ -171,8 +170,8 @@ def _flux(tuning: Tuning) -> str:
 
 
 def _value(one: Tuned) -> str:
-    _, factor, unit, _ = TITLES[one.figures.least]
-    return f"{factor * one.figures.cost:.2f} {unit}"
+    metric = TITLES[one.figures.least]
+    return f"{metric.factor * one.figures.cost:.2f} {metric.unit}"
 
 
 def _interval(one: Tuned) -> Interval:
@@ -245,8 +244,7 @@ def aims_text(tuning: Tuning) -> str:
 def write_results(tuning: Tuning, folder: Path) -> None:
     """Write the figures as JSON and the table as Markdown."""
     figures, table = (folder / name for name in RESULTS[:2])
-    with atomic_writer(figures) as stream:
-        stream.write(json_text(figures_of(tuning)))
+    write_json(figures, figures_of(tuning))
     with atomic_writer(table) as stream:
         stream.write(markdown(tuning))
 
@@ -261,15 +259,15 @@ def _row(tuned: Tuned) -> list[str]:
     check = tuned.found.check
 
     def with_interval(name: str, value: float) -> str:
-        _, factor, _, digits = TITLES[name]
+        factor, digits = TITLES[name].factor, TITLES[name].digits
         text = f"{factor * value:.{digits}f}"
         if check is None or name not in check.widths or not math.isfinite(value):
             return text
         return f"{text} ± {factor * check.widths[name]:.{digits}f}"
 
-    missed = ", ".join(TITLES[name][0] for name in tuned.misses)
+    missed = ", ".join(TITLES[name].title for name in tuned.misses)
     limiting = list(dict.fromkeys(one.what for one in tuned.limits))
-    words = [TITLES[name][0] if name in TITLES else name for name in limiting]
+    words = [TITLES[name].title if name in TITLES else name for name in limiting]
     return [
         tuned.variant,
         *(with_interval(name, value) for name, value in tuned.figures.named().items()),

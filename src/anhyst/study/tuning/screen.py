@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from cmaes import CMA
 
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import changed
 from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.bearing.operating import find_operating_point, linear_loop
 from anhyst.study.tuning.aims import MISSED, Aims
@@ -214,7 +214,7 @@ FIRMNESS = (0.3, 0.5, 0.75)
 """Of softened loops: how much small steps feel of the pinning is not known beforehand."""
 
 
-def at_condition(rig: BearingRig, condition: Condition) -> BearingRig:
+def at_condition(rig: BodyRig, condition: Condition) -> BodyRig:
     """Return the rig with its operating point there."""
     return changed(rig, {"gap_m": condition.gap, "load.force_N": condition.load})
 

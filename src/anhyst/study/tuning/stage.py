@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anhyst.rig.bearing.drift import draw_plant
+from anhyst.rig.body import BodyRig
+from anhyst.rig.drift import draw_plant
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_loop_controller, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.verdict import mean_interval
@@ -138,13 +138,13 @@ class LinearStage:
         return np.where(over > 0.0, MISSED + over, found.average)
 
 
-def linear_stage(rig: StageRig) -> LinearStage:
+def linear_stage(rig: BodyRig) -> LinearStage:
     """Return the linear loop of a rig file; the amplifier counts as a low pass of its bandwidth."""
     file = rig.settings
     return LinearStage(
         rate=file.timing.rate_Hz,
         mass=file.body.mass_kg,
-        late=(file.timing.delay_ticks + 0.5) * rig.dt,
+        late=rig.late,
         bandwidth=file.amplifier.bandwidth_Hz,
         slit=file.scan.slit_s,
     )
@@ -334,15 +334,14 @@ class StageLoop:
                 aims,
             ),
         }
-        base, helps = what_helps(partial(_least_average, self.space, seed), eased, jobs)
-        return [
-            Limit(
-                what,
-                f"with {eased[what][0]} linear loops would leave {100.0 * one / base:.0f} % of the "
-                "moving average",
-            )
-            for one, what in helps
-        ]
+        return what_helps(
+            partial(_least_average, self.space, seed),
+            eased,
+            jobs,
+            lambda what, one, base: (
+                f"with {what} linear loops would leave {100.0 * one / base:.0f} % of the moving average"
+            ),
+        )
 
     def gains(self) -> dict[str, float]:
         """Return the gains as files hold them."""

@@ -244,12 +244,20 @@ def what_helps(
     work: Callable[[tuple[Loop, Aims]], float],
     eased: Mapping[str, tuple[str, Loop, Aims]],
     jobs: int | None,
-) -> tuple[float, list[tuple[float, str]]]:
-    """Return what the best gains cost with nothing eased (""), and what lowers it, the most first."""
+    text: Callable[[str, float, float], str],
+) -> list[Limit]:
+    """Report what lowers the cost of the best gains when it is eased, the most first.
+
+    The key ``""`` is that of nothing eased; a text is made of what is eased, and the costs with and
+    without.
+    """
     tasks = [(loop, aims) for _, loop, aims in eased.values()]
     costs = dict(zip(eased, all_of(work, tasks, jobs=jobs), strict=True))
     base = costs.pop("")
-    return base, sorted((one, what) for what, one in costs.items() if one < (1.0 - _WORTH) * base)
+    if not math.isfinite(base):
+        return []
+    helps = sorted((one, what) for what, one in costs.items() if one < (1.0 - _WORTH) * base)
+    return [Limit(what, text(eased[what][0], one, base)) for one, what in helps]
 
 
 @dataclass(frozen=True)

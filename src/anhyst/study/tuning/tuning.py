@@ -14,11 +14,12 @@ from typing import Any
 
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
-from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.make_setup import check_plant, make_setups
+from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
+from anhyst.rig.fitting import check_plant
 from anhyst.rig.rewriting import rewrite_rig
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.operating import make_ready, read_files
@@ -175,7 +176,7 @@ class _Subject(ABC):
     """A rig and what is written for it."""
 
     stem: str  # of the files that are written
-    rig: BearingRig | StageRig
+    rig: BodyRig
     controller: ControllerFile | None = None
     plant: PlantCheck | None = None  # what the loops say about it
     own: MethodName  # what is tuned where not all variants are
@@ -211,10 +212,10 @@ class _Subject(ABC):
 
 class _Bearing(_Subject):
     stem = "controller"
-    rig: BearingRig
+    rig: BodyRig
     controller: ControllerFile
 
-    def __init__(self, rig: BearingRig, controller: ControllerFile) -> None:
+    def __init__(self, rig: BodyRig, controller: ControllerFile) -> None:
         self.rig, self.controller = rig, controller
         self.own = controller.settings.compensation.variant
 
@@ -239,9 +240,9 @@ class _Bearing(_Subject):
 class _Stage(_Subject):
     stem = "rig"
     own = OWN
-    rig: StageRig
+    rig: BodyRig
 
-    def __init__(self, rig: StageRig, crossover: float | None) -> None:
+    def __init__(self, rig: BodyRig, crossover: float | None) -> None:
         check_calibration(rig)
         self.rig = rig
         self.most = math.inf if crossover is None else crossover

@@ -1,17 +1,21 @@
-"""How the figures of a simulated bearing look: one colour and one dash for every variant."""
+"""How the figures of a study look: a colour and a dash for every variant; boxes of block diagrams."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch
+from matplotlib.text import Text
 
 from anhyst.study.engine.verdict import TITLES, Interval, Judgement, Level
-from anhyst.support.figures import FALLING, RISING
+from anhyst.support.figures import FALLING, RISING, new_figure
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Note, Tone, number
@@ -128,3 +132,84 @@ def verdict_note(judgement: Judgement) -> Note:
     """Return it as a box."""
     text = f"{judgement.text[:1].upper()}{judgement.text[1:]}."
     return Note(_TONES[judgement.level], TITLES[judgement.level], text)
+
+
+WIDE, HIGH = 2.02, 1.28
+SOFTWARE, PLANT = "#EAF3FA", "#F4F6F8"
+_INK = "#333333"
+_TITLE, _TEXT = 8.5, 7.5  # points
+_LINE = 0.155  # inches from line to line
+_FILL = 0.86  # of the width of a box that a text may take up
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class DiagramBlock:
+    """A block of the diagram."""
+
+    title: str  # what it is
+    lines: tuple[str, ...]  # its numbers
+
+
+def new_diagram(width: float, height: float) -> tuple[Figure, Axes]:
+    """Start a diagram: text and boxes keep their proportion."""
+    figure = new_figure(height, width=width)
+    figure.set_layout_engine("none")
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set_axis_off()
+    ax.grid(visible=False)
+    ax.set_xlim(0.0, width)
+    ax.set_ylim(0.0, height)
+    return figure, ax
+
+
+def draw_box(
+    ax: Axes, centre: Place, name: str, block: DiagramBlock, fill: str, high: float = HIGH
+) -> None:
+    """Draw a box with its title and the lines below it."""
+    x, y = centre
+    shape = FancyBboxPatch(
+        (x - 0.5 * WIDE, y - 0.5 * high),
+        WIDE,
+        high,
+        boxstyle="round,pad=0,rounding_size=0.06",
+        fc=fill,
+        ec=_INK,
+        lw=0.9,
+    )
+    shape.set_gid(f"box-{name}")
+    ax.add_patch(shape)
+    top = y + 0.5 * high - 0.14
+    text = ax.text(x, top, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE)
+    text.set_gid(f"title-{name}")
+    _fit(text)
+    spare = high - 0.28 - _LINE * len(block.lines)
+    first = top - 0.14 - 0.5 * max(spare, 0.0) - 0.5 * _LINE
+    for row, line in enumerate(block.lines):
+        text = ax.text(x, first - row * _LINE, line, ha="center", va="center", fontsize=_TEXT)
+        text.set_gid(f"line{row}-{name}")
+        _fit(text)
+
+
+def _fit(text: Text) -> None:
+    """Make a text smaller until it keeps within its box, with room for a wider typeface."""
+    figure = text.get_figure(root=True)
+    assert figure is not None
+    width = text.get_window_extent(FigureCanvasAgg(figure).get_renderer()).width  # type: ignore[no-untyped-call]
+    room = _FILL * WIDE * figure.dpi
+    if width > room:
+        text.set_fontsize(float(text.get_fontsize()) * room / width)
+
+
+def draw_arrow(ax: Axes, corners: Sequence[Place], colour: str = RISING, **style: Any) -> None:
+    """Go along corners, with a head at the last one."""
+    xs, ys = zip(*corners, strict=True)
+    if len(corners) > 2:
+        ax.plot(xs[:-1], ys[:-1], color=colour, lw=1.3, solid_joinstyle="round")
+    head = {"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", corners[-1], corners[-2], arrowprops=head | style)
+
+
+def draw_label(ax: Axes, at: Place, text: str, across: str = "center", up: str = "bottom") -> None:
+    """Write a label at a place."""
+    ax.text(*at, text, ha=across, va=up, fontsize=_TEXT)

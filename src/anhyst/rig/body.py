@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
-from anhyst.rig.calibration import CalibratedMethod, ParameterName, read_calibration
+from anhyst.rig.calibration import (
+    CENTRE,
+    OF_ONE,
+    CalibratedMethod,
+    CalibrationFile,
+    ParameterName,
+    read_calibration,
+)
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.measurement_table import Measured
 from anhyst.rig.old_files import rig_error
+from anhyst.rig.tables import TrackingTable
 from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind, MethodName
 from anhyst.support.toml_file import FileFault, Table
 from anhyst.support.toml_text import Path as KeyPath
@@ -42,8 +53,8 @@ class PlacedMagnet:
         return gap if self.total is None else self.total - gap
 
 
-@dataclass(frozen=True, slots=True)
-class BearingRig:
+@dataclass(frozen=True)
+class BodyRig:
     """A body between magnets as its file describes it."""
 
     path: Path  # the rig file
@@ -52,9 +63,24 @@ class BearingRig:
     fitted: FittedPlant | None = None
 
     @property
+    def gap(self) -> float:
+        """Of the first magnet with the body where it works, m."""
+        return self.settings.gap_m
+
+    @property
+    def idle(self) -> float:
+        """What either magnet of a pair pulls with where no net force is wanted, N."""
+        return self.settings.bias_N or 0.0
+
+    @property
     def dt(self) -> float:
         """Time between ticks, s."""
         return 1.0 / self.settings.timing.rate_Hz
+
+    @property
+    def late(self) -> float:
+        """Time from a sample to the middle of the tick in which its current flows, s."""
+        return (self.settings.timing.delay_ticks + 0.5) * self.dt
 
     @property
     def step(self) -> float:
@@ -75,16 +101,34 @@ class BearingRig:
     @property
     def numbers(self) -> tuple[ParameterName, ...]:
         """All that its motion may teach."""
+        if self.settings.several:
+            count = range(1, len(self.settings.placed) + 1)
+            kinds = ("scale_{}", "gap_zero_{}_m", "width_{}")
+            return (*(kind.format(one) for kind in kinds for one in count), "payload", *CENTRE)
+        if self.settings.kind is FileKind.STAGE:
+            return OF_ONE
         if len(self.magnets) == 1:
             return ("scale_1", "gap_zero_m", "width", "bias_N")
         return ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N")
 
     def learnt(self, method: MethodName) -> CalibratedMethod | None:
         """Return what the calibration that it names says of a method; None where it says nothing."""
-        file = self.calibration
-        if file is None:
+        return None if self._taught is None else self._taught.of(method)
+
+    @cached_property
+    def _taught(self) -> CalibrationFile | None:
+        """What motion taught; feedforward and force scale must believe in the same mass."""
+        if self.calibration is None:
             return None
-        return read_calibration(file, self.path, self.settings, self.numbers).of(method)
+        control = self.settings.control
+        if isinstance(control, TrackingTable) and control.calibrate:
+            raise InputError(
+                f"{self.path}: control.calibration: calibrate = true begins without one; leave "
+                "one of both out",
+                code="not-both",
+                key="control.calibration",
+            )
+        return read_calibration(self.calibration, self.path, self.settings, self.numbers)
 
     @property
     def calibration(self) -> Path | None:
@@ -107,8 +151,7 @@ class BearingRig:
     @property
     def load(self) -> float:
         """Force that pulls the gap open all the time, N: load drive and weight."""
-        body = self.settings.body
-        return self.settings.load.force_N + body.mass_kg * body.gravity_m_per_s2
+        return self.settings.load.force_N + self.settings.body.weight_N
 
 
 def step_ends(gap: float, height: float) -> tuple[float, float]:
@@ -120,17 +163,17 @@ def step_ends(gap: float, height: float) -> tuple[float, float]:
     return gap + height / 2.0, gap - height / 2.0
 
 
-def read_bearing(path: PathLike) -> BearingRig:
+def read_bearing(path: PathLike) -> BodyRig:
     """Read the rig file of a bearing."""
     file = Path(path)
     settings = read_rig_file(file, [FileKind.BEARING])
     faults = [*plant_faults(settings), *_case_faults(settings)]
     if faults:
         raise rig_error(file, faults)
-    return BearingRig(file, settings)
+    return BodyRig(file, settings)
 
 
-def check_load(rig: BearingRig, force_max: float) -> None:
+def check_load(rig: BodyRig, force_max: float) -> None:
     """Refuse a load that no current can carry."""
     load = rig.load
     steps = rig.settings.load_steps_N
@@ -155,7 +198,7 @@ def check_load(rig: BearingRig, force_max: float) -> None:
         raise rig_error(rig.path, faults)
 
 
-def check_rate(rig: BearingRig, pole_Hz: float) -> None:
+def check_rate(rig: BodyRig, pole_Hz: float) -> None:
     """Refuse a sample rate that is too slow for the plant."""
     rate, least = rig.settings.timing.rate_Hz, TICKS_PER_POLE * pole_Hz
     if rate < least:
@@ -164,52 +207,48 @@ def check_rate(rig: BearingRig, pole_Hz: float) -> None:
         raise rig_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
-def plant_faults(file: RigFile) -> list[FileFault]:
+def plant_faults(file: RigFile) -> Iterator[FileFault]:
     """Find what does not fit together in the plant and its instruments."""
-    faults = _delay_faults(file)
+    yield from _delay_faults(file)
     body, low, high = file.body, file.body.stop_low_m, file.body.stop_high_m
     opposite, total = file.opposite, file.gap_total_m
     if file.several:
-        faults += _reach_faults(file)
+        yield from _reach_faults(file)
     elif opposite is not None and total is not None and not high < total:
         text = f"both gaps make {total:g} m, not above stop_high_m, {high:g} m, where the second "
         text += "magnet is touched; raise it"
-        faults.append(FileFault(file.place(opposite, "gap_m"), text, code="range-too-narrow"))
+        yield FileFault(file.place(opposite, "gap_m"), text, code="range-too-narrow")
     sensor = file.gap_sensor
     if not (sensor.low_m <= body.stop_low_m and high <= sensor.high_m):
         text = f"its range must hold the travel, {low:g} to {high:g} m; widen low_m or high_m"
-        faults.append(FileFault(file.place(sensor), text, code="range-too-narrow"))
+        yield FileFault(file.place(sensor), text, code="range-too-narrow")
     amplifier, shunt = file.amplifier, file.current_sensor
     if not (shunt.low_A <= amplifier.current_low_A and amplifier.current_high_A <= shunt.high_A):
         text = "its range must hold that of the amplifier; widen low_A or high_A"
-        faults.append(FileFault(file.place(shunt), text, code="range-too-narrow"))
+        yield FileFault(file.place(shunt), text, code="range-too-narrow")
     lowest = min(turn for record in file.measurement.records for turn in record.turns)
     if min(lowest, 0.0) * file.measurement.current_max_A < min(amplifier.current_low_A, 0.0):
         text = f"the amplifier begins at {amplifier.current_low_A:g} A; raise the turning points"
-        faults.append(FileFault(("measurement", "records"), text, code="beyond-amplifier"))
+        yield FileFault(("measurement", "records"), text, code="beyond-amplifier")
     if file.measurement.current_max_A > amplifier.current_high_A:
         text = f"the amplifier ends at {amplifier.current_high_A:g} A; lower it"
-        faults.append(FileFault(("measurement", "current_max_A"), text, code="beyond-amplifier"))
+        yield FileFault(("measurement", "current_max_A"), text, code="beyond-amplifier")
     if not low < file.gap_m < high:
         text = f"the body works at {file.gap_m:g} m, outside the travel of {low:g} to {high:g} m"
         key = file.place(file.magnet, "gap_m")
-        faults.append(FileFault(key, f"{text}; lower it or move the stops", code="outside-travel"))
-    return faults
+        yield FileFault(key, f"{text}; lower it or move the stops", code="outside-travel")
 
 
-def _reach_faults(file: RigFile) -> list[FileFault]:
+def _reach_faults(file: RigFile) -> Iterator[FileFault]:
     """Find magnets that a body of several coordinates would touch before its end stops."""
     body, travel = file.body, travel_m(file)
-    return [
-        FileFault(
-            file.place(magnet, "gap_m"),
-            f"the body travels {travel:g} m, from {body.stop_low_m:g} to {body.stop_high_m:g} m at "
-            "the first magnet, and would touch this one; raise it",
-            code="range-too-narrow",
-        )
-        for magnet in file.placed
-        if magnet.gap_m is not None and not travel < magnet.gap_m
-    ]
+    for magnet in file.placed:
+        if magnet.gap_m is not None and not travel < magnet.gap_m:
+            text = f"the body travels {travel:g} m, from {body.stop_low_m:g} to "
+            text += (
+                f"{body.stop_high_m:g} m at the first magnet, and would touch this one; raise it"
+            )
+            yield FileFault(file.place(magnet, "gap_m"), text, code="range-too-narrow")
 
 
 def travel_m(file: RigFile) -> float:
@@ -217,59 +256,58 @@ def travel_m(file: RigFile) -> float:
     return min(file.gap_m - file.body.stop_low_m, file.body.stop_high_m - file.gap_m)
 
 
-def _delay_faults(file: RigFile) -> list[FileFault]:
+def _delay_faults(file: RigFile) -> Iterator[FileFault]:
     """Find delays that the plant has no memory for."""
     timing, amplifier, sensor = file.timing, file.amplifier, file.gap_sensor
     per_second = timing.rate_Hz * timing.substeps
     output = timing.delay_ticks * timing.substeps + amplifier.delay_s * per_second
-    return [
-        FileFault(
-            file.place(table, "delay_s"),
-            f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}; shorten it or "
-            "lower substeps",
-            code="delay-too-long",
-        )
-        for table, steps in ((amplifier, output), (sensor, sensor.sensor().delay * per_second))
-        if steps > MOST_DELAY
-    ]
+    for table, steps in ((amplifier, output), (sensor, sensor.sensor().delay * per_second)):
+        if steps > MOST_DELAY:
+            text = (
+                f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}; shorten it "
+            )
+            yield FileFault(
+                file.place(table, "delay_s"), f"{text}or lower substeps", code="delay-too-long"
+            )
 
 
-def _case_faults(file: RigFile) -> list[FileFault]:
+def _case_faults(file: RigFile) -> Iterator[FileFault]:
     """Find references outside the travel."""
-    faults: list[FileFault] = []
     low, high, step = file.body.stop_low_m, file.body.stop_high_m, file.step
 
-    def check(table: Table, key: KeyPath, what: str, lowest: float, highest: float) -> bool:
-        if low < lowest and highest < high:
-            return True
-        goes = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
-        text = f"{what} is at {goes} m, outside the travel of {low:g} to {high:g} m"
-        text += "; lower it or move the stops"
-        faults.append(FileFault(file.place(table, *key), text, code="outside-travel"))
-        return False
+    def outside(
+        table: Table, key: KeyPath, what: str, lowest: float, highest: float
+    ) -> Iterator[FileFault]:
+        if not (low < lowest and highest < high):
+            goes = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
+            text = f"{what} is at {goes} m, outside the travel of {low:g} to {high:g} m"
+            text += "; lower it or move the stops"
+            yield FileFault(file.place(table, *key), text, code="outside-travel")
 
     for number, gap in enumerate(step.also_gaps_m):
-        check(step, ("also_gaps_m", number), "the reference", gap, gap)
+        yield from outside(step, ("also_gaps_m", number), "the reference", gap, gap)
     for number, height in enumerate(step.heights_m):
         for gap in (gap for gap in file.step_gaps_m if low < gap < high):
-            lower, upper = step_ends(gap, height)
-            if not check(step, ("heights_m", number), f"the step around {gap:g} m", upper, lower):
+            upper, lower = step_ends(gap, height)
+            what = f"the step around {gap:g} m"
+            faults = list(outside(step, ("heights_m", number), what, lower, upper))
+            yield from faults
+            if faults:
                 break
     for trajectory in file.trajectories:
         away = trajectory.amplitude_m
         ends = file.gap_m - away, file.gap_m + away
-        check(trajectory, ("amplitude_m",), "the reference", *ends)
-    return [*faults, *_time_faults(file)]
+        yield from outside(trajectory, ("amplitude_m",), "the reference", *ends)
+    yield from _time_faults(file)
 
 
-def _time_faults(file: RigFile) -> list[FileFault]:
+def _time_faults(file: RigFile) -> Iterator[FileFault]:
     """Find what is too short or too long for the rate."""
-    faults: list[FileFault] = []
     hold, rate = file.step.hold_s, file.timing.rate_Hz
     if round(hold * rate) < LEAST_HOLD:
         text = f"holds a step for {hold * rate:.3g} ticks of 1/{rate:g} s"
         text += f"; {LEAST_HOLD} at least, {LEAST_HOLD / rate:.4g} s"
-        faults.append(FileFault(file.place(file.step, "hold_s"), text, code="too-short"))
+        yield FileFault(file.place(file.step, "hold_s"), text, code="too-short")
     most, least = rate / TICKS_PER_PERIOD, 1.0 / LONGEST_PERIOD_S
     for trajectory in file.trajectories:
         frequency, text = trajectory.frequency_Hz, ""
@@ -280,5 +318,4 @@ def _time_faults(file: RigFile) -> list[FileFault]:
             text += "; raise it"
         if text:
             key = file.place(trajectory, "frequency_Hz")
-            faults.append(FileFault(key, text, code="out-of-range"))
-    return faults
+            yield FileFault(key, text, code="out-of-range")

@@ -2,115 +2,38 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.compensate.methods import METHODS
-from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst.reports.bearing.look import (
-    INK,
-    SHADE,
-    interval_text,
-    legend_below,
-    line_of,
-    thinned,
-    verdict_note,
+from anhyst.reports.study.look import INK, SHADE, legend_below, line_of, thinned, verdict_note
+from anhyst.reports.study.page import (
+    Printed,
+    hashes,
+    legend_table,
+    method_table,
+    origin,
+    page_text,
+    picture,
+    tile,
 )
 from anhyst.rig.recording import Recording, moving
-from anhyst.rig.stage.file import unit_of
-from anhyst.rig.stage.loop import AT_BIAS
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.engine.verdict import ComparedFigure, Judgement, compare, judge, weigh
 from anhyst.study.tracking.losses import LOSS_HEAD, LOSS_NOTES, LOSS_TITLE
-from anhyst.study.tracking.measures import BANDS_M, EXPOSE_AFTER_S
+from anhyst.study.tracking.measures import BANDS_M, EXPOSE_AFTER_S, METRICS, cross_metrics
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
-from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.figures import new_figure, styled, svg_text
+from anhyst.support.figures import new_figure, styled
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import (
-    NBSP,
-    Block,
-    Headline,
-    Items,
-    Note,
-    PageTable,
-    Picture,
-    Section,
-    Text,
-    Tile,
-    number,
-    render_page,
-    table,
-)
-from anhyst.support.version import running_version
-
-_NAMES = {"peak_m": "peak", "average_m": "moving average", "settling_50_s": "settling to 50 nm"}
-
-
-def judged(study: TrackingStudy, baseline: MethodName) -> Judgement:
-    """Compare the compensator with one baseline."""
-    return weigh(OWN, _compared(study, [baseline]), "measures")
-
-
-def verdict(study: TrackingStudy) -> Judgement:
-    """Say whether compensation is worth it on this stage.
-
-    Each measure is compared with the strongest baseline in it: of all that have neither a model of
-    the iron nor a sensor for it, the one with the lowest.
-    """
-    if study.lost_in:
-        return Judgement("unknown", f"the loop of '{OWN}' was lost: {'; '.join(study.lost_in)}")
-    held = [name for name in _held(study) if METHODS[name].role == "baseline"]
-    if not held:
-        return Judgement("unknown", "every baseline lost the loop")
-    return judge(OWN, _compared(study, held), "measures", WHERE_IT_PAYS["stage"])
-
-
-def _compared(study: TrackingStudy, names: Sequence[MethodName]) -> list[ComparedFigure]:
-    """Compare every measure with the lowest one of some variants."""
-    compared = []
-    for measure, title in _NAMES.items():
-        of = {name: study.tried[name].of(measure) for name in names}
-        best = min(of, key=lambda name: of[name].mean)
-        compared.append(compare(title, best, study.tried[OWN].of(measure), of[best]))
-    return compared
-
-
-def memoryless(study: TrackingStudy) -> MethodName:
-    """Return the variant without memory whose peak is the lowest."""
-    methods: list[MethodName] = [*AT_BIAS, "single-valued"]
-    tried = [name for name in methods if name in study.tried]
-    held = [name for name in tried if name in _held(study)]
-    return min(held or tried, key=lambda name: study.tried[name].of("peak_m").mean)
-
-
-def _held(study: TrackingStudy) -> list[MethodName]:
-    """Return the variants that were not lost on the test set-point."""
-    return [name for name, variant in study.tried.items() if not variant.of("peak_m").lost]
-
-
-def verdicts(study: TrackingStudy) -> dict[MethodName, Judgement]:
-    """Compare with the best curve without memory, with what knows one play, and with the probe.
-
-    What was lost is compared with nothing.
-    """
-    held = _held(study)
-    if study.lost_in:
-        return {}
-    names: list[MethodName] = [memoryless(study)]
-    names += [name for name in study.tried if name not in (OWN, *names, *AT_BIAS)]
-    return {name: judged(study, name) for name in names if name in held}
+from anhyst.support.page import NBSP, Headline, Items, Note, PageTable, Section, Text, number, table
 
 
 def limits(study: TrackingStudy) -> list[str]:
     """Say what is gained with small forces, at a standstill and on one repeated set-point."""
-    own, plain = study.tried[OWN], study.tried[memoryless(study)]
-    name = memoryless(study)
+    own, plain = study.tried[OWN], study.tried[study.memoryless]
+    name = study.memoryless
 
     def against(mine: float, its: float, what: str) -> str:
         word = "nothing to gain" if mine >= its else f"{mine / its:.2g} of it"
@@ -207,53 +130,84 @@ def figure_learning(tried: Mapping[MethodName, TriedVariant]) -> Figure:
     return figure
 
 
-_COLUMNS = (
-    ("peak [nm]", "peak_m", 1e9),
-    ("mean over the slit [nm]", "average_m", 1e9),
-    ("deviation in it [nm]", "deviation_m", 1e9),
-    ("into 50 nm [ms]", "settling_50_s", 1e3),
-    ("into 10 nm [ms]", "settling_10_s", 1e3),
-    ("force error, max [N]", "force_peak_N", 1.0),
-    ("rms [N]", "force_rms_N", 1.0),
-)
-_TILES = (
-    ("peak_m", "peak error", 1e9, "nm"),
-    ("average_m", "moving average", 1e9, "nm"),
-    ("settling_50_s", "into 50 nm", 1e3, "ms"),
-    ("settling_10_s", "into 10 nm", 1e3, "ms"),
-)
-
-
-def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) -> None:
-    """Write the report of a stage: one HTML file that needs nothing else."""
-    sections = [_scan(study), _settling(study), _limits(study), _learning(study)]
-    if study.rig.settings.several:
-        sections.insert(1, _cross_talk(study))
-    if study.losses:
-        rows = [loss.cells() for loss in study.losses]
-        losses = table(LOSS_TITLE, [*LOSS_HEAD], rows, " ".join(LOSS_NOTES), texts=2)
-        sections.append(Section("losses", "What is lost, and lift-off", (losses,)))
-    files = [
-        (path.name, hashlib.sha256(path.read_bytes()).hexdigest()[:16])
-        for path in (study.rig.path, *study.rig.measured.files)
+def printed(study: TrackingStudy) -> Printed:
+    """Return what a terminal shows of a stage."""
+    lines = [
+        f"mean of {study.rig.settings.noise_seeds} noise seeds with its 95 % interval; gains found "
+        "on the training set-point",
+        *(f"against '{name}': {one.sentence}" for name, one in study.verdicts.items()),
+        *([] if study.lost_in else limits(study)),
+        *(
+            f"learnt: {name}: {variant.learnt.judgement}"
+            for name, variant in study.tried.items()
+            if variant.learnt
+        ),
     ]
-    blocks = (table("Files", ["file", "sha-256, first digits"], files), Text(f"Made by: {command}"))
-    text = render_page(
-        _headline(study),
-        [*sections, Section("origin", "Origin", blocks)],
-        running_version(),
-        kind="Short-stroke stage",
-        source="a simulation",
+    return Printed([comparison(study), *cross_tables(study), *loss_tables(study)], lines)
+
+
+def render(study: TrackingStudy, command: str) -> str:
+    """Return the page of a stage."""
+    sections = [
+        _scan(study),
+        Section("cross-talk", "Cross-talk", tuple(cross_tables(study))),
+        _settling(study),
+        _limits(study),
+        _learning(study),
+        Section("losses", "What is lost, and lift-off", tuple(loss_tables(study))),
+        origin(hashes([study.rig.path, *study.rig.measured.files]), command),
+    ]
+    return page_text("Short-stroke stage", _headline(study), sections)
+
+
+def comparison(study: TrackingStudy) -> PageTable:
+    """Return the figures of all variants on the test set-point."""
+    return method_table(
+        f"All variants on the test set-point, crossover "
+        f"{study.rig.settings.tracking.crossover_Hz:g} Hz",
+        METRICS,
+        {name: variant.of for name, variant in study.tried.items()},
+        "The first scan is left out. Moving average and deviation over a slit of "
+        f"{1e3 * study.rig.settings.scan.slit_s:g} ms, from 5 ms after the acceleration on; "
+        "largest of all scans. A scan that does not settle counts with its whole cruise.",
     )
-    with atomic_writer(path) as stream:
-        stream.write(text)
+
+
+def cross_tables(study: TrackingStudy) -> list[PageTable]:
+    """Return what each coordinate does that the set-point does not move; none of a body of one."""
+    metrics = cross_metrics(study.rig.settings)
+    if not metrics:
+        return []
+    at_rest = study.tried[OWN].at_rest
+    rests = table(
+        "Every coordinate at rest, rms",
+        ["variant", *(f"{axis.replace('_', ' (n')})" for axis in at_rest)],
+        [
+            [name, *(number(1e9 * rest, 3) for rest in variant.at_rest.values())]
+            for name, variant in study.tried.items()
+        ],
+        "The long stroke moves.",
+    )
+    crossed = method_table(
+        "Largest error of every coordinate that the set-point does not move",
+        metrics,
+        {name: variant.of for name, variant in study.tried.items()},
+        "On the test set-point, the first scan left out.",
+    )
+    return [crossed, rests]
+
+
+def loss_tables(study: TrackingStudy) -> list[PageTable]:
+    """Return what became of a stage without each of its magnets, where the rig file loses any."""
+    rows = [loss.cells() for loss in study.losses]
+    return [table(LOSS_TITLE, LOSS_HEAD, rows, " ".join(LOSS_NOTES), texts=2)] if rows else []
 
 
 def _headline(study: TrackingStudy) -> Headline:
     plant, tracking = study.rig.settings, study.rig.settings.tracking
-    note = verdict_note(verdict(study))
+    note = verdict_note(study.verdict)
     notes = [replace(note, tone="bad") if study.lost_in else note]
-    notes += [verdict_note(one) for one in verdicts(study).values()]
+    notes += [verdict_note(one) for one in study.verdicts.values()]
     notes += [Note("warn", "Left out", f"{name}: {why}.") for name, why in study.left_out.items()]
     return Headline(
         title=plant.name,
@@ -266,12 +220,25 @@ def _headline(study: TrackingStudy) -> Headline:
         "search on a training set-point; all figures are of another one that was never tuned on. "
         f"Intervals are those of 95 % confidence over {plant.noise_seeds} noise seeds.",
         notes=tuple(notes),
-        tiles=_tiles(study),
-        comparison=_comparison(study),
+        tiles=tuple(
+            tile(
+                metric,
+                study.tried[OWN].of(metric.key).mean,
+                study.tried[study.memoryless].of(metric.key).mean,
+                study.memoryless,
+            )
+            for metric in _TILES
+        ),
+        comparison=comparison(study),
         holds="These figures hold for this plant and these settings, and for no other iron.",
     )
 
 
+_TILES = [
+    metric
+    for metric in METRICS
+    if metric.key in ("peak_m", "average_m", "settling_50_s", "settling_10_s")
+]
 _MAGNETS = {2: "two", 3: "three", 8: "eight", 10: "ten"}
 
 
@@ -279,59 +246,6 @@ def _freedom(study: TrackingStudy) -> str:
     """Return in what the body is free, where that is more than one coordinate."""
     file = study.rig.settings
     return f", free in {', '.join(file.body.free)}," if file.several else ""
-
-
-def _cross_talk(study: TrackingStudy) -> Section:
-    crossed = list(study.tried[OWN].crossed)
-    rows = [
-        [name] + [interval_text(variant.cross_talk(axis), factor=1e9) for axis in crossed]
-        for name, variant in study.tried.items()
-    ]
-    section = table(
-        "Largest error of every coordinate that the set-point does not move",
-        ["variant", *(f"{axis} [n{unit_of(axis)}]" for axis in crossed)],
-        rows,
-        "On the test set-point, the first scan left out.",
-    )
-    rests = table(
-        "Every coordinate at rest, rms",
-        ["variant", *(f"{axis.replace('_', ' [n')}]" for axis in study.tried[OWN].at_rest)],
-        [
-            [name, *(number(1e9 * rest, 3) for rest in variant.at_rest.values())]
-            for name, variant in study.tried.items()
-        ],
-        "The long stroke moves.",
-    )
-    return Section("cross-talk", "Cross-talk", (section, rests))
-
-
-def _tiles(study: TrackingStudy) -> tuple[Tile, ...]:
-    own, plain = study.tried[OWN], study.tried[memoryless(study)]
-    return tuple(
-        Tile(
-            f"{number(factor * own.of(key).mean, 2)}{NBSP}{unit}",
-            name,
-            f"{memoryless(study)}: {number(factor * plain.of(key).mean, 2)}{NBSP}{unit}",
-        )
-        for key, name, factor, unit in _TILES
-    )
-
-
-def _comparison(study: TrackingStudy) -> PageTable:
-    rows = [
-        [name, METHODS[name].title]
-        + [interval_text(variant.of(key), factor=factor) for _, key, factor in _COLUMNS]
-        for name, variant in study.tried.items()
-    ]
-    return table(
-        "All variants on the test set-point",
-        ["variant", "", *(head for head, _, _ in _COLUMNS)],
-        rows,
-        "The first scan is left out. Moving average and deviation over a slit of "
-        f"{1e3 * study.rig.settings.scan.slit_s:g} ms, from 5 ms after the acceleration on; "
-        "largest of all scans. A scan that does not settle counts with its whole cruise.",
-        texts=2,
-    )
 
 
 def _scan(study: TrackingStudy) -> Section:
@@ -347,14 +261,15 @@ def _scan(study: TrackingStudy) -> Section:
         "that were lost are left out."
     )
     alt = f"Set-point, error, moving average and force error over time: {names}."
-    return Section("scan", "One scan", (Picture(svg_text(figure, "scan"), alt, caption),))
+    blocks = (picture(figure, "scan", alt, caption), legend_table(list(study.tried)))
+    return Section("scan", "One scan", blocks)
 
 
 def _settling(study: TrackingStudy) -> Section:
     figure = figure_settling(study.tried, study.rig.settings.scan.cruise_s)
     caption = "Every scan of every noise seed; at the right end those that never settled."
     alt = "Histograms of the settling time into 50 and 10 nm, a row a variant."
-    return Section("settling", "Settling", (Picture(svg_text(figure, "settling"), alt, caption),))
+    return Section("settling", "Settling", (picture(figure, "settling", alt, caption),))
 
 
 def _limits(study: TrackingStudy) -> Section:
@@ -401,13 +316,14 @@ def _learning(study: TrackingStudy) -> Section:
         lines.append(
             f"{name}: {1e9 * first:.3g} nm, after {len(variant.trials_m)} trials {1e9 * last:.3g} nm"
         )
-    blocks: tuple[Block, ...] = (
+    blocks = (
         Text(
             "The test set-point repeated; after each trial the force that the model of the loop "
             "asks for is added, below 200 Hz. It converges where the law is good enough."
         ),
-        Picture(
-            svg_text(figure_learning(study.tried), "learning"),
+        picture(
+            figure_learning(study.tried),
+            "learning",
             "Peak error over the trials of learning control.",
             "Learning control on every variant.",
         ),

@@ -15,12 +15,12 @@ from anhyst.laws.law import Role
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
-from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.plant import axes_numbers, make_bearing, make_magnet
+from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import AnyRig
 from anhyst.rig.iron_table import NamedCells
 from anhyst.rig.parts.magnet import iron_magnet
+from anhyst.rig.plant import make_magnet, make_plant, plant_numbers
 from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
@@ -161,22 +161,19 @@ def _of(file: RigFile, drift: Drift) -> dict[str, Any]:
     return changes
 
 
-def drifted_bearing(rig: BearingRig, drift: Drift, seed: int) -> Plant:
-    """Return a bearing that has drifted, at rest."""
+def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
+    """Return a plant that has drifted, at rest; a stage is seen from the long stroke."""
     other = replace(rig, settings=drifted_file(rig.settings, drift))
-    law = None if rig.model is None else drifted_law(read_model(rig.model), drift)
-    return make_bearing(other, seed, make_magnet(other, law))
-
-
-def drifted_stage(rig: BearingRig, drift: Drift, seed: int) -> Plant:
-    """Return a stage that has drifted, at rest, seen from the long stroke."""
-    settings, several = drifted_file(rig.settings, drift), rig.settings.several
-    pair = (replace(drift, first_scale=one) for one in (drift.first_scale, drift.second_scale))
-    magnets = [_drifted_magnet(settings, one) for one in (drift.magnets if several else pair)]
-    other = replace(rig, settings=settings)
+    settings = other.settings
+    if settings.kind is FileKind.BEARING:
+        law = None if rig.model is None else drifted_law(read_model(rig.model), drift)
+        return make_plant(other, seed, make_magnet(other, law))
     if not drift.magnets:
-        return make_bearing(other, seed, *(magnets or [_drifted_magnet(settings, NO_DRIFT)]))
-    numbers = axes_numbers(other)
+        pair = [replace(drift, first_scale=one) for one in (drift.first_scale, drift.second_scale)]
+        each = [NO_DRIFT] if settings.several else pair
+        return make_plant(other, seed, *(_drifted_magnet(settings, one) for one in each))
+    magnets = [_drifted_magnet(settings, one) for one in drift.magnets]
+    numbers = plant_numbers(other)
     numbers.body["centre"] = _moved(settings.body.centre_m, drift)
     for one, actuator, gap in zip(drift.magnets, numbers.actuators, numbers.heads, strict=False):
         probe, sensor = actuator["flux_probe"], gap["sensor"]
@@ -185,7 +182,7 @@ def drifted_stage(rig: BearingRig, drift: Drift, seed: int) -> Plant:
         gap["sensor"] = {**sensor, "offset": sensor["offset"] + one.gap_offset}
     for one, head in zip(drift.heads, numbers.heads[len(magnets) :], strict=False):
         head["line"] = {**head["line"], "r": _moved(head["line"]["r"], one)}
-    return make_bearing(other, seed, *magnets, numbers=numbers)
+    return make_plant(other, seed, *magnets, numbers=numbers)
 
 
 def _moved(place: Sequence[float], drift: Drift) -> list[float]:
@@ -248,8 +245,8 @@ def changed(rig: AnyRig, changes: Mapping[str, Any]) -> AnyRig:
 
 
 def with_iron(
-    rig: BearingRig, reversible_fraction: float | None = None, width: float = 1.0
-) -> BearingRig:
+    rig: BodyRig, reversible_fraction: float | None = None, width: float = 1.0
+) -> BodyRig:
     """Return a rig with another iron of the same family, of which motion taught nothing."""
     if rig.settings.magnet.kind == "law":
         raise InputError(
@@ -272,6 +269,6 @@ def with_iron(
     return changed(untaught(rig), {f"iron.{key}": value for key, value in keys.items()})
 
 
-def untaught(rig: BearingRig) -> BearingRig:
+def untaught(rig: BodyRig) -> BodyRig:
     """Return a rig that names nothing that motion taught."""
     return rig if rig.calibration is None else changed(rig, {"control.calibration": None})

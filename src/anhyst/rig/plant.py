@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,8 @@ from anhyst._core import Coil, Magnet, Plant
 from anhyst.data.table import DataTable, read_columns
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.rig.bearing.file import BearingRig, travel_m
+from anhyst.rig.body import BodyRig, travel_m
+from anhyst.rig.file import RigFile
 from anhyst.rig.magnet_table import LAW
 from anhyst.rig.parts.magnet import FluxTable, flux_table_of, iron_magnet, law_magnet
 from anhyst.rig.sensor_table import PositionSensor
@@ -123,8 +124,9 @@ CURRENT_RESET = 0.1
 DIGITAL_CROSSOVER = 0.4
 """Of a current controller that computes, times its delay, rad."""
 
-_OPENS = {"r": [0.0, 0.0, 0.0], "d": [1.0, 0.0, 0.0]}
-_CLOSES = {"r": [0.0, 0.0, 0.0], "d": [-1.0, 0.0, 0.0]}
+_Line = Mapping[str, list[float]]
+_OPENS: _Line = {"r": [0.0, 0.0, 0.0], "d": [1.0, 0.0, 0.0]}
+_CLOSES: _Line = {"r": [0.0, 0.0, 0.0], "d": [-1.0, 0.0, 0.0]}
 """Lines along the one coordinate, the gap of the first magnet."""
 
 ON_FRAME, ON_BODY, ON_GROUND = range(3)
@@ -134,7 +136,7 @@ ROWS = 129
 """Places over the gap at which a law's gap map is looked at."""
 
 
-def make_magnet(rig: BearingRig, law: Model | None = None) -> Magnet:
+def make_magnet(rig: BodyRig, law: Model | None = None) -> Magnet:
     """Return the magnet of a rig."""
     settings, middle = rig.settings.magnet, rig.settings.gap_m
     if settings.kind != LAW:
@@ -149,7 +151,7 @@ def make_magnet(rig: BearingRig, law: Model | None = None) -> Magnet:
     return law_magnet(settings.poles, model.iron_at(middle), rows, eddy, table)
 
 
-def law_of(rig: BearingRig) -> Model:
+def law_of(rig: BodyRig) -> Model:
     """Return the identified law that makes a rig's force."""
     assert rig.model is not None
     model = read_model(rig.model)
@@ -168,7 +170,7 @@ def law_of(rig: BearingRig) -> Model:
     return model
 
 
-def flux_table(rig: BearingRig) -> FluxTable:
+def flux_table(rig: BodyRig) -> FluxTable:
     """Return the flux table of a rig, as measured or made from its magnet."""
     if rig.flux_table is not None:
         table = read_flux_table(rig.flux_table)
@@ -182,23 +184,22 @@ def flux_table(rig: BearingRig) -> FluxTable:
 
 
 def static_map(
-    rig: BearingRig, current: FloatArray, gap: FloatArray
+    rig: BodyRig, current: FloatArray, gap: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return force, flux linkage and flux density of a path so slow that nothing is induced."""
     columns = Coil(make_magnet(rig)).run(np.ascontiguousarray(current), np.ascontiguousarray(gap))
     return columns[:, 0].copy(), columns[:, 1].copy(), columns[:, 2].copy()
 
 
-def make_bearing(
-    rig: BearingRig, seed: int, *magnets: Magnet, numbers: PlantNumbers | None = None
+def make_plant(
+    rig: BodyRig, seed: int, *magnets: Magnet, numbers: PlantNumbers | None = None
 ) -> Plant:
     """Return the plant of a rig, at rest on the stop of the largest gap; its numbers may be others.
 
     Where fewer magnets are given than it has, all others are like the first.
     """
     own = magnets or (make_magnet(rig),)
-    if numbers is None:
-        numbers = axes_numbers(rig) if rig.settings.several else plant_numbers(rig)
+    numbers = numbers or plant_numbers(rig)
     return Plant(
         numbers.body,
         numbers.actuators,
@@ -209,7 +210,7 @@ def make_bearing(
     )
 
 
-def noise_seed(rig: BearingRig, seed: int) -> int:
+def noise_seed(rig: BodyRig, seed: int) -> int:
     """Return what the noise of all sensors begins with: the seed of the file, and of a run."""
     return (rig.settings.seed << 32) + seed
 
@@ -224,100 +225,80 @@ class PlantNumbers:
     load: dict[str, Any]
 
 
-def plant_numbers(rig: BearingRig) -> PlantNumbers:
-    """Return the numbers of a plant whose one coordinate is the gap of its first magnet."""
-    sensors = _sensors(rig)
-    places = ((_CLOSES, 0.0), (_OPENS, rig.settings.gap_total_m or 0.0))
-    actuators = [_actuator(rig, sensors, *position) for position in places[: len(rig.magnets)]]
-    heads = [{"line": _OPENS, "zero": 0.0, "sensor": sensors["gap"], "base": ON_FRAME}]
-    return PlantNumbers(_body(rig, sensors["force"]), actuators, heads, _load(rig))
+def plant_numbers(rig: BodyRig) -> PlantNumbers:
+    """Return the numbers of a plant.
 
-
-def _actuator(
-    rig: BearingRig,
-    sensors: Mapping[str, Mapping[str, float]],
-    line: Mapping[str, Sequence[float]],
-    zero: float | None,
-) -> dict[str, Any]:
-    """Return the numbers of one magnet's drive; the gap is `zero` where the body is at the origin."""
-    return {
-        "line": line,
-        "gap_zero": zero,
-        "amplifier": _amplifier(rig),
-        "current_sensor": sensors["current"],
-        "flux_probe": sensors["hall"],
-        "has_probe": int(rig.settings.hall_probe is not None),
-    }
-
-
-def axes_numbers(rig: BearingRig) -> PlantNumbers:
-    """Return the numbers of a plant of several coordinates: displacements from where it works.
-
-    Its heads are a gap sensor for each magnet, then the position sensors, which do not ride on the
-    frame. Weight is along -z.
+    Its one coordinate is the gap of the first magnet. Several are displacements from where the body
+    works, with weight along -z; heads are a gap sensor for each magnet then, and the position
+    sensors, which do not ride on the frame.
     """
     file, sensors = rig.settings, _sensors(rig)
+    magnets: list[tuple[_Line, float | None]] = [(_CLOSES, 0.0), (_OPENS, file.gap_total_m)]
+    gaps, position_heads = [(_OPENS, magnets[0][1])], []
+    del magnets[len(rig.magnets) :]
+    if file.several:
+        magnets = [({"r": one.position_m, "d": one.direction}, one.gap_m) for one in file.placed]
+        gaps = [({**line, "d": [-part for part in line["d"]]}, gap) for line, gap in magnets]
+        position_heads = [
+            {
+                "line": {"r": sensor.position_m, "d": sensor.direction},
+                "zero": 0.0,
+                "sensor": _sensor((-1.0, 1.0), 0.0, sensor.noise_m)
+                | _lag(rig.step, math.inf)
+                | {"gain": 1.0 + sensor.air, "offset": sensor.air * sensor.dead_path_m},
+                "base": ON_GROUND if sensor.stands else ON_BODY,
+            }
+            for sensor in file.position_sensors
+        ]
     actuators = [
-        _actuator(rig, sensors, {"r": magnet.position_m, "d": magnet.direction}, magnet.gap_m)
-        for magnet in file.placed
-    ]
-    gaps = [
         {
-            "line": {"r": magnet.position_m, "d": [-part for part in magnet.direction]},
-            "zero": magnet.gap_m,
-            "sensor": sensors["gap"],
-            "base": ON_FRAME,
+            "line": line,
+            "gap_zero": gap,  # with the body at the origin
+            "amplifier": _amplifier(rig),
+            "current_sensor": sensors["current"],
+            "flux_probe": sensors["hall"],
+            "has_probe": int(file.hall_probe is not None),
         }
-        for magnet in file.placed
+        for line, gap in magnets
     ]
-    heads = [
-        {
-            "line": {"r": sensor.position_m, "d": sensor.direction},
-            "zero": 0.0,
-            "sensor": _sensor((-1.0, 1.0), 0.0, sensor.noise_m)
-            | _lag(rig.step, math.inf)
-            | {"gain": 1.0 + sensor.air, "offset": sensor.air * sensor.dead_path_m},
-            "base": ON_GROUND if sensor.stands else ON_BODY,
-        }
-        for sensor in file.position_sensors
+    gap_heads = [
+        {"line": line, "zero": gap, "sensor": sensors["gap"], "base": ON_FRAME}
+        for line, gap in gaps
     ]
-    return PlantNumbers(_axes_body(rig, sensors["force"]), actuators, gaps + heads, _load(rig))
+    body = _body(rig, sensors["force"])
+    return PlantNumbers(body, actuators, gap_heads + position_heads, _load(rig))
 
 
-def _axes_body(rig: BearingRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
-    file, body = rig.settings, rig.settings.body
+def _coordinates(file: RigFile) -> list[dict[str, float]]:
+    """Return the coordinates in which a body is free, with their end stops."""
+    body, omega = file.body, 2.0 * math.pi * STOP_RESONANCE
     inertia = body.inertia_kg_m2 or [0.0, 0.0, 0.0]
-    omega = 2.0 * math.pi * STOP_RESONANCE
 
-    def coordinate(axis: int) -> dict[str, float]:
-        end, moved = (travel_m(file), body.mass_kg)
-        if axis >= 3:
-            end, moved = body.tilt_rad, inertia[axis - 3]
+    def coordinate(axis: int, low: float, high: float, rest: float = 0.0) -> dict[str, float]:
+        moved = body.mass_kg if axis < 3 else inertia[axis - 3]
         return {
             "axis": axis,
-            "rest": 0.0,
+            "rest": rest,
             "damping": body.damping_N_s_per_m if axis < 3 else 0.0,
-            "stop_low": -end,
-            "stop_high": end,
+            "stop_low": low,
+            "stop_high": high,
             "stop_stiffness": moved * (omega * omega),
             "stop_damping": moved * omega,
         }
 
-    return _body(rig, force_sensor) | {
-        "coordinate": [coordinate(AXES.index(axis)) for axis in body.free],
-        "centre": body.centre_m,
-        "inertia": np.diag(inertia).tolist(),
-        "gravity": [0.0, 0.0, -body.gravity_m_per_s2],
-        "force_along": file.scan.direction,
-    }
+    if not file.several:
+        return [coordinate(0, body.stop_low_m, body.stop_high_m, body.stop_high_m)]
+    ends = [travel_m(file) if axis < 3 else body.tilt_rad for axis in range(len(AXES))]
+    axes = [AXES.index(axis) for axis in body.free]
+    return [coordinate(axis, -ends[axis], ends[axis]) for axis in axes]
 
 
-def current_loops(rig: BearingRig) -> list[dict[str, float]]:
+def current_loops(rig: BodyRig) -> list[dict[str, float]]:
     """Return what stands before each amplifier."""
     return [current_loop(rig) for _ in rig.settings.magnets]
 
 
-def current_loop(rig: BearingRig) -> dict[str, float]:
+def current_loop(rig: BodyRig) -> dict[str, float]:
     """Return the digital current controller that stands before amplifiers of voltage."""
     gain, reset = current_gains(rig)
     return {
@@ -328,7 +309,7 @@ def current_loop(rig: BearingRig) -> dict[str, float]:
     }
 
 
-def current_gains(rig: BearingRig) -> tuple[float, float]:
+def current_gains(rig: BodyRig) -> tuple[float, float]:
     """Return gain, V/A, and integral, V/(A s), of the current controller.
 
     An analogue one has the bandwidth of the amplifier. A digital one, before an amplifier of
@@ -337,32 +318,23 @@ def current_gains(rig: BearingRig) -> tuple[float, float]:
     settings = rig.settings
     omega = 2.0 * math.pi * settings.amplifier.bandwidth_Hz
     if settings.amplifier.mode == "voltage":
-        late = (settings.timing.delay_ticks + 0.5) * rig.dt + settings.amplifier.delay_s
+        late = rig.late + settings.amplifier.delay_s
         omega = min(omega, DIGITAL_CROSSOVER / late)
     gain = omega * settings.magnet.poles.inductance(settings.gap_m)
     return gain, CURRENT_RESET * omega * gain
 
 
-def _body(rig: BearingRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
-    body, timing = rig.settings.body, rig.settings.timing
-    omega = 2.0 * math.pi * STOP_RESONANCE
-    late = timing.delay_ticks * timing.substeps + rig.settings.amplifier.delay_s / rig.step
-    gap = {
-        "axis": 0,
-        "rest": body.stop_high_m,
-        "damping": body.damping_N_s_per_m,
-        "stop_low": body.stop_low_m,
-        "stop_high": body.stop_high_m,
-        "stop_stiffness": body.mass_kg * (omega * omega),
-        "stop_damping": body.mass_kg * omega,
-    }
+def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
+    file, body, timing = rig.settings, rig.settings.body, rig.settings.timing
+    late = timing.delay_ticks * timing.substeps + file.amplifier.delay_s / rig.step
+    weight = body.gravity_m_per_s2
     return {
-        "coordinate": [gap],
+        "coordinate": _coordinates(file),
         "mass": body.mass_kg,
-        "centre": [0.0, 0.0, 0.0],
-        "inertia": [[0.0, 0.0, 0.0]] * 3,
-        "gravity": [body.gravity_m_per_s2, 0.0, 0.0],
-        "force_along": _CLOSES["d"],
+        "centre": body.centre_m,
+        "inertia": np.diag(body.inertia_kg_m2 or [0.0, 0.0, 0.0]).tolist(),
+        "gravity": [0.0, 0.0, -weight] if file.several else [weight, 0.0, 0.0],
+        "force_along": file.scan.direction if file.several else _CLOSES["d"],
         "force_sensor": force_sensor,
         "cable": {
             "at": body.cable_m,
@@ -375,7 +347,7 @@ def _body(rig: BearingRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     }
 
 
-def _amplifier(rig: BearingRig) -> dict[str, float]:
+def _amplifier(rig: BodyRig) -> dict[str, float]:
     amplifier = rig.settings.amplifier
     gain, reset = current_gains(rig)
     by_current = amplifier.mode == "current"
@@ -391,7 +363,7 @@ def _amplifier(rig: BearingRig) -> dict[str, float]:
     }
 
 
-def _load(rig: BearingRig) -> dict[str, Any]:
+def _load(rig: BodyRig) -> dict[str, Any]:
     load = rig.settings.load
     return {
         "line": _OPENS,
@@ -404,7 +376,7 @@ def _load(rig: BearingRig) -> dict[str, Any]:
     }
 
 
-def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
+def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
     settings, step = rig.settings, rig.step
     position: PositionSensor = settings.gap_sensor.sensor()
     current, force, hall = settings.current_sensor, settings.force_sensor, settings.hall_probe
