@@ -52,7 +52,7 @@ class Tuning(Result):
 
     Parameters
     ----------
-    rig : BodyRig or BodyRig
+    rig : BodyRig
     controller : ControllerFile or None
         As it was; None of a stage.
     plant : PlantCheck or None
