@@ -300,11 +300,11 @@ BLOCKS = ("compensator/block", "compensator/closed")
 """Sources of a test that includes the one it is about."""
 BESIDE = {
     "test_fixed_tracking": (
-        *("control/tracking", "control/tracking_real", "control/allocation", "control/biquad"),
-        *("control/allocation_real", "control/biquad_real", "control/pidd2"),
-        *(f"compensator/{name}" for name in ("force_controller", "force_controller_real", "map")),
-        *(f"compensator/{name}" for name in ("map_real", "compensator", "block")),
-        *(f"compensator/compensator_{name}" for name in ("f32", "f64")),
+        *(f"control/{name}" for name in ("tracking", "allocation", "biquad", "pidd2")),
+        *(f"control/{name}_f32" for name in ("tracking", "allocation", "biquad")),
+        *(f"control/{name}_f64" for name in ("tracking", "allocation", "biquad")),
+        *(f"compensator/{name}" for name in ("force_controller", "force_controller_f64", "map")),
+        *(f"compensator/{name}" for name in ("map_f64", "compensator", "compensator_f64", "block")),
     ),
     "test_fixed_force_controller": tuple(
         f"compensator/{name}" for name in ("force_controller", "map", "compensator", "block")

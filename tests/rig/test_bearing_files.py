@@ -456,6 +456,16 @@ def test_a_controller_without_gains_is_reported_so(folder: Path) -> None:
         settings.model_copy(update={"design": None}).pidd2()
 
 
+def test_one_step_is_enough_of_a_case(folder: Path) -> None:
+    text = (folder / "rig.toml").read_text()
+    text = re.sub(r"\[\[case\]\]\nkind = \"(load|triangle)\"\n(.+\n)+\n?", "", text)
+    text = re.sub(r"heights_m = .*\nalso_gaps_m = .*", "heights_m = [20e-6]", text)
+    (folder / "rig.toml").write_text(text)
+    rig = read_bearing(folder / "rig.toml")
+    assert (len(rig.settings.step_gaps_m), rig.settings.trajectories) == (1, [])
+    check_controller(read_controller(folder / "controller.toml"), rig)
+
+
 def test_measured_flux_needs_a_probe(folder: Path) -> None:
     line = change(folder / "controller.toml", 'variant = "full"', 'variant = "flux"')
     controller = read_controller(folder / "controller.toml")

@@ -70,8 +70,8 @@ def test_compensating_every_magnet_keeps_all_axes_closer() -> None:
         measure(own, motion, scan.slit_s).peak_m < 0.4 * measure(plain, motion, scan.slit_s).peak_m
     )
     crossed, less = (cross_talk(run, motion, still_axes(planar().settings)) for run in (plain, own))
-    assert set(crossed) == {"y", "z", "rx", "ry", "rz"}
-    for axis in ("z", "ry"):
+    assert set(crossed) == {"y_m", "z_m", "rx_rad", "ry_rad", "rz_rad"}
+    for axis in ("z_m", "ry_rad"):
         assert less[axis] < 0.7 * crossed[axis]
 
 

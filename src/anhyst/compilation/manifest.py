@@ -234,21 +234,24 @@ def _fixed_sizes() -> dict[str, int]:
 
 
 def _structures(*texts: str, **numbers: int) -> dict[str, int]:
-    """Add up the members of structures, short ones at the end, each a multiple of four bytes."""
+    """Size structures and unions, short members at the end, each a multiple of four bytes."""
     sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2}
     for text in texts:
         plain = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
         sizes |= {name: sizes[same] for same, name in re.findall(r"typedef (\w+) (\w+);", plain)}
-        for members, name in re.findall(r"typedef struct (?:\w+ )?\{([^}]*)\} (\w+);", plain):
-            sizes[name] = -(-sum(_members(members, sizes, numbers)) // 4) * 4
+        each = re.findall(r"typedef (struct|union) (?:\w+ )?\{([^}]*)\} (\w+);", plain)
+        for kind, members, name in each:
+            total = {"struct": sum, "union": max}[kind]
+            sizes[name] = -(-total(_members(members, sizes, numbers)) // 4) * 4
     return sizes
 
 
 def _members(text: str, sizes: dict[str, int], numbers: dict[str, int]) -> Iterator[int]:
     for kind, pointer, count in re.findall(
-        r"(?:const )?(\w+)\s+(\*?)\w+(?:\[ANHYST_(?:POSITION_)?(\w+)\])?;", text
+        r"(?:const )?(\w+)\s+(\*?)\w+(?:\[(?:ANHYST_(?:POSITION_)?)?(\w+)\])?;", text
     ):
-        yield (4 if pointer else sizes.get(kind, 0)) * (numbers[count] if count else 1)
+        times = int(count) if count.isdigit() else numbers.get(count, 1)
+        yield (4 if pointer else sizes.get(kind, 0)) * times
 
 
 VERSION = 2

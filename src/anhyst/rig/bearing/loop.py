@@ -75,10 +75,9 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
         text = f'"{variant}" needs the table [hall_probe], {rig.path} has none; add it'
         yield FileFault(("compensation", "variant"), text, code="no-hall-probe")
     yield from _amplifier_faults(settings, rig)
-    lows = [
-        step_ends(gap, height)[1] for gap in plant.step_gaps_m for height in plant.step.heights_m
-    ]
-    lowest = min(*lows, *(plant.gap_m - one.amplitude_m for one in plant.trajectories))
+    steps = ((gap, height) for gap in plant.step_gaps_m for height in plant.step.heights_m)
+    lows = [step_ends(gap, height)[1] for gap, height in steps]
+    lowest = min(lows + [plant.gap_m - one.amplitude_m for one in plant.trajectories])
     highest = plant.body.stop_high_m
     if not limits.gap_low_m < lowest:
         text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
