@@ -10,16 +10,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.block import DemandLimits, TableSizes
+from anhyst.compensate.block import DemandLimits, TableSizes, nodes
+from anhyst.compensate.force_controller import FixedTwin
 from anhyst.compensate.plan import CompileRequest, find_limits, find_scales
-from anhyst.compensate.scheduled import nodes
 from anhyst.compensate.simplified import build_simplified, fit_closed_form
-from anhyst.compensate.twin import FixedTwin
 from anhyst.compilation.output import Compiled, compile_model
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray

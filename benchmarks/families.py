@@ -14,9 +14,9 @@ import numpy as np
 
 from anhyst._core import Coil
 from anhyst.compensate import holding
+from anhyst.compensate.force_controller import twin_of
 from anhyst.compensate.measure import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.compensate.twin import twin_of
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
 from anhyst.identification.run import IdentifyTable

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
+from anhyst.compensate.force_controller import FixedTwin
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import build_simplified, fit_closed_form
-from anhyst.compensate.twin import FixedTwin
 from anhyst.data import read_loops
 from anhyst.identification import identify
 from anhyst.model.actuator import Model

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from anhyst.compensate.force_controller import Io, twin_of
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.compensate.twin import Io, twin_of
 from anhyst.data import Loop
 from anhyst.data.speeds import speeds_of
 from anhyst.identification import identify

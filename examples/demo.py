@@ -38,7 +38,7 @@ from anhyst.data.reading import read_loops
 from anhyst.data.verdict import WHERE_IT_PAYS, monotone_fit, single_valued
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import read_model
 from anhyst.model.writer import write_model
 from anhyst.reports import write_report
 from anhyst.reports.study.look import interval_text, line_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block
-from anhyst.compensate.twin import FixedTwin
+from anhyst.compensate.force_controller import FixedTwin
 from anhyst.support.numeric import FloatArray
 
 

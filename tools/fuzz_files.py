@@ -30,8 +30,8 @@ sys.path.insert(0, str(ROOT))
 from tests.data import recordings  # noqa: E402
 
 from anhyst.data.formats import WRITERS  # noqa: E402
+from anhyst.data.formats.channel_table import SECONDS, stay_in_bounds  # noqa: E402
 from anhyst.data.formats.channels import ChannelGroup, Series  # noqa: E402
-from anhyst.data.formats.trial import SECONDS, stay_in_bounds  # noqa: E402
 from anhyst.data.table import list_channels  # noqa: E402
 from anhyst.support.errors import InputError  # noqa: E402
 

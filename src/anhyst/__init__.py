@@ -40,9 +40,8 @@ if TYPE_CHECKING:
     from anhyst.identification.identify import identify
     from anhyst.identification.run import IdentifyResult
     from anhyst.link.xcp_bridge import xcp
-    from anhyst.model.actuator import Model
+    from anhyst.model.actuator import Model, read_model
     from anhyst.model.diff import ModelDiff, diff
-    from anhyst.model.file import read_model
     from anhyst.model.predict_file import RunSummary, invert, predict
     from anhyst.model.prediction import Prediction
     from anhyst.reports.measuring import excite_rig as excite
@@ -174,7 +173,7 @@ _PLACES = {
     "live": "dashboard.verb",
     "predict": "model.predict_file",
     "read_loops": "data.reading",
-    "read_model": "model.file",
+    "read_model": "model.actuator",
     "report": "reports.model.page:write_report",
     "simulate": "reports.simulate:simulate_rig",
     "tune": "study.tuning.tuning:tune",

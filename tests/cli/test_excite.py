@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.model.file import read_model
+from anhyst.model.actuator import read_model
 from tests.cli.command import contents, quick, refused
 from tests.refusals import says
 from tests.study.measured_rigs import GAP_MAP, INNER, WIDE, measured_rig

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.model.file import read_model
+from anhyst.model.actuator import read_model
 
 from .command import PATIENCE, contents, quick, start
 from .records import model

@@ -13,7 +13,7 @@ import pytest
 
 from anhyst._core import batch_levels
 from anhyst.identification.screening import VARIABLE
-from anhyst.model.file import read_model
+from anhyst.model.actuator import read_model
 from anhyst.model.writer import write_model
 from tests.study import bearings
 

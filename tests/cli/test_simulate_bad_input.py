@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 from tests.refusals import says

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES

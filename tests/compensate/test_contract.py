@@ -7,9 +7,9 @@ import pytest
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Conditioning, Kind, TableSizes
+from anhyst.compensate.force_controller import FixedTwin
 from anhyst.compensate.full import build_full
 from anhyst.compensate.plan import find_limits, find_scales, left_after, plan_start
-from anhyst.compensate.twin import FixedTwin
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from tests.actuators import (

@@ -11,11 +11,11 @@ import pytest
 
 from anhyst.compensate import holding
 from anhyst.compensate.block import Block
+from anhyst.compensate.force_controller import FixedTwin, Io, twin_of
 from anhyst.compensate.holding import Held, hold
 from anhyst.compensate.measure import Path as Way
 from anhyst.compensate.measure import exact_output, find_reach
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
-from anhyst.compensate.twin import FixedTwin, Io, twin_of
 from anhyst.data.read_options import ReadOptions
 from anhyst.identification import identify
 from anhyst.model.actuator import Model

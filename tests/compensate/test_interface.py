@@ -9,9 +9,8 @@ import pytest
 
 from anhyst.compensate.current_map import fit_ratio, fit_single_valued
 from anhyst.compensate.floating import build_real
-from anhyst.compensate.force_controller import Compensator
+from anhyst.compensate.force_controller import Compensator, FixedTwin, RealTwin
 from anhyst.compensate.methods import METHODS
-from anhyst.compensate.twin import FixedTwin, RealTwin
 from tests.actuators import compiled, magnet, ranges
 from tests.compensate.test_methods import FORMATS, POINT, fitted, known
 

@@ -7,7 +7,7 @@ import pytest
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Kind, TableSizes
-from anhyst.compensate.twin import FixedTwin
+from anhyst.compensate.force_controller import FixedTwin
 from tests.actuators import SIZES, WIDE, compiled, magnet
 
 RESIDUAL = 0.5

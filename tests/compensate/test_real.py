@@ -14,7 +14,7 @@ import pytest
 from anhyst._core import Compensator, Parameters
 from anhyst.compensate.block import DemandLimits, TableSizes
 from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, build_real
-from anhyst.compensate.twin import FixedTwin, RealTwin
+from anhyst.compensate.force_controller import FixedTwin, RealTwin
 from anhyst.compilation.parameters import c_parameters, literal
 from anhyst.compilation.toolchain import SINGLE
 from anhyst.model.compilable import least_slope

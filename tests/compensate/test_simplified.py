@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.block import Block, DemandLimits, Kind, TableSizes
+from anhyst.compensate.force_controller import FixedTwin
 from anhyst.compensate.simplified import ClosedForm, build_simplified
-from anhyst.compensate.twin import FixedTwin
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0

@@ -10,11 +10,10 @@ import pytest
 from anhyst import _core
 from anhyst.compensate.block import Conditioning, DemandLimits, TableSizes
 from anhyst.compensate.floating import RealBlock, RealIo, build_real
-from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.force_controller import FixedTwin, ForceController, RealTwin
 from anhyst.compensate.methods import full_inverse
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Operating, Sources
-from anhyst.compensate.twin import FixedTwin, RealTwin
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import ValidRange

@@ -11,8 +11,8 @@ from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, TableSizes
 from anhyst.compensate.cells import build_cells
 from anhyst.compensate.floating import build_real
+from anhyst.compensate.force_controller import FixedTwin, RealTwin, twin_of
 from anhyst.compensate.plan import CompileRequest, find_limits, find_scales, make_plan
-from anhyst.compensate.twin import FixedTwin, RealTwin, twin_of
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.support.block_layout import WORDS

@@ -17,9 +17,9 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.compensate.block import Block
+from anhyst.compensate.force_controller import twin_of
 from anhyst.compensate.measure import against_demand, paths, run_with_losses
 from anhyst.compensate.plan import CompileRequest, full_scale
-from anhyst.compensate.twin import twin_of
 from anhyst.compilation.output import Compiled, compile_model
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, ValidRange

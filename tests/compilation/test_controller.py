@@ -19,7 +19,7 @@ from anhyst.compilation.output import Compiled, compile_model
 from anhyst.compilation.vectors import INPUTS, LEVITATION_COLUMNS
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
-from anhyst.model.file import read_model
+from anhyst.model.actuator import read_model
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.scenario import Script

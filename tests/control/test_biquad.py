@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from anhyst.control.biquad import Biquad, as_pidd2, integrator, notch
+from anhyst.control.pidd2 import Biquad, as_pidd2, integrator, notch
 
 DT = 1e-4
 Z = np.exp(-2j * np.pi * DT * np.geomspace(1.0, 4500.0, 200))

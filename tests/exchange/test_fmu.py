@@ -15,8 +15,8 @@ import pytest
 
 import anhyst
 from anhyst.compensate.block import Block
+from anhyst.compensate.force_controller import FixedTwin
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.compensate.twin import FixedTwin
 from anhyst.exchange.export import Of, export_fmu, export_tables
 from anhyst.exchange.part import FmiVersion
 from anhyst.support.numeric import FloatArray

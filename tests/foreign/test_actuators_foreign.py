@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.model.file import read_model
+from anhyst.model.actuator import read_model
 from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick
 from tests.once import made_once

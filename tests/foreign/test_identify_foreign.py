@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from tests.cli.command import quick
 from tests.foreign.identified import identified_once

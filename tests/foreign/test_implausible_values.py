@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.support.errors import ImplausibleWarning
 from tests.cli.command import quick
 from tests.cli.records import model, rows, table

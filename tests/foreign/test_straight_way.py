@@ -10,7 +10,7 @@ import pytest
 from anhyst.compensate.block import DemandLimits, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.plan import find_limits, find_scales
-from anhyst.model.file import read_model
+from anhyst.model.actuator import read_model
 from anhyst.verification import verify
 from tests.actuators import reversals
 from tests.cli.command import Result, quick

@@ -22,8 +22,7 @@ from anhyst.exchange.export import export_fmu
 from anhyst.identification import identify
 from anhyst.laws import LAWS
 from anhyst.link import firmware
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.parameters import Parameter
 from anhyst.rig.parts.magnet import ACTUATORS
 from anhyst.rig.stage.file import read_stage

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from anhyst.compensate.scheduled import cell_weights
+from anhyst.compensate.block import cell_weights
 from anhyst.data import Loops
 from anhyst.data.history import History
 from anhyst.data.loops import Loop

@@ -12,8 +12,7 @@ import pytest
 from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify
 from anhyst.laws.jiles_atherton import PARAMETERS
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from tests.identification.truths import GAPS, loops_of, magnet, worst
 from tests.refusals import refused

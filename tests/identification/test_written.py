@@ -22,8 +22,7 @@ from anhyst.identification.cell_kernel import CellKernel
 from anhyst.identification.cross_validation import Miss, Refit
 from anhyst.identification.default import FoundModel
 from anhyst.laws import LAWS
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.fit_record import CHOSEN, CandidateFit, FitFigures
 from anhyst.model.parameters import GapMap
 from anhyst.model.predict_file import run_file

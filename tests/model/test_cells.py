@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from anhyst.laws.cells import CellWeights, Population, populations
-from anhyst.model.actuator import Model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.diff import diff
-from anhyst.model.file import read_model
 from anhyst.model.writer import model_text, write_model
 from anhyst.reports.model.page import write_report
 from anhyst.support.units import QUANTITIES

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from anhyst.laws.cells import CellWeights
-from anhyst.model.actuator import Model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.dynamics import Dynamics
-from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.support.units import MU_0, QUANTITIES
 from tests.refusals import refused

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from anhyst.data.history import History
 from anhyst.data.loops import Source
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.fit_record import (
     CHOSEN,
     CandidateFit,

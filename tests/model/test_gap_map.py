@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.law import Coordinate
-from anhyst.model.gap_map import Curve
-from anhyst.model.parameters import specs_of
+from anhyst.model.parameters import Curve, specs_of
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from tests.refusals import refused

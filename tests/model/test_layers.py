@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.model.actuator import Model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.diff import diff
 from anhyst.model.dynamics import Dynamics, Layers
-from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused

@@ -10,8 +10,7 @@ import pytest
 
 from anhyst.data.loops import Loops
 from anhyst.data.read_options import ReadOptions
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model, read_sources
+from anhyst.model.actuator import Model, read_model, read_sources
 from anhyst.model.fit_record import Provenance
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.block import DemandLimits, TableSizes
+from anhyst.compensate.force_controller import FixedTwin
 from anhyst.compensate.full import build_full
-from anhyst.compensate.twin import FixedTwin
 from anhyst.model.parameters import GapMap
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError

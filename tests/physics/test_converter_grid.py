@@ -7,7 +7,7 @@ import pytest
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Kind
-from anhyst.compensate.twin import FixedTwin
+from anhyst.compensate.force_controller import FixedTwin
 from anhyst.support.numeric import FloatArray
 from tests.actuators import CURRENTS, WIDE, compiled, largest_force, magnet
 

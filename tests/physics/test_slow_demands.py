@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.block import Kind
-from anhyst.compensate.twin import FixedTwin
+from anhyst.compensate.force_controller import FixedTwin
 from tests.actuators import WIDE, compiled, largest_force, magnet
 
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, DemandLimits, Kind
+from anhyst.compensate.force_controller import FixedTwin
 from anhyst.compensate.full import build_full
-from anhyst.compensate.twin import FixedTwin
 from anhyst.model.parameters import GapMap
 from anhyst.support.block_words import Scales
 from tests.actuators import GAPS, compiled, largest_force, magnet, ring

@@ -12,9 +12,9 @@ import pytest
 
 from anhyst._core import Coil
 from anhyst.compensate import holding
+from anhyst.compensate.force_controller import twin_of
 from anhyst.compensate.measure import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.compensate.twin import twin_of
 from anhyst.identification.left_open import first_rise
 from anhyst.identification.run import IdentifyTable
 from anhyst.rig.bearing.loop import Setup

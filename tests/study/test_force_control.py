@@ -20,8 +20,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loops
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.link.firmware import build
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.reports.force import draw, figure_constant_gap, figure_moving, figure_positions
 from anhyst.rig.force import programs
 from anhyst.rig.force.bench import ActuatorBench, run_firmware, with_lead_in

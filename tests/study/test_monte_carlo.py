@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.compensate.scheduled import cell_weights
+from anhyst.compensate.block import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import make_setup

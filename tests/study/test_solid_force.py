@@ -13,16 +13,15 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.cli.console import show_study
+from anhyst.compensate.force_controller import twin_of
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.compensate.twin import twin_of
 from anhyst.compilation.output import compile_model
 from anhyst.data import History, Loop, Loops
 from anhyst.data.speeds import slow_loops, speeds_of
 from anhyst.draft.drafting import init_force_control
 from anhyst.identification import identify
-from anhyst.model.actuator import Model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.dynamics import Layers
-from anhyst.model.file import read_model
 from anhyst.model.fit_record import CHOSEN
 from anhyst.reports.force import draw
 from anhyst.rig.force.bench import ActuatorStand

@@ -15,8 +15,7 @@ from typing import Any
 from anhyst.data.loops import Loops
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.rig.body import read_bearing
 from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.force.file import read_rig

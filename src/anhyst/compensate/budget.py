@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from anhyst.compensate.force_controller import AnyBlock, twin_of
 from anhyst.compensate.holding import SECONDS, Held, hold
 from anhyst.compensate.measure import (
     OutputDeviation,
@@ -32,7 +33,6 @@ from anhyst.compensate.measure import (
 )
 from anhyst.compensate.plan import Plan
 from anhyst.compensate.search import FINE
-from anhyst.compensate.twin import AnyBlock, twin_of
 from anhyst.model.actuator import Model
 from anhyst.support.errors import NegativeResult
 from anhyst.support.numeric import FloatArray

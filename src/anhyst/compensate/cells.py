@@ -10,19 +10,17 @@ from scipy.optimize import brentq
 
 from anhyst._core import FixedCompensator, langevin
 from anhyst.compensate.block import (
+    WEIGHT,
+    Arms,
     Block,
     Conditioning,
     DemandLimits,
     Packer,
     TableSizes,
-    as_word,
-    mantissa,
-)
-from anhyst.compensate.scheduled import (
-    WEIGHT,
-    Arms,
     arms_of,
+    as_word,
     cell_weights,
+    mantissa,
     nearly_jumps,
     nodes,
     pack_arms,

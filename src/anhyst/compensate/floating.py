@@ -15,10 +15,10 @@ from typing import Literal
 import numpy as np
 
 from anhyst._core import Parameters, ParametersF32
-from anhyst.compensate.block import Conditioning, DemandLimits, TableSizes
-from anhyst.compensate.cells import cell_rows
-from anhyst.compensate.full import full_tables, normal
-from anhyst.compensate.scheduled import (
+from anhyst.compensate.block import (
+    Conditioning,
+    DemandLimits,
+    TableSizes,
     arms_of,
     cell_weights,
     flux_gain,
@@ -27,6 +27,8 @@ from anhyst.compensate.scheduled import (
     refuse_uncompilable,
     solid_numbers,
 )
+from anhyst.compensate.cells import cell_rows
+from anhyst.compensate.full import full_tables, normal
 from anhyst.compensate.simplified import ClosedForm, curve, distances, fit_closed_form
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales

@@ -1,4 +1,4 @@
-"""From force to current: what every compensator can do, and the core's arithmetic in SI units."""
+"""From force to current in SI units: what every compensator can do, and the controller's own C run here."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol, Self
+from typing import Any, Literal, Protocol, Self, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from anhyst import _core
+from anhyst._core import Compensator as CompensatorF64
+from anhyst._core import CompensatorF32, FixedCompensator
+from anhyst.compensate.block import Block
+from anhyst.compensate.floating import RealBlock, RealIo
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray, q31
@@ -148,3 +152,169 @@ class ForceController(Compensator):
 
     def _gap_code(self, gap: float) -> int:
         return q31((gap - self.scales.gap_low) / (self.scales.gap_high - self.scales.gap_low))
+
+
+CodeArray = NDArray[np.int32]
+AnyBlock = Block | RealBlock
+Io = Literal["q15", "q31", "f32", "f64"]
+
+
+class Twin(Compensator):
+    """A compiled compensator in use; bit for bit what a controller computes."""
+
+    _core: FixedCompensator | CompensatorF32 | CompensatorF64
+
+    @property
+    @abstractmethod
+    def output(self) -> float:
+        """Output that the compensator expects after the last commit."""
+
+    @property
+    def flags(self) -> int:
+        """Bits of the last solve: 1 demand limited, 2 current limited, 4 flux limited."""
+        return self._core.flags
+
+    @property
+    def memory(self) -> NDArray[Any]:
+        """What the iron remembers; see ``anhyst_memory`` in compensator.h."""
+        return self._core.memory
+
+    @abstractmethod
+    def start_from(self, memory: ArrayLike) -> None:
+        """Set what the iron remembers."""
+
+    def condition(self, gap: float | None = None) -> FloatArray:
+        """Run the start-up sequence; return its currents."""
+        currents = self._start_up()
+        for current in currents.tolist():
+            self.commit(current, gap)
+        return currents
+
+    @abstractmethod
+    def _start_up(self) -> FloatArray:
+        """Currents of the start-up sequence."""
+
+
+class FixedTwin(Twin):
+    """A compensator in fixed point.
+
+    Demands, currents and gaps are rounded to the format on the way in, as an interface to a
+    converter would; what lies beyond the format is saturated.
+    """
+
+    def __init__(self, block: Block, io: str = "q31") -> None:
+        self.block = block
+        self.one = 2.0**15 if io == "q15" else 2.0**31
+        self.io = io
+        self._core: FixedCompensator = FixedCompensator(block.kind, block.words)
+
+    def fresh(self) -> Self:
+        """Return another one of the same block, demagnetised."""
+        return type(self)(self.block, self.io)
+
+    def _codes(self, values: ArrayLike, low: float, scale: float) -> CodeArray:
+        part = (np.atleast_1d(np.asarray(values, dtype=np.float64)) - low) / scale
+        return np.clip(np.rint(part * self.one), -self.one, self.one - 1.0).astype(np.int32)
+
+    def demand_codes(self, demand: ArrayLike) -> CodeArray:
+        """Demand in units of the output -> what the controller is given."""
+        return self._codes(demand, 0.0, self.block.scales.demand)
+
+    def current_codes(self, current: ArrayLike) -> CodeArray:
+        """Turn currents in units of the input into what the controller is given."""
+        return self._codes(current, 0.0, self.block.scales.current)
+
+    def gap_codes(self, gap: ArrayLike | None, size: int = 1) -> CodeArray:
+        """Scheduling variable, SI -> what the controller is given; 0 where it does not matter."""
+        scales = self.block.scales
+        span = scales.gap_high - scales.gap_low
+        if gap is None or span <= 0.0:
+            return np.zeros(size, dtype=np.int32)
+        return np.broadcast_to(self._codes(gap, scales.gap_low, span), (size,)).copy()
+
+    def solve(self, demand: float, gap: float | None = None) -> float:
+        """Return the current that gives `demand` now; the state is not touched."""
+        solve = self._core.solve_q15 if self.io == "q15" else self._core.solve_q31
+        code = solve(int(self.demand_codes(demand)[0]), int(self.gap_codes(gap)[0]))
+        return code / self.one * self.block.scales.current
+
+    def commit(self, applied: float, gap: float | None = None) -> float:
+        """Advance the state with the current that was applied; return the expected output."""
+        commit = self._core.commit_q15 if self.io == "q15" else self._core.commit_q31
+        commit(int(self.current_codes(applied)[0]), int(self.gap_codes(gap)[0]))
+        return self.output
+
+    @property
+    def output(self) -> float:
+        """Output that the compensator expects after the last commit."""
+        code = self._core.output_q15() if self.io == "q15" else self._core.output_q31()
+        return code / self.one * self.block.scales.demand
+
+    def start_from(self, memory: ArrayLike) -> None:
+        """Set what the iron remembers; three words where the last turn is not known."""
+        self._core.set_memory(np.array(memory, dtype=np.int32))
+
+    def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
+        """Solve and commit sample by sample, in C."""
+        codes = self.demand_codes(demand)
+        currents = self._core.run(codes, self.gap_codes(gap, codes.size), self.io == "q15")
+        return currents / self.one * self.block.scales.current
+
+    def _start_up(self) -> FloatArray:
+        ticks = range(self._core.conditioning_length())
+        codes = [self._core.conditioning_q15(tick) for tick in ticks]
+        return np.array(codes) / 2.0**15 * self.block.scales.current
+
+
+class RealTwin(Twin):
+    """A compensator in floating point."""
+
+    def __init__(self, block: RealBlock, io: RealIo = "f32") -> None:
+        self.block = block
+        self.io = io
+        self._core: CompensatorF32 | CompensatorF64 = (
+            CompensatorF32(block.single) if io == "f32" else CompensatorF64(block.double)
+        )
+
+    def fresh(self) -> Self:
+        """Return another one of the same block, demagnetised."""
+        return type(self)(self.block, self.io)
+
+    def _gap(self, gap: float | None) -> float:
+        return self.block.scales.gap_low if gap is None else gap
+
+    def solve(self, demand: float, gap: float | None = None) -> float:
+        """Return the current that gives `demand` now; the state is not touched."""
+        return self._core.solve(demand, self._gap(gap))
+
+    def commit(self, applied: float, gap: float | None = None) -> float:
+        """Advance the state with the current that was applied; return the expected output."""
+        self._core.commit(applied, self._gap(gap))
+        return self.output
+
+    @property
+    def output(self) -> float:
+        """Output that the compensator expects after the last commit."""
+        return self._core.output()
+
+    def start_from(self, memory: ArrayLike) -> None:
+        """Set what the iron remembers: x, y, p, turn, level."""
+        self._core.set_memory(np.array(memory, dtype=np.float64))
+
+    def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
+        """Solve and commit sample by sample, in C."""
+        demands = np.array(demand, dtype=np.float64, ndmin=1)
+        gaps = self.block.scales.gap_low if gap is None else gap
+        at = np.broadcast_to(np.asarray(gaps, dtype=np.float64), demands.shape).copy()
+        return self._core.run(demands, at)
+
+    def _start_up(self) -> FloatArray:
+        ticks = range(self._core.conditioning_length())
+        return np.array([self._core.conditioning(tick) for tick in ticks])
+
+
+def twin_of(block: AnyBlock, io: Io) -> FixedTwin | RealTwin:
+    """Start the compensator that belongs to a block, demagnetised."""
+    if isinstance(block, RealBlock):
+        return RealTwin(block, cast("RealIo", io))
+    return FixedTwin(block, io)

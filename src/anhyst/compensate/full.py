@@ -9,18 +9,16 @@ from scipy.optimize import brentq
 
 from anhyst._core import FixedCompensator, langevin
 from anhyst.compensate.block import (
+    WEIGHT,
     Block,
     Conditioning,
     DemandLimits,
     Packer,
     TableSizes,
-    as_word,
-    mantissa,
-)
-from anhyst.compensate.scheduled import (
-    WEIGHT,
     arms_of,
+    as_word,
     iron_of,
+    mantissa,
     nearly_jumps,
     nodes,
     pack_arms,

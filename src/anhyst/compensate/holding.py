@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anhyst.compensate.force_controller import twin_of
 from anhyst.compensate.measure import Reach, find_reach
 from anhyst.compensate.plan import Plan
-from anhyst.compensate.twin import twin_of
 from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
 

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import DemandLimits, TableSizes
-from anhyst.compensate.scheduled import arms_of, flux_unit, iron_of, nodes
-from anhyst.compensate.twin import AnyBlock, FixedTwin, Io, RealTwin, twin_of
+from anhyst.compensate.block import DemandLimits, TableSizes, arms_of, flux_unit, iron_of, nodes
+from anhyst.compensate.force_controller import AnyBlock, FixedTwin, Io, RealTwin, twin_of
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst import _core
-from anhyst.compensate.block import Block
+from anhyst.compensate.block import Block, full_kind
 from anhyst.compensate.current_map import (
     CurrentMap,
     current_map,
@@ -30,11 +30,9 @@ from anhyst.compensate.current_map import (
     table_words,
 )
 from anhyst.compensate.floating import RealBlock, build_real
-from anhyst.compensate.force_controller import REAL, ForceController, MethodParameters, Native
+from anhyst.compensate.force_controller import REAL, ForceController, Io, MethodParameters, Native
 from anhyst.compensate.plan import CompileRequest, full_scale, make_plan
-from anhyst.compensate.scheduled import full_kind
 from anhyst.compensate.sources import FluxCalibration, Sources
-from anhyst.compensate.twin import Io
 from anhyst.data.output_map import is_actuator
 from anhyst.data.surface import Surface
 from anhyst.model.actuator import Model

@@ -8,10 +8,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.compensate.block import Conditioning, DemandLimits, Kind, TableSizes
-from anhyst.compensate.scheduled import flux_gain, flux_shift, refuse_uncompilable
+from anhyst.compensate.block import (
+    Conditioning,
+    DemandLimits,
+    Kind,
+    TableSizes,
+    flux_gain,
+    flux_shift,
+    refuse_uncompilable,
+)
+from anhyst.compensate.force_controller import AnyBlock, Io
 from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
-from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.data.history import History
 from anhyst.data.output_map import output_map
 from anhyst.model.actuator import Model

@@ -9,9 +9,10 @@ from itertools import product
 
 import numpy as np
 
-from anhyst.compensate.block import Conditioning, DemandLimits, Kind, TableSizes
+from anhyst.compensate.block import Conditioning, DemandLimits, Kind, TableSizes, full_kind
 from anhyst.compensate.cells import build_cells
 from anhyst.compensate.floating import RealBlock, RealKind, build_real
+from anhyst.compensate.force_controller import AnyBlock, Io
 from anhyst.compensate.full import build_full
 from anhyst.compensate.measure import (
     Path,
@@ -23,9 +24,7 @@ from anhyst.compensate.measure import (
     paths,
     snapped,
 )
-from anhyst.compensate.scheduled import full_kind
 from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
-from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.model.actuator import Model
 from anhyst.support.block_layout import LEAST_WORDS, MOST_WORDS
 from anhyst.support.block_words import Scales

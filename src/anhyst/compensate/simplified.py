@@ -27,10 +27,8 @@ from anhyst.compensate.block import (
     Packer,
     TableSizes,
     as_word,
-    mantissa,
-)
-from anhyst.compensate.scheduled import (
     flux_unit,
+    mantissa,
     nodes,
     pack_arms,
     pack_common,

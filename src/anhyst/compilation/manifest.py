@@ -11,9 +11,9 @@ from anhyst._core import POSITION_MAGNETS
 from anhyst.compensate.block import Block
 from anhyst.compensate.budget import Budget, percent
 from anhyst.compensate.floating import RealBlock
+from anhyst.compensate.force_controller import AnyBlock
 from anhyst.compensate.holding import SECONDS
 from anhyst.compensate.plan import Decision, Plan
-from anhyst.compensate.twin import AnyBlock
 from anhyst.compilation.controller import ControllerPlan, described
 from anhyst.compilation.parameters import memories
 from anhyst.compilation.toolchain import read_core

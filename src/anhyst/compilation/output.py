@@ -24,8 +24,8 @@ from anhyst.compensate.budget import (
     refusal,
     why_drifting,
 )
+from anhyst.compensate.force_controller import Io
 from anhyst.compensate.plan import ACCURACY, CompileRequest, Plan, make_plan, not_computed
-from anhyst.compensate.twin import Io
 from anhyst.compilation.a2l import a2l
 from anhyst.compilation.controller import Controller, read_fitting
 from anhyst.compilation.manifest import manifest
@@ -37,9 +37,8 @@ from anhyst.compilation.vectors import (
     levitation_vectors,
     vectors_csv,
 )
-from anhyst.model.actuator import Model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.compilable import has_layers
-from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike, json_text, whole_folder, write_texts
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress

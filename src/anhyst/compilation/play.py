@@ -28,8 +28,7 @@ from anhyst.compilation.parameters import table_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core
 from anhyst.compilation.vectors import SEED, Row, codes_of_inputs, vectors_csv
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.c_objects import c_name
 from anhyst.support.errors import InputError

@@ -6,13 +6,12 @@ import tempfile
 from pathlib import Path
 from typing import Literal
 
+from anhyst.compensate.force_controller import Io
 from anhyst.compensate.plan import CompileRequest
-from anhyst.compensate.twin import Io
 from anhyst.compilation.output import Compiled, compile_model
 from anhyst.compilation.play import CompiledPlay, compile_play
 from anhyst.control.controller_file import read_controller
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress

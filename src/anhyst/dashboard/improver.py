@@ -18,8 +18,7 @@ from typing import Any, Protocol
 
 from anhyst.dashboard.drift import DrawnLoop, make_curves
 from anhyst.data.reading import read_loops
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.study.excite.on_board import DrivenBoard
 from anhyst.study.improve import (
     LOOPS,

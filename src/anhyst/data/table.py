@@ -20,9 +20,9 @@ from anhyst.data.formats.channels import (
     need_package,
 )
 from anhyst.data.formats.text import shown
-from anhyst.data.hints import likely, map_one, mapping
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import time_fault
+from anhyst.data.roles import likely, map_one, mapping
 from anhyst.support.atomic import PathLike, check_writable, write_error
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress

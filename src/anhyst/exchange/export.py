@@ -27,8 +27,7 @@ from anhyst.exchange.part import (
     model_description,
 )
 from anhyst.exchange.stage_part import stage_part
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.support.atomic import (
     PathLike,
     atomic_writer,

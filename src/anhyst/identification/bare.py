@@ -37,7 +37,7 @@ from anhyst.identification.response import Local, ResponseForm
 from anhyst.identification.space import IN_SERIES, LEAST_GAP_FLUX, WRITTEN
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
-from anhyst.model.gap_map import Curve
+from anhyst.model.parameters import Curve
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, Quantity
 

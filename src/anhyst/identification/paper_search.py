@@ -340,7 +340,7 @@ def spline_model_at(model: Model, gap: float) -> Model:
 
     Kept to show why that fails (Figs. 1 and 2): between nodes a spline overshoots, and parameters
     that scatter along a redundancy do not belong together. The product's own interpolation is that
-    of :mod:`anhyst.model.gap_map`.
+    of :mod:`anhyst.model.parameters`.
     """
     if len(model.nodes) < 2:
         raise InputError(

@@ -1,8 +1,15 @@
-"""A model in use: whole records, sample by sample, and the acceptance test."""
+"""A model in use: read from its file, whole records, sample by sample, and the acceptance test.
+
+The file is a versioned TOML that a person reads, edits and compares. Everything is SI and the unit
+stands in the key, so ``k_A_per_m`` is ``k`` in A/m. Numbers are written so that every bit comes
+back, and there is no time stamp: the same model gives the same file. What is wrong with a file is
+reported with its line and key, all of it at once.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import hashlib
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -10,9 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst.data.history import History
+from anhyst.data.loops import Loops
+from anhyst.data.read_options import PREFIX, ReadOptions
 from anhyst.model.acceptance import Acceptance, GapCheck, check_acceptance, check_over_gap
 from anhyst.model.predict import invert, predict
 from anhyst.model.prediction import Prediction
+from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.stepper import Stepper
 from anhyst.model.writer import write_model
@@ -190,3 +200,66 @@ class Model(Result, ActuatorRecord):
         """Write the model file; see :func:`anhyst.model.writer.write_model`."""
         write_model(self, path)
         return Path(path)
+
+
+def read_model(path: PathLike) -> Model:
+    """Read and check a model file.
+
+    Parameters
+    ----------
+    path : path-like
+        A file that :func:`~anhyst.model.writer.write_model` wrote, perhaps edited since.
+
+    Returns
+    -------
+    Model
+        Ready for use: the core has accepted its parameters.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or is no TOML.
+    TomlFileError
+        Another format or version, keys that are unknown, missing, without their unit or out of
+        range; with line and key.
+    """
+    return read_as(path, Model)
+
+
+def read_sources(model: Model, folder: PathLike = ".") -> Loops:
+    """Read the measurements of a model again, exactly as for its identification."""
+    sources = model.provenance.sources
+    if not sources:
+        raise InputError(
+            "the model does not say which measurements it came from: [provenance]",
+            code="no-provenance",
+            key="provenance",
+        )
+    kept = {
+        name.removeprefix(PREFIX): str(value)
+        for name, value in model.provenance.settings.items()
+        if name.startswith(PREFIX)
+    }
+    unknown = set(kept) - {item.name for item in fields(ReadOptions)}
+    if unknown:
+        key = f"provenance.settings.{PREFIX}{min(unknown)}"
+        raise InputError(f"{key}: is unknown; remove it", code="extra-forbidden", key=key)
+    options = ReadOptions.from_text(**kept)
+    return options.read([_find(source.path, source.sha256, Path(folder)) for source in sources])
+
+
+def _find(path: str, sha256: str, folder: Path) -> Path:
+    places = [Path(path), folder / path, folder / Path(path).name]
+    there = [path for path in places if path.is_file()]
+    for place in there:
+        with place.open("rb") as stream:
+            if hashlib.file_digest(stream, "sha256").hexdigest() == sha256:
+                return place
+    if there:
+        raise InputError(
+            f"{there[0]}: has changed since the model was identified; identify again",
+            code="source-changed",
+        )
+    raise InputError(
+        f"{path}: no such file; put the measurements back or identify again", code="no-such-file"
+    )

@@ -17,8 +17,7 @@ from anhyst.data.joining import IN_ONE_RUN, one_after_another
 from anhyst.data.loops import Loop
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.table import DataTable, read_columns
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through
 from anhyst.model.prediction import Given, flag
 from anhyst.support.atomic import PathLike, check_writable

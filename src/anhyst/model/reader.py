@@ -37,7 +37,7 @@ Record = TypeVar("Record", bound=ActuatorRecord)
 
 
 def read_as(path: PathLike, kind: type[Record]) -> Record:
-    """Read and check a model file; see :func:`anhyst.model.file.read_model`."""
+    """Read and check a model file; see :func:`anhyst.model.actuator.read_model`."""
     return _Reader(TomlFile(path)).read(kind)
 
 

@@ -7,7 +7,7 @@ Around the iron, whose law lives in the core, a model knows how drive and output
     output                    = c_out(gap) * B**power + out_0
 
 with ``power`` 2 for a force and 1 for everything else. A parameter is a number, or one number for
-each node of the scheduling variable (:mod:`anhyst.model.gap_map` says what runs between the nodes).
+each node of the scheduling variable (:mod:`anhyst.model.parameters` says what runs between the nodes).
 """
 
 from __future__ import annotations
@@ -28,8 +28,15 @@ from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
-from anhyst.model.gap_map import Curve
-from anhyst.model.parameters import CIRCUIT, Circuit, GapMap, Parameter, find_problems, specs_of
+from anhyst.model.parameters import (
+    CIRCUIT,
+    Circuit,
+    Curve,
+    GapMap,
+    Parameter,
+    find_problems,
+    specs_of,
+)
 from anhyst.model.schema import Names, parameter_names
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray

@@ -1,4 +1,4 @@
-"""Writing the model file; see :mod:`anhyst.model.file` for what it is and for reading it."""
+"""Writing the model file; see :mod:`anhyst.model.actuator` for what it is and for reading it."""
 
 from __future__ import annotations
 

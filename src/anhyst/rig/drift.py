@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from anhyst._core import Magnet, Plant
-from anhyst.compensate.scheduled import cell_weights
+from anhyst.compensate.block import cell_weights
 from anhyst.laws import law_of
 from anhyst.laws.law import Role
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.parameters import Parameter
 from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile

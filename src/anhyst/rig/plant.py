@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from anhyst._core import Coil, Magnet, Plant
 from anhyst.data.table import DataTable, read_columns
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.rig.body import BodyRig, travel_m
 from anhyst.rig.file import RigFile
 from anhyst.rig.magnet_table import LAW

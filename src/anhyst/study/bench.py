@@ -23,8 +23,7 @@ from anhyst.compensate.block import DemandLimits, Kind
 from anhyst.compensate.plan import CompileRequest
 from anhyst.link.firmware import firmware_folder
 from anhyst.link.xcp import XcpMaster
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.hardware import HardwareBench

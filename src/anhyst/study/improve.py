@@ -14,8 +14,7 @@ from anhyst.data import Loops
 from anhyst.data.loops import Loop
 from anhyst.data.path import thinned
 from anhyst.data.reading import read_loops
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from anhyst.rig.recording import peak, rms
 from anhyst.study.excite.design import Bound, Specimen

@@ -22,7 +22,7 @@ from anhyst.compensate.current_map import CurrentMap
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.control.biquad import integrator, notch
+from anhyst.control.pidd2 import integrator, notch
 from anhyst.control.position import Allocation
 from anhyst.data import Loop, Loops
 from anhyst.data.history import History

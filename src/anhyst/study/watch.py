@@ -25,8 +25,7 @@ from anhyst.data import Loops
 from anhyst.data.history import History
 from anhyst.data.output_map import is_actuator
 from anhyst.data.reading import read_loops
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.stepper import Stepper
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError

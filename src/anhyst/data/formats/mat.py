@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.channel_table import ChannelTable, open_channels
+from anhyst.data.formats.channel_table import ChannelTable, open_channels, try_first
 from anhyst.data.formats.channels import (
     MOST_BYTES,
     ChannelFile,
@@ -24,7 +24,6 @@ from anhyst.data.formats.channels import (
     one_line_if_damaged,
 )
 from anhyst.data.formats.mat_layouts import ArrayInMemory, MatTree, channels_of, read_arrays
-from anhyst.data.formats.trial import try_first
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 

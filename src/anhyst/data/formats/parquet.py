@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.channel_table import ChannelTable, open_channels
+from anhyst.data.formats.channel_table import ChannelTable, open_channels, try_first
 from anhyst.data.formats.channels import (
     Channel,
     ChannelFile,
@@ -19,7 +19,6 @@ from anhyst.data.formats.channels import (
     need_package,
     one_line_if_damaged,
 )
-from anhyst.data.formats.trial import try_first
 from anhyst.support.atomic import binary_writer
 
 _UNITS = (b"unit", b"units", b"Unit", b"Units")

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from anhyst.data.loops import Loops
 from anhyst.model.acceptance import check_over_drive
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.reports.model.figures import (
     figure_between,
     figure_loops,

@@ -11,8 +11,7 @@ from anhyst.data.loops import Loops
 from anhyst.data.read_options import PREFIX
 from anhyst.data.verdict import Verdict, judge, single_valued
 from anhyst.model.acceptance import Acceptance, DriveCheck, GapCheck
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_sources
+from anhyst.model.actuator import Model, read_sources
 from anhyst.model.fit_record import FitFigures, fit_figures
 from anhyst.model.left_over import left_of, left_over_text
 from anhyst.support.atomic import PathLike

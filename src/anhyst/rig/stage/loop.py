@@ -23,9 +23,8 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compensate.sources import Operating
-from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_codes
-from anhyst.control.pidd2 import FixedPidd2, FullScales
+from anhyst.control.pidd2 import Biquad, FixedPidd2, FullScales, as_pidd2
 from anhyst.control.position import Allocation
 from anhyst.data import Loops
 from anhyst.rig.body import BodyRig, travel_m

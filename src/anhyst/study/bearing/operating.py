@@ -17,8 +17,7 @@ import numpy as np
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.rig.bearing.loop import Setup, check_controller
 from anhyst.rig.body import BodyRig, check_load, check_rate, read_bearing
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.compensate.block import Kind as BlockKind
-from anhyst.compensate.twin import Io
+from anhyst.compensate.force_controller import Io
 from anhyst.data.formats.text import write_csv
 from anhyst.identification.identify import check_wanted
 from anhyst.identification.space import coordinate_of

@@ -13,15 +13,14 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.block import Kind as BlockKind
+from anhyst.compensate.force_controller import Io
 from anhyst.compensate.plan import CompileRequest
-from anhyst.compensate.twin import Io
 from anhyst.compilation.output import compile_model
 from anhyst.data.formats import FORMATS
 from anhyst.data.reading import files_read, read_loops
 from anhyst.identification import identify
 from anhyst.identification.run import IdentifyResult, whole_search
-from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.support.atomic import PathLike, json_text, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.twin import Io
+from anhyst.compensate.force_controller import Io
 from anhyst.compilation.manifest import VERSION
 from anhyst.compilation.output import Compiled, check_folder, write_folder
 from anhyst.compilation.play import CompiledPlay
