@@ -34,7 +34,7 @@ from anhyst.identification.paper_seven import (
     mean_over_gaps,
     variables_of,
 )
-from anhyst.identification.run import SearchRun
+from anhyst.identification.run import Outcome, SearchRun
 from anhyst.model.actuator import Model
 from tests.identification.truths import GAPS, core, loops_of, magnet
 from tests.refusals import refused
@@ -188,7 +188,7 @@ def test_cost_of_the_last_step_is_that_of_the_model(quick: IdentifyResult, two_g
 
 
 @pytest.fixture(scope="module")
-def whole(two_gaps: Loops) -> paper_sequence.PaperResult:
+def whole(two_gaps: Loops) -> Outcome:
     return search_paper(run_of(two_gaps), two_gaps, "auto", LEAST)
 
 
@@ -196,7 +196,7 @@ def whole(two_gaps: Loops) -> paper_sequence.PaperResult:
     "stage", [5, *(pytest.param(one, marks=pytest.mark.slow) for one in (1, 20))]
 )
 def test_a_killed_run_goes_on_to_the_same_result(
-    stage: int, two_gaps: Loops, whole: paper_sequence.PaperResult, tmp_path: Path
+    stage: int, two_gaps: Loops, whole: Outcome, tmp_path: Path
 ) -> None:
     kept = tmp_path / "checkpoint"
 

@@ -16,6 +16,7 @@ import numpy as np
 from anhyst.data import Loops
 from anhyst.data.output_map import output_map
 from anhyst.identification.fit_records import FitRecords
+from anhyst.identification.run import Outcome
 from anhyst.identification.screening import evenly
 from anhyst.identification.uncertainty import memory, statements
 from anhyst.laws import LAWS
@@ -59,17 +60,6 @@ class _Entry:
         if self.low > 0.0:
             return float(self.value(part) * np.log(self.high / self.low))
         return self.high - self.low
-
-
-@dataclass(frozen=True, eq=False)
-class Fitted:
-    """A model of any law, and what least squares say of it."""
-
-    model: Model
-    uncertainty: Uncertainty
-    cost: float
-    evaluations: int
-    why: str
 
 
 @dataclass(eq=False)
@@ -209,7 +199,7 @@ class _Problem:
 
 def fit_any(
     loopset: Loops, records: FitRecords, law: str, gap_map: str, seed: int, offsets: bool
-) -> Fitted:
+) -> Outcome:
     """Fit a law through its iron alone."""
     over_gap = loopset.schedule is not None and loopset.schedule.name == "gap"
     maps: tuple[GapMap, ...] = ("scaling", "reluctance") if over_gap else ("scaling",)
@@ -218,11 +208,12 @@ def fit_any(
     if records.gaps < 2:
         maps = ("none",)
     ends = [_descend(_Problem(LAWS[law], name, loopset, records, offsets), seed) for name in maps]
-    best = min(ends, key=lambda end: end.cost)
-    return replace(best, evaluations=sum(end.evaluations for end in ends))
+    _, best = min(ends, key=lambda end: end[0])
+    return replace(best, evaluations=sum(outcome.evaluations for _, outcome in ends))
 
 
-def _descend(problem: _Problem, seed: int) -> Fitted:
+def _descend(problem: _Problem, seed: int) -> tuple[float, Outcome]:
+    """Return the cost and what least squares come to under one gap map."""
     from scipy.optimize import OptimizeResult, least_squares
 
     begins = problem.begins(seed)
@@ -250,10 +241,11 @@ def _descend(problem: _Problem, seed: int) -> Fitted:
     end, entries = min(short, key=lambda one: float(one[0].cost))
     best = descend(entries, end.x, 1e-8, 60)
     model = problem.model(entries, best.x)
-    return Fitted(
+    uncertainty = _assess(problem, entries, best.x, best.fun, best.jac)
+    return 2.0 * float(best.cost), Outcome(
         model,
-        _assess(problem, entries, best.x, best.fun, best.jac),
-        2.0 * float(best.cost),
+        uncertainty,
+        len(uncertainty.names),
         problem.evaluations,
         f"gap map '{model.gap_map}' fits the loops best of those tried",
     )

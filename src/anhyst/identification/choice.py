@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -58,10 +58,10 @@ from anhyst.identification.left_open import (
 )
 from anhyst.identification.objective import Objective
 from anhyst.identification.response import Local
-from anhyst.identification.run import SearchRun
+from anhyst.identification.run import Outcome, SearchRun
 from anhyst.identification.screening import starts
 from anhyst.identification.space import WRITTEN
-from anhyst.identification.uncertainty import only_demanded
+from anhyst.identification.uncertainty import assess, only_demanded
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import CHOSEN, CandidateFit, CrossValidation
 from anhyst.model.left_over import EXACT
@@ -80,25 +80,22 @@ CARRIED = 24
 """Sets of the screening that are tried at the other gaps beside the optimum of one gap."""
 
 
-@dataclass(frozen=True, eq=False)
-class ModelChoice:
-    """The fit chosen, and why."""
-
-    found: FoundModel  # the fit
-    why: str  # the reason, as a sentence
-    dead_band: str = "none"  # how wide the dead band of the law is, and why
-    # cross-validation error of each map tried, relative to the largest output; empty below three
-    # gaps, and without those maps that cannot be computed at a gap left out
-    left_out: dict[str, float] = field(default_factory=dict)
-    # what the whole choice misses at gaps it has not seen; None below three gaps
-    promised: CrossValidation | None = None
-    candidates: tuple[CandidateFit, ...] = ()  # all that were compared, where laws were
-    why_law: str = ""  # why this law; empty where none was compared
-    # how far laws that follow the only loop alike differ within it, in parts of the largest output
-    left_open: float = 0.0
+def outcome_of(
+    found: FoundModel, loopset: Loops, why: str, *, interrupted: bool = False
+) -> Outcome:
+    """Return a fit as the outcome of a search, without what it was compared with."""
+    return Outcome(
+        model_of(found, loopset),
+        assess(found, loopset),
+        found.theta.size,
+        found.evaluations,
+        why,
+        interrupted,
+        found=found,
+    )
 
 
-def search_models(run: SearchRun, loopset: Loops, gap_map: str) -> ModelChoice:
+def search_models(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
     """Fit under the wanted map and law, or under all, and keep what predicts best what is left out."""
     gaps = run.searched.gaps
     require_gaps(run.records, gap_map)
@@ -132,13 +129,16 @@ def search_models(run: SearchRun, loopset: Loops, gap_map: str) -> ModelChoice:
     else:
         maps = contest.errors_of_maps(best)
         run.total -= 4 if run.cells else 0
-    return ModelChoice(
-        *_finished(run, loopset, contest.fits[best].found, why),
-        {name: error for name, error in maps.items() if np.isfinite(error)},
-        run.timed("left out", partial(_promised, contest, loopset)),
-        candidates,
-        why_law,
-        apart,
+    found, why, dead_band = _finished(run, loopset, contest.fits[best].found, why)
+    promised = run.timed("left out", partial(_promised, contest, loopset))
+    return replace(
+        outcome_of(found, loopset, why),
+        dead_band=dead_band,
+        left_out={name: error for name, error in maps.items() if np.isfinite(error)},
+        promised=promised,
+        candidates=candidates,
+        why_law=why_law,
+        left_open=apart,
     )
 
 

@@ -20,10 +20,11 @@ from anhyst.data import Loop, Loops
 from anhyst.data.history import History
 from anhyst.data.path import correlation
 from anhyst.data.speeds import rate_of
+from anhyst.identification.run import Outcome
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics
-from anhyst.model.fit_record import CandidateFit
+from anhyst.model.fit_record import CandidateFit, Uncertainty
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
@@ -95,18 +96,6 @@ ROUNDS = 3
 """Creep follows what the last round found."""
 
 
-@dataclass(frozen=True, eq=False)
-class CreepingFit:
-    """What was found."""
-
-    model: Model  # bare: no records of how it was found
-    numbers: int  # that were fitted and are not zero
-    tried: int  # least-squares problems solved
-    why: str  # the reason for lag and creep, as a sentence
-    statement: str  # up to which rate the model holds, if the loops say; else empty
-    candidates: tuple[CandidateFit, ...]  # what was compared
-
-
 @dataclass(frozen=True)
 class _Try:
     """What is tried: lag in s, middle of the curves, creep times; and what came of it."""
@@ -118,7 +107,7 @@ class _Try:
     rms: float = np.inf
 
 
-def fit_creeping(loopset: Loops) -> CreepingFit:
+def fit_creeping(loopset: Loops) -> Outcome:
     """Fit play cells, lag and creep to loops without a scheduling variable."""
     problem = _Problem(_fewer(loopset))
     problem.leave_out_strays()
@@ -142,13 +131,15 @@ def fit_creeping(loopset: Loops) -> CreepingFit:
     last = replace(tries[-1], note="chosen")
     model, statement = held(problem.model(chosen), loopset)
     assert chosen.weights is not None
-    return CreepingFit(
+    return Outcome(
         model,
+        Uncertainty((), (), (), statements=(statement,) if statement else ()),
         int(np.count_nonzero(chosen.weights)),
         problem.solved,
-        _why(chosen, still),
-        statement,
-        (*tries[:-1], last),
+        "nothing is scheduled",
+        dead_band="none: play cells need none",
+        candidates=(*tries[:-1], last),
+        why_law=_why(chosen, still),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -18,28 +18,23 @@ from anhyst.identification.any_law import fit_any
 from anhyst.identification.bare import form_of, model_of, valid_range
 from anhyst.identification.candidates import require_gaps
 from anhyst.identification.cell_kernel import LAW_OF
-from anhyst.identification.choice import FEWEST, ModelChoice, search_models
+from anhyst.identification.choice import FEWEST, outcome_of, search_models
 from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
-from anhyst.identification.default import TO_END, FoundModel, follow
+from anhyst.identification.default import TO_END, follow
 from anhyst.identification.fit_records import records_of, rest_of
 from anhyst.identification.left_open import FARTHEST, first_rise, is_guessed, resolved
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rate import fit_rate, without_rate
-from anhyst.identification.run import SEARCHED, IdentifyResult, SearchRun
+from anhyst.identification.run import SEARCHED, IdentifyResult, Outcome, SearchRun
 from anhyst.identification.space import IN_SERIES
 from anhyst.identification.uncertainty import assess
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
-from anhyst.model.actuator import Model
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import (
-    CandidateFit,
-    CrossValidation,
     Provenance,
-    ReductionStep,
-    Uncertainty,
     fit_figures,
 )
 from anhyst.model.left_over import left_of, left_over_text
@@ -121,11 +116,11 @@ def identify(
     check_wanted(law, gap_map, search)
     odd = check_plausible(loops)
 
-    def static(some: Loops, before: _Outcome | None = None) -> _Outcome:
+    def static(some: Loops, before: Outcome | None = None) -> Outcome:
         """Find the model of loops at one speed; from an outcome on it is the same choice."""
         own, cells = _compared(some, law, search)
         if _creeps(some, law, search):
-            return _creeping(some)
+            return fit_creeping(some)
         if LAWS[own].kernel is None:
             return _any_law(some, own, gap_map, seed, weights, offsets=offsets)
         rest = rest_of(some) if offsets and search == "default" else None
@@ -250,36 +245,13 @@ def _compared(loops: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ..
     return DEFAULT_LAW, tuple(shapes[name] for name in able) if search == "default" else ()
 
 
-@dataclass(frozen=True, eq=False)
-class _Outcome:
-    """What a search has come to; the model is bare yet."""
-
-    model: Model
-    uncertainty: Uncertainty
-    quantities: int
-    evaluations: int
-    why: str
-    interrupted: bool
-    dead_band: str = "none"
-    left_out: dict[str, float] = field(default_factory=dict)
-    promised: CrossValidation | None = None
-    candidates: tuple[CandidateFit, ...] = ()
-    why_law: str = ""
-    left_open: float = 0.0
-    steps: tuple[ReductionStep, ...] = ()
-    per_gap: Model | None = None
-    resumed: int = 0
-    why_rate: str = ""
-    found: FoundModel | None = None  # of a search that others can go on from
-
-
 class _Static(Protocol):
     """The way from loops at one speed to their model."""
 
-    def __call__(self, some: Loops, before: _Outcome | None = ...) -> _Outcome: ...
+    def __call__(self, some: Loops, before: Outcome | None = ...) -> Outcome: ...
 
 
-def _at_all_speeds(loops: Loops, static: _Static, speeds: Speeds | None) -> _Outcome:
+def _at_all_speeds(loops: Loops, static: _Static, speeds: Speeds | None) -> Outcome:
     """Find the model at rest, and around it how late the iron answers."""
     if speeds is None:
         return static(loops)
@@ -307,76 +279,32 @@ def _creeps(loops: Loops, law: str, search: str) -> bool:
     return able and law in {AUTO, CREEPING_LAW} and search == "default"
 
 
-def _creeping(loops: Loops) -> _Outcome:
-    end = fit_creeping(loops)
-    return _Outcome(
-        end.model,
-        Uncertainty((), (), (), statements=tuple(filter(None, [end.statement]))),
-        end.numbers,
-        end.tried,
-        "nothing is scheduled",
-        False,
-        dead_band="none: play cells need none",
-        candidates=end.candidates,
-        why_law=end.why,
-    )
-
-
 def _any_law(
     loops: Loops, law: str, gap_map: str, seed: int, weights: str, *, offsets: bool
-) -> _Outcome:
+) -> Outcome:
     """Fit a law that the core does not have."""
     records = records_of(loops, weights)
     require_gaps(records, gap_map)
-    end = fit_any(loops, records.thinned(SEARCHED), law, gap_map, seed, offsets=offsets)
-    return _Outcome(
-        end.model, end.uncertainty, len(end.uncertainty.names), end.evaluations, end.why, False
-    )
+    return fit_any(loops, records.thinned(SEARCHED), law, gap_map, seed, offsets=offsets)
 
 
-def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> _Outcome:
+def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
     if search == "paper":
-        end = search_paper(run, loops, gap_map)
-        if not end.interrupted:
+        outcome = search_paper(run, loops, gap_map)
+        if not outcome.interrupted:
             run.finish()
-        return _Outcome(
-            end.model,
-            assess(end.found, loops),
-            end.found.theta.size,
-            end.found.evaluations,
-            end.why,
-            end.interrupted,
-            steps=end.steps,
-            per_gap=end.per_gap,
-            resumed=run.resumed,
-        )
-    interrupted = False
+        return outcome
     try:
-        choice = search_models(run, loops, gap_map)
+        return search_models(run, loops, gap_map)
     except KeyboardInterrupt:
         if run.best is None:
             raise
-        best, interrupted = run.best.on(run.records), True  # the search may have thinned them
-        choice = ModelChoice(best, "the search was interrupted: this is the best so far")
-    fit = choice.found
-    return _Outcome(
-        model_of(fit, loops),
-        assess(fit, loops),
-        fit.theta.size,
-        fit.evaluations,
-        choice.why,
-        interrupted,
-        choice.dead_band,
-        choice.left_out,
-        choice.promised,
-        choice.candidates,
-        choice.why_law,
-        choice.left_open,
-        found=fit,
-    )
+    best = run.best.on(run.records)  # the search may have thinned them
+    why = "the search was interrupted: this is the best so far"
+    return outcome_of(best, loops, why, interrupted=True)
 
 
-def _go_on(run: SearchRun, loops: Loops, before: _Outcome) -> _Outcome:
+def _go_on(run: SearchRun, loops: Loops, before: Outcome) -> Outcome:
     """Follow the fit of a search to its end on other records of the same loops."""
     start = before.found
     assert start is not None
@@ -386,7 +314,7 @@ def _go_on(run: SearchRun, loops: Loops, before: _Outcome) -> _Outcome:
     )
 
 
-def _warnings(loops: Loops, outcome: _Outcome) -> list[str]:
+def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
     gaps, quantities = len(loops.schedule_values), outcome.quantities
     warnings = [note for note in loops.notes if "columns not used" in note]
     warnings += [outcome.why] if gaps == 2 else []

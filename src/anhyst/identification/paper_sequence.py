@@ -12,7 +12,7 @@ gauges means nothing (docs/theory.md).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,8 +38,9 @@ from anhyst.identification.paper_seven import (
     mean_deviation,
     mean_over_gaps,
 )
-from anhyst.identification.run import SearchRun
+from anhyst.identification.run import Outcome, SearchRun
 from anhyst.identification.space import CoordinateSpace
+from anhyst.identification.uncertainty import assess
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ReductionStep
 from anhyst.support.errors import InputError
@@ -172,21 +173,9 @@ _ALIKE = 1.01
 """Rise of the cost up to which a model in another form counts as the same."""
 
 
-@dataclass(frozen=True, eq=False)
-class PaperResult:
-    """Outcome of the paper's search."""
-
-    model: Model  # bare model, as far as the reduction has come
-    per_gap: Model | None  # bare model with everything free at each gap; None with one gap only
-    steps: tuple[ReductionStep, ...]  # what was frozen, in the order it was
-    found: FoundModel  # the same fit in gauge-free coordinates
-    why: str  # what the reduction came to, as a sentence
-    interrupted: bool  # it was stopped before its end
-
-
 def search_paper(
     run: SearchRun, loopset: Loops, gap_map: str, effort: SearchEffort | None = None
-) -> PaperResult:
+) -> Outcome:
     """Search as the paper does."""
     require_gaps(run.records, gap_map)
     bench = SearchBench(run, loopset, effort or SearchEffort())
@@ -208,13 +197,17 @@ def search_paper(
             raise
         interrupted = True
     model, fit = _model(bench, stand, gap_map)
-    return PaperResult(
-        model=model,
-        per_gap=model_at_nodes(free, run, loopset) if bench.gaps > 1 else None,
+    return Outcome(
+        model,
+        assess(fit, loopset),
+        fit.theta.size,
+        fit.evaluations,
+        _why(stand, model, reducing, interrupted),
+        interrupted,
         steps=tuple(steps),
+        per_gap=model_at_nodes(free, run, loopset) if bench.gaps > 1 else None,
+        resumed=run.resumed,
         found=fit,
-        why=_why(stand, model, reducing, interrupted),
-        interrupted=interrupted,
     )
 
 

@@ -23,6 +23,7 @@ from anhyst.identification.response import ResponseForm
 from anhyst.laws.cells import Shape
 from anhyst.model.acceptance import Acceptance, GapCheck
 from anhyst.model.actuator import Model
+from anhyst.model.fit_record import CandidateFit, CrossValidation, ReductionStep, Uncertainty
 from anhyst.model.schema import LawName
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike, atomic_writer
@@ -113,6 +114,33 @@ class SearchRun:
         """Remove the checkpoint: the run has ended well."""
         if self.checkpoint is not None:
             self.checkpoint.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a search has come to."""
+
+    model: Model  # bare: no records of how it was found
+    uncertainty: Uncertainty
+    quantities: int  # that were fitted
+    evaluations: int
+    why: str  # the reason for the gap map, or what the reduction came to, as a sentence
+    interrupted: bool = False  # it was stopped before its end
+    dead_band: str = "none"  # how wide the dead band of the law is, and why
+    # cross-validation error of each map tried, relative to the largest output; empty below three
+    # gaps, and without those maps that cannot be computed at a gap left out
+    left_out: dict[str, float] = field(default_factory=dict)
+    # what the whole choice misses at gaps it has not seen; None below three gaps
+    promised: CrossValidation | None = None
+    candidates: tuple[CandidateFit, ...] = ()  # all that were compared, where laws were
+    why_law: str = ""  # why this law; empty where none was compared
+    # how far laws that follow the only loop alike differ within it, in parts of the largest output
+    left_open: float = 0.0
+    steps: tuple[ReductionStep, ...] = ()  # what the paper's search froze, in the order it was
+    per_gap: Model | None = None  # bare, of the paper's search: everything free at each gap
+    resumed: int = 0  # stages that a killed run had done already
+    why_rate: str = ""  # how late solid iron answers, and why
+    found: FoundModel | None = None  # the same fit in gauge-free coordinates
 
 
 def _key(run: SearchRun) -> str:

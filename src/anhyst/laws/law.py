@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
-from scipy.optimize import brentq
 
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
@@ -257,6 +256,7 @@ class SampledIron(ABC):
 
     def _root(self, state: State, of_field: float, of_flux: float, total: float) -> float:
         """Return the field that with its ``B/mu0`` adds up to what is wanted; the sum rises at least as it."""
+        from scipy.optimize import brentq  # slow to load, and no law of the core needs it
 
         def missing(field: float) -> float:
             return of_field * field + of_flux * self._flux(state, field) - total
