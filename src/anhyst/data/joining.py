@@ -210,15 +210,15 @@ def one_after_another(loops: Sequence[Loop], *, over_gaps: bool = False) -> list
     order = _order(loops)
     before = {
         index: tuple(
-            loops[one]
-            for one in order[:later]
-            if over_gaps or loops[one].schedule_value == loops[index].schedule_value
+            loops[other]
+            for other in order[:later]
+            if over_gaps or loops[other].schedule_value == loops[index].schedule_value
         )
         for later, index in enumerate(order)
     }
-    verdicts = [_is_inside(loop, one) for index, loop in enumerate(loops)
-                for one in before.get(index, ())
-                if one.schedule_value == loop.schedule_value]  # fmt: skip
+    verdicts = [_is_inside(loop, other) for index, loop in enumerate(loops)
+                for other in before.get(index, ())
+                if other.schedule_value == loop.schedule_value]  # fmt: skip
     seen = [verdict for verdict in verdicts if verdict is not None]
     if not seen or not all(seen):
         return list(loops)
@@ -234,7 +234,7 @@ def _order(loops: Sequence[Loop]) -> list[int]:
         return []
     clocks = [loop.time for loop in loops if loop.time is not None]
     order = sorted(range(len(loops)), key=lambda index: float(clocks[index][0]))
-    known = all(clocks[one][-1] <= clocks[two][0] for one, two in pairwise(order))
+    known = all(clocks[first][-1] <= clocks[second][0] for first, second in pairwise(order))
     return order if known else []
 
 
@@ -245,11 +245,11 @@ def _moves(loop: Loop) -> bool:
 def _after(earlier: Sequence[Loop], loop: Loop) -> History:
     points: list[float] = []
     places: list[float | None] = []
-    for one in earlier:
-        turns = turning_points(one.input, _TURN * float(np.ptp(one.input)))
-        points += one.input[turns].tolist()
-        here = one.schedule_value == loop.schedule_value
-        places += [None if here else one.schedule_value] * turns.size
+    for other in earlier:
+        turns = turning_points(other.input, _TURN * float(np.ptp(other.input)))
+        points += other.input[turns].tolist()
+        here = other.schedule_value == loop.schedule_value
+        places += [None if here else other.schedule_value] * turns.size
     return History("settled", tuple(points), tuple(places))
 
 

@@ -132,21 +132,21 @@ def loop_width(loop: Loop, *, even: bool) -> Width:
     if len(parts) > _RUN_IN:
         parts = parts[1:]  # how the record got going says nothing about the cycles after it
     widest = highest = 0.0
-    for one, two in itertools.pairwise(parts):
-        width = separation(size, answer, one, two)
+    for before, after in itertools.pairwise(parts):
+        width = separation(size, answer, before, after)
         if width is None or np.ptp(width[0]) < 0.2 * span:
             continue
         highest = max(highest, float(np.max(np.abs(width[1]))))
-        widest = max(widest, separation_sideways(size, answer, one.rows, two.rows, height))
+        widest = max(widest, separation_sideways(size, answer, before.rows, after.rows, height))
     return Width(widest, highest)
 
 
 def separation_sideways(
-    size: FloatArray, answer: FloatArray, one: slice, two: slice, height: float
+    size: FloatArray, answer: FloatArray, first: slice, second: slice, height: float
 ) -> float:
     """Largest distance in input between two branches at equal output, outer tenths left out."""
     curves = []
-    for rows in (one, two):
+    for rows in (first, second):
         x, y = smooth(size[rows], answer[rows], bins=200)
         if y[-1] < y[0]:
             y = -y
@@ -182,8 +182,8 @@ def judge(loopset: Loops) -> Verdict:
     largest = largest_output(loopset)
     span = max(float(np.ptp(loop.input)) for loop in loopset.loops)
     gain = max(0.0, 1.0 - floor / mean) if mean > 0.0 else 0.0
-    width = max(one.width for one in widths)
-    height = max(one.height for one in widths)
+    width = max(measured.width for measured in widths)
+    height = max(measured.height for measured in widths)
     level: Level = "yes"
     if mean < 5e-4 * largest or gain < 0.3:
         level = "no"
@@ -292,11 +292,11 @@ def reversal_share(loopset: Loops) -> float | None:
         low, high = (level * float(np.max(np.abs(answers))) for level in _LEVELS)
         middle = smooth(every, answers, _REVERSAL_BINS)
         for size, answer in curves:
-            for one, two in itertools.pairwise(branches(size)):
-                if not (one.rising and low <= abs(answer[two.start]) <= high):
+            for before, after in itertools.pairwise(branches(size)):
+                if not (before.rising and low <= abs(answer[after.start]) <= high):
                     continue
-                back, change = _after(size, answer, one, two, reach)
-                expected.append(back * _slope(*middle, float(size[two.start])))
+                back, change = _after(size, answer, before, after, reach)
+                expected.append(back * _slope(*middle, float(size[after.start])))
                 answered.append(change)
     return _share(np.concatenate(expected), np.concatenate(answered)) if expected else None
 
@@ -371,7 +371,7 @@ class Closing:
                 return None
             places.append(place[near])
             left.append((loop.output - followed)[rows][near])
-        stepped = np.repeat([0.0, 1.0], [one.size for one in places])
+        stepped = np.repeat([0.0, 1.0], [side_places.size for side_places in places])
         along = np.concatenate(places)
         terms = np.column_stack([np.ones_like(along), along, stepped])
         found, squares, _, _ = np.linalg.lstsq(terms, np.concatenate(left))

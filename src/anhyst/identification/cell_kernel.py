@@ -79,7 +79,7 @@ class CellPaths:
         """
         self._refuse_jumps(omega)
         x, m, status = self._operator.run(omega, r, begins)
-        _refuse(status)
+        require_answer(status)
         return x, m
 
     def with_tangents(
@@ -104,7 +104,7 @@ class CellPaths:
         x, m, x_t, m_t, status = self._operator.sensitivity(
             omega, r, omega_t, moved, weights_t, widths_t, thresholds_t, begins
         )
-        _refuse(status)
+        require_answer(status)
         return CellPath(x, m, x_t, m_t)
 
     def _refuse_jumps(self, omega: FloatArray) -> None:
@@ -113,7 +113,8 @@ class CellPaths:
             raise NoResponseError("the magnetisation may jump")
 
 
-def _refuse(status: int) -> None:
+def require_answer(status: int) -> None:
+    """Raise where the core found no answer."""
     if status != 0:
         raise NoResponseError(status_text(status))
 

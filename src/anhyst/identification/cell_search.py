@@ -129,7 +129,7 @@ class _Levels:
         objective = Objective(self.rough, self.tie)
         (short, long), end = pace
         costs = [(_cost(objective, theta), index, theta) for index, theta in enumerate(starts)]
-        chosen = [theta for cost, _, theta in sorted(costs, key=lambda one: one[:2])[:_TRIED]]
+        chosen = [theta for cost, _, theta in sorted(costs, key=lambda tried: tried[:2])[:_TRIED]]
         spent = len(costs)
         ends: list[FoundModel] = []
         for space, kept, tolerance, most in (

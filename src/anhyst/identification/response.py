@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst._core import Operator, demagnetised, langevin, status_text
-from anhyst.identification.cell_kernel import CellKernel, WeightKernel
+from anhyst._core import Operator, demagnetised, langevin
+from anhyst.identification.cell_kernel import CellKernel, WeightKernel, require_answer
 from anhyst.identification.fit_records import FitRecord, Past
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.law import Kernel
@@ -162,11 +162,11 @@ class Responder:
         if record.lead.drive.size and not record.settled:
             before, lead = driven_before(sets or (local,), record.lead)
             _, _, state, status, _ = operator.run(before, lead, state)
-            _refuse(status)
+            require_answer(status)
         elif record.settled and id(record) in self._starts:
             state = _admissible(self._starts[id(record)], form, local, float(r[-1]))
         x, m, after, status, _ = operator.run(omega, r, state)
-        _refuse(status)
+        require_answer(status)
         ends = [float(state[1])]
         while record.settled and abs(after[1] - state[1]) > _CLOSED and len(ends) < _PASSES:
             ends.append(float(after[1]))
@@ -174,7 +174,7 @@ class Responder:
             if len(ends) % _CREEPING == 0:
                 state = _admissible(_limit(after, ends), form, local, float(r[-1]))
             x, m, after, status, _ = operator.run(omega, r, state)
-            _refuse(status)
+            require_answer(status)
         if record.settled:
             self._starts[id(record)] = after
         return np.asarray(local.gain * (m + local.h * x) ** form.power + local.out_0)
@@ -208,14 +208,14 @@ class Responder:
         state = self._starts.get(id(record))
         if state is None:
             _, _, state, status, _ = operator.run(terms.omega, terms.r, demagnetised())
-            _refuse(status)
+            require_answer(status)
         state = _admissible(state, form, local, float(terms.r[-1]))
         for _ in range(_PASSES):
             seeds = _seeds(form, local, terms, state)
             x, m, x_t, m_t, after, seeds_after, status, _ = operator.sensitivity(
                 terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
             )
-            _refuse(status)
+            require_answer(status)
             kept = min(float(seeds_after[_SEED, 1]), 0.999)
             missing = (after[1] - state[1]) / (1.0 - kept)
             if abs(missing) < _NEARLY_CLOSED:
@@ -298,7 +298,7 @@ def _once(
         demagnetised(),
         np.zeros((_DIRECTIONS, 3)),
     )
-    _refuse(status)
+    require_answer(status)
     return x[first:], m[first:], x_t[first:], m_t[first:]
 
 
@@ -354,8 +354,3 @@ def _limit(state: FloatArray, ends: list[float]) -> FloatArray:
     if abs(second) >= abs(first):
         return state
     return np.array([state[0], ends[-1] - second * second / (second - first), state[2]])
-
-
-def _refuse(status: int) -> None:
-    if status != 0:
-        raise NoResponseError(status_text(status))
