@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 from anhyst.dashboard.recorder import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.verb import listen_on, make_server, settle
+from anhyst.rig.bench.pace import going_first
 from anhyst.study.bench import open_bench
 from anhyst.support.states import Command
 from rows import ROOT, Row
@@ -102,7 +103,12 @@ def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
     taken = listen_on("127.0.0.1", 0)
     port = int(taken.getsockname()[1])
     server = make_server(session, "bearing", ("127.0.0.1", port))
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [taken]}, name="server")
+
+    def run() -> None:
+        with going_first():
+            server.run(sockets=[taken])
+
+    thread = threading.Thread(target=run, name="server")
     settle()
     session.start()
     thread.start()

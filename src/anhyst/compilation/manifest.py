@@ -241,8 +241,9 @@ def _structures(*texts: str, **numbers: int) -> dict[str, int]:
         sizes |= {name: sizes[same] for same, name in re.findall(r"typedef (\w+) (\w+);", plain)}
         each = re.findall(r"typedef (struct|union) (?:\w+ )?\{([^}]*)\} (\w+);", plain)
         for kind, members, name in each:
-            total = {"struct": sum, "union": max}[kind]
-            sizes[name] = -(-total(_members(members, sizes, numbers)) // 4) * 4
+            each_size = _members(members, sizes, numbers)
+            size = max(each_size) if kind == "union" else sum(each_size)
+            sizes[name] = -(-size // 4) * 4
     return sizes
 
 

@@ -20,7 +20,7 @@ from anhyst.dashboard.recording import Span, TickRecorder
 from anhyst.dashboard.sets import ParameterSets
 from anhyst.model.actuator import Model
 from anhyst.rig.bench.force import demand_refusal
-from anhyst.rig.bench.pace import PacedBench
+from anhyst.rig.bench.pace import PacedBench, going_first
 from anhyst.rig.bench.protocol import Bench, Subscription
 from anhyst.study.tracking.beside import BenchLearner
 from anhyst.support.errors import InputError
@@ -290,7 +290,11 @@ class LiveSession:
 def _begin(
     name: str, work: Callable[[Subscription], None], subscription: Subscription
 ) -> threading.Thread:
-    thread = threading.Thread(target=work, args=(subscription,), name=name, daemon=True)
+    def run() -> None:
+        with going_first():
+            work(subscription)
+
+    thread = threading.Thread(target=run, name=name, daemon=True)
     thread.start()
     return thread
 

@@ -18,6 +18,7 @@ from anhyst.dashboard.recorder import RecordingFile, start_recording
 from anhyst.dashboard.server import MESSAGE_MOST, LiveServer
 from anhyst.dashboard.session import LiveSession
 from anhyst.model.actuator import Model
+from anhyst.rig.bench.pace import going_first
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.study.bench import address_of, open_board, prepare_board, prepared_once
@@ -103,7 +104,8 @@ def serve(
     try:
         if started is not None:
             started(f"http://{f'[{host}]' if ':' in host else host}:{port}/")
-        server.run(sockets=[taken])
+        with going_first():
+            server.run(sockets=[taken])
     except KeyboardInterrupt:
         pass  # the way to end it
     finally:

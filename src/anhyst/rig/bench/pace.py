@@ -15,9 +15,9 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -31,6 +31,8 @@ CHUNK_S = 0.01
 """Of the clock that the ticks of a chunk take."""
 BEHIND_S = 0.1
 """Of the clock: a bench that is later gives up the time it lost instead of running after it."""
+_BEFORE_HELPERS = 2
+"""The pacer's order among threads that go first."""
 _REST = 0.05
 """Sleep after each chunk where the bench goes before all other work, of the time it took."""
 _WINDOW_S = 1.0
@@ -173,14 +175,9 @@ class PacedBench:
         return begin + (tick - first) / (self._bench.rate * self._speed)
 
     def _run(self) -> None:
-        first = _goes_first()
         try:
-            while True:
-                self._work_off()
-                ticks = self._wait()
-                if ticks is None:
-                    return
-                if ticks:
+            with going_first(_BEFORE_HELPERS) as first:
+                while (ticks := self._next_ticks()) is not None:
                     began = time.monotonic()
                     self._advance(ticks)
                     if first:
@@ -190,26 +187,20 @@ class PacedBench:
         finally:
             self._end()
 
-    def _work_off(self) -> None:
-        """Do what was asked for."""
+    def _next_ticks(self) -> int | None:
+        """Do what is asked for until ticks are due; return how many, or None at the end."""
         while True:
             with self._wake:
                 if not self._todo:
-                    return
+                    if self._closing:
+                        return None
+                    ticks, patience = self._next()
+                    if ticks:
+                        return ticks
+                    self._wake.wait(patience)
+                    continue
                 work = self._todo.popleft()
             work()
-
-    def _wait(self) -> int | None:
-        """Wait until something is to be done; return the ticks to run, or None at the end."""
-        with self._wake:
-            if self._closing:
-                return None
-            if self._todo:
-                return 0
-            ticks, patience = self._next()
-            if ticks == 0:
-                self._wake.wait(patience)
-            return ticks
 
     def _next(self) -> tuple[int, float | None]:
         """Return the ticks to run now, or none and how long to wait; under the lock."""
@@ -262,14 +253,27 @@ class PacedBench:
             work()
 
 
-def _goes_first() -> bool:
-    """Let the calling thread go before all usual work; whether the system grants it."""
-    if sys.platform == "linux":
-        with suppress(OSError):  # mostly not allowed
-            policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK  # what it starts does not
-            os.sched_setscheduler(0, policy, os.sched_param(1))
-            return True
-    return False
+@contextmanager
+def going_first(order: int = 1) -> Iterator[bool]:
+    """Let the calling thread go before all usual work meanwhile; gives whether the system allows it.
+
+    The threads beside the pacer that run all the time need it too: one that is put aside while it
+    holds the interpreter's lock holds the pacer up.
+    """
+    if sys.platform != "linux":
+        yield False
+        return
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK  # what it starts does not
+        os.sched_setscheduler(0, policy, os.sched_param(order))
+    except OSError:  # mostly not allowed
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        os.sched_setscheduler(0, *before)
 
 
 def _checked(speed: float) -> float:
