@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from anhyst._core import FixedPosition, LoopController, Plant, Position, PositionF32
+from anhyst._core import FixedPosition, LoopController, Position, PositionF32
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, PairTable
 from anhyst.control.position import PositionControl, ReferenceConverter
-from anhyst.rig.bearing.scenario import Script, land_time, lift_time, steps_up_and_down
+from anhyst.rig.bearing.scenario import ScenarioBuilder, land_time, lift_time, steps_up_and_down
 from anhyst.rig.body import BodyRig, step_ends
-from anhyst.rig.loop import ClosedLoop, Scenario
-from anhyst.rig.plant import current_loops, make_plant
+from anhyst.rig.loop import Scenario, Setup
 from anhyst.rig.recording import (
     BREAKAWAY,
     COLUMNS,
@@ -30,7 +29,6 @@ from anhyst.rig.recording import (
     SignalBound,
     find_loss,
 )
-from anhyst.support.kinds import MethodName
 from anhyst.support.states import Command, Flag
 from anhyst.support.toml_file import FileFault, faults_error
 
@@ -132,44 +130,34 @@ def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileF
                 yield FileFault(("pair", key), text, code="differs-from-rig")
 
 
-@dataclass(frozen=True)
-class Setup:
-    """Everything one loop needs; goes to other processes."""
-
-    rig: BodyRig  # the plant
-    controller: ControllerTable  # gains, limits, lift-off
-    compensator: ForceController  # from force to current, as fitted; never run itself
-    own: tuple[ForceController, ...] = ()  # of each magnet, where they are not all the same
-
-    @property
-    def name(self) -> MethodName:
-        """Of its method."""
-        return self.compensator.method
-
-
 _CLASSES = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
 
 
-def make_position(setup: Setup) -> LoopController:
-    """Return the controller of a setup, just switched on, with compensators that remember nothing."""
-    number_format = setup.compensator.format
-    control = position_control(setup)
-    each = setup.own or (setup.compensator,) * len(setup.rig.magnets)
-    natives = [compensator.fresh().native for compensator in each]
-    controller: LoopController = _CLASSES[number_format](
-        control.gains(number_format), natives, dict(control.settings(number_format))
-    )
-    return controller
+@dataclass(frozen=True)
+class BearingSetup(Setup):
+    """All that a run of a bearing needs."""
+
+    recorded = COLUMNS
+    controller: ControllerTable  # gains, limits, lift-off
+
+    def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
+        """Return the controller, just switched on."""
+        number_format, control = self.compensator.format, position_control(self)
+        natives = [drive.native for drive in drives or self.fresh()]
+        controller: LoopController = _CLASSES[number_format](
+            control.gains(number_format), natives, dict(control.settings(number_format))
+        )
+        return controller
 
 
-def check_position(setup: Setup) -> None:
+def check_position(setup: BearingSetup) -> None:
     """Refuse a controller that does not fit its compensator or its number format."""
     control = position_control(setup)
     control.gains(setup.compensator.format)
     control.settings(setup.compensator.format)
 
 
-def position_control(setup: Setup) -> PositionControl:
+def position_control(setup: BearingSetup) -> PositionControl:
     """Return the controller of a setup in SI units."""
     amplifier, parameters = setup.rig.settings.amplifier, setup.compensator.parameters
     return setup.controller.position_control(
@@ -178,21 +166,6 @@ def position_control(setup: Setup) -> PositionControl:
         pair_of(setup.rig),
         parameters.flux_full_scale,
     )
-
-
-class SimulatedLoop(ClosedLoop):
-    """A bearing from power on; scenarios follow each other."""
-
-    def __init__(
-        self, setup: Setup, seed: int = 0, largest_first: bool = False, bearing: Plant | None = None
-    ) -> None:
-        rig = setup.rig
-        bearing = bearing or make_plant(rig, seed)
-        if largest_first:
-            for magnet in range(len(rig.magnets)):
-                for current in (rig.settings.amplifier.current_high_A, 0.0):
-                    bearing.hold(current, magnet)
-        super().__init__(bearing, make_position(setup), current_loops(rig), COLUMNS)
 
 
 def lost_at(rig: BodyRig, recording: Recording, since: int = 0) -> float | None:
@@ -218,7 +191,7 @@ _RESTLESS = 0.01
 class LevitationRun:
     """A run from power on until the armature lies again."""
 
-    setup: Setup
+    setup: BearingSetup
     recording: Recording  # lift-off, steps, load steps, landing
     steps: Scenario  # the first part of it: lift-off and steps
     landing: int  # tick of the command to land
@@ -301,12 +274,12 @@ class LevitationRun:
         return []
 
 
-def parts_of_run(setup: Setup) -> tuple[Scenario, Scenario, int]:
+def parts_of_run(setup: BearingSetup) -> tuple[Scenario, Scenario, int]:
     """Return the run that a simulation records: lift-off and steps; then loads and a landing."""
     rig = setup.rig
     cases, load = rig.settings, rig.settings.load.force_N
     steps = steps_up_and_down(rig, setup.controller, cases.gap_m, cases.step.heights_m)
-    script = Script(rig, float(steps.target[-1]))
+    script = ScenarioBuilder(rig, float(steps.target[-1]))
     for step in cases.load_steps_N:
         script.set_load(load + step).hold(0.15).set_load(load).hold(0.15)
     landing = steps.ticks + script.ticks

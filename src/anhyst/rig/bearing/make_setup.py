@@ -10,7 +10,7 @@ from anhyst.compensate.sources import Operating
 from anhyst.control.controller_file import ControllerFile, ControllerTable, error_at_key
 from anhyst.data import Loops
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.loop import Setup, check_controller, check_position, pair_of
+from anhyst.rig.bearing.loop import BearingSetup, check_controller, check_position, pair_of
 from anhyst.rig.body import BodyRig
 from anhyst.rig.fitting import IdentifiedMagnet, calibrated, fit_at
 from anhyst.support.errors import InputError
@@ -23,7 +23,7 @@ def make_setup(
     magnet: IdentifiedMagnet,
     variant: MethodName,
     number_format: NumberFormat,
-) -> Setup:
+) -> BearingSetup:
     """Fit one variant to what is known, and to what motion taught of it, behind the controller."""
     magnets = calibrated_magnets(rig, magnet, variant)
     each = fit_magnets(rig, controller, magnets, variant, number_format)
@@ -31,7 +31,7 @@ def make_setup(
         update={"variant": variant, "format": number_format}
     )
     behind = controller.model_copy(update={"compensation": chosen})
-    return Setup(rig, behind, each[0], tuple(each) if len(each) > 1 else ())
+    return BearingSetup(rig, each[0], behind, own=tuple(each) if len(each) > 1 else ())
 
 
 def fit_magnets(
@@ -86,7 +86,7 @@ def make_setups(
     controller: ControllerFile,
     magnet: IdentifiedMagnet,
     variants: tuple[MethodName, ...],
-) -> Mapping[MethodName, Setup]:
+) -> Mapping[MethodName, BearingSetup]:
     """Fit several variants in the number format of a controller file."""
     check_controller(controller, rig)
     table = controller.settings

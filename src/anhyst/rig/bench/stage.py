@@ -40,7 +40,6 @@ from anhyst.rig.stage.loop import (
     demand_columns,
     fed_wrench,
     led,
-    make_loop_controller,
     of_axes,
     pid,
     read_noise,
@@ -104,7 +103,7 @@ class StageLap(NamedTuple):
     @property
     def method(self) -> MethodName:
         """The one that drove it."""
-        return self.setup.compensator.method
+        return self.setup.method
 
 
 class StageBench(Bench):
@@ -188,7 +187,7 @@ class StageBench(Bench):
         setup = replace(self._setup, rig=replace(rig, settings=settings))
         # the loop keeps the drives alive
         drives = [self._remembering(setup, k) for k in range(self._magnets)]
-        controller = make_loop_controller(setup, drives)
+        controller = setup.make_controller(drives)
         self._loop = ClosedLoop(self._plant, controller, current_loops(setup.rig))
         if len(self._latest):
             wanted, fed = np.split(self._latest[:, 2 * self._magnets :], 2, axis=1)
@@ -424,7 +423,7 @@ class StageBench(Bench):
         values = {**self._values, **self._staged}
         gains = self._gains[int(values["compensation"])]
         values = {**{f"gain_{name}": getattr(gains, name) for name in GAINS}, **values}
-        off, on = (one.compensator.method for one in self._setups)
+        off, on = (one.method for one in self._setups)
         return stage_parameters(values, (off, on), crossover)
 
     def apply(self, values: Mapping[str, float]) -> int:
@@ -437,8 +436,8 @@ class StageBench(Bench):
 
     def correct(self, setup: StageSetup) -> int:
         """Put what was learnt of a method in force, on the tick on which the body next rests."""
-        methods = [one.compensator.method for one in self._setups]
-        self._corrected[methods.index(setup.compensator.method)] = setup
+        methods = [one.method for one in self._setups]
+        self._corrected[methods.index(setup.method)] = setup
         return self._due
 
     @property

@@ -12,13 +12,13 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
 from anhyst.model.compilable import has_layers
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.loop import LevitationRun, Setup, SimulatedLoop, lost_blocks, parts_of_run
+from anhyst.rig.bearing.loop import BearingSetup, LevitationRun, lost_blocks, parts_of_run
 from anhyst.rig.bearing.make_setup import calibrated_magnets, make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.fitting import IdentifiedMagnet, check_plant
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing import experiments, linear
 from anhyst.study.bearing.operating import (
@@ -64,7 +64,7 @@ class Simulation(StudyResult):
     controller : ControllerFile
     knowledge : IdentifiedMagnet
         Loops and model.
-    setups : mapping of str to Setup
+    setups : mapping of str to BearingSetup
         By variant.
     at : OperatingPoint
     recording : Recording
@@ -90,7 +90,7 @@ class Simulation(StudyResult):
     rig: BodyRig
     controller: ControllerFile
     knowledge: IdentifiedMagnet
-    setups: Mapping[MethodName, Setup]
+    setups: Mapping[MethodName, BearingSetup]
     at: OperatingPoint
     recording: Recording
     shown: Mapping[MethodName, Recording]
@@ -239,17 +239,17 @@ def _model_file(out: PathLike) -> Path:
 
 
 def _beside(
-    mine: Setup, controller: ControllerFile, knowledge: IdentifiedMagnet
-) -> tuple[dict[MethodName, Setup], dict[MethodName, str]]:
+    mine: BearingSetup, controller: ControllerFile, knowledge: IdentifiedMagnet
+) -> tuple[dict[MethodName, BearingSetup], dict[MethodName, str]]:
     """Fit what is compared with a setup; report what cannot be made, such as a law without a loop."""
-    setups: dict[MethodName, Setup] = {}
+    setups: dict[MethodName, BearingSetup] = {}
     left_out: dict[MethodName, str] = {}
     late: tuple[MethodName, ...] = ("at-rest",) if has_layers(knowledge.model) else ()
-    for name in (*compared(mine.rig, mine.name), *late):
+    for name in (*compared(mine.rig, mine.method), *late):
         try:
             setups |= (
                 {name: mine}
-                if name == mine.name
+                if name == mine.method
                 else make_setups(mine.rig, controller, knowledge, (name,))
             )
         except InputError as error:
@@ -260,7 +260,7 @@ def _beside(
 def _compare(
     controller: ControllerFile,
     knowledge: IdentifiedMagnet,
-    setups: Mapping[MethodName, Setup],
+    setups: Mapping[MethodName, BearingSetup],
     at: OperatingPoint,
     recording: Recording,
     parts: Iterator[Progress],
@@ -347,7 +347,7 @@ def compared(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
     return tuple(dict.fromkeys([*methods, own]))
 
 
-def _whole_run(setup: Setup) -> LevitationRun:
+def _whole_run(setup: BearingSetup) -> LevitationRun:
     """Lift off, step, load, land."""
     steps, after, landing = parts_of_run(setup)
     loop = SimulatedLoop(setup)

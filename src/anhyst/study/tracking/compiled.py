@@ -20,6 +20,7 @@ from anhyst.compilation.verb import compile_actuator
 from anhyst.control.fixed_axes import codes
 from anhyst.model.actuator import Model
 from anhyst.rig.body import BodyRig
+from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.recording import Loss, column, of_magnets
 from anhyst.rig.stage.file import (
     least_of,
@@ -43,7 +44,6 @@ from anhyst.rig.stage.loop import (
     identify_stage,
     led,
     make_stage,
-    stage_loop,
     stage_loss,
     track,
 )
@@ -342,7 +342,7 @@ def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
     time = instants(rig, rows + 1)
     wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
     scenario = led(rig, motion.at(time)[0], stray(rig, motion, time), wrench)
-    target, run = scenario.target, stage_loop(setup).run(scenario)
+    target, run = scenario.target, SimulatedLoop(setup).run(scenario)
     _refuse_lost(rig, stage_loss(rig, run, rows))
     magnets, heads = len(file.placed), len(file.position_sensors)
     read = [run[column("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]

@@ -336,7 +336,7 @@ def at_work(
     setup: StageSetup, magnet: IdentifiedMagnet, gains: Feedforward, seed: int
 ) -> Learner | None:
     """Let a stage that calibrates itself follow the training set-point; None where it does not."""
-    rig, method = setup.rig, setup.compensator.method
+    rig, method = setup.rig, setup.method
     if not rig.settings.tracking.calibrate or method not in MOVED:
         return None
     learner = Learner(law_of(rig, magnet, method), FORGET_S)

@@ -13,7 +13,7 @@ import numpy as np
 
 from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import LossCase
-from anhyst.rig.loop import FAILS, HEAD_FAULTS, SHORT
+from anhyst.rig.loop import FAILS, HEAD_FAULTS, SHORT, SimulatedLoop
 from anhyst.rig.recording import Recording, column, peak
 from anhyst.rig.stage.file import (
     error_columns,
@@ -31,7 +31,6 @@ from anhyst.rig.stage.loop import (
     led,
     of_axes,
     recorded,
-    stage_loop,
     stop_of,
 )
 from anhyst.rig.stage.setpoint import STRAY_LATE, braking, instants, motion_of, strayed, ticks_of
@@ -297,7 +296,7 @@ class Losses:
             scenario.command[at:] = which
         for at, which in (commands or {}).items():
             scenario.command[at] |= which
-        run = stage_loop(self.setup, self.seed).run(scenario)
+        run = SimulatedLoop(self.setup, self.seed).run(scenario)
         return Recording(dict(run.columns) | recorded(rig, run, scenario))
 
     def _touches(self, run: Recording) -> tuple[float, float]:
