@@ -18,7 +18,7 @@ from anhyst.model.fit_record import ValidRange
 from anhyst.rig.bearing.loop import BearingSetup, pair_of
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
-from anhyst.rig.bench.stage import StageBench, StageVariant, bench_of
+from anhyst.rig.bench.stage import StageBench, StageVariant
 from anhyst.rig.body import BodyRig
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.force.file import Rig
@@ -202,7 +202,7 @@ class PreparedStage:
 
     def open(self) -> StageBench:
         """Switch on; at rest, before its first tick. To be closed."""
-        return bench_of(self.variants)
+        return StageBench(self.variants)
 
 
 Prepared = PreparedBearing | PreparedForce | PreparedStage
