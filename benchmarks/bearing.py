@@ -11,8 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.rig.bearing.loop import BearingSetup
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.drift import changed, with_iron

@@ -18,8 +18,7 @@ import numpy as np
 
 from anhyst.compensate.current_map import CurrentMap
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.rig.bearing.loop import BearingSetup, position_control
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup, position_control
 from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig, read_bearing, step_ends
 from anhyst.rig.drift import changed

@@ -20,8 +20,7 @@ from anhyst.compensate.twin import twin_of
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
 from anhyst.identification.run import IdentifyTable
-from anhyst.rig.bearing.loop import BearingSetup
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.drift import changed, with_iron

@@ -22,8 +22,8 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from anhyst import Calibration, calibrate
-from anhyst.rig.bearing.loop import BearingSetup, parts_of_run
-from anhyst.rig.bearing.make_setup import fit_magnets, make_setup
+from anhyst.rig.bearing.loop import BearingSetup, fit_magnets, make_setup
+from anhyst.rig.bearing.scenario import parts_of_run
 from anhyst.rig.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant
 from anhyst.rig.fitting import calibrated, identify_magnet
 from anhyst.rig.iron_table import IronEntry, NamedIron
@@ -66,7 +66,7 @@ def judged(setup: BearingSetup, drift: Drift) -> Figures:
 def recorded(setup: BearingSetup, drift: Drift) -> Recording:
     """Lift a plant off and step it up and down."""
     return SimulatedLoop(setup, plant=drifted_plant(setup.rig, drift, 0)).run(
-        parts_of_run(setup)[0]
+        parts_of_run(setup.rig, setup.controller)[0]
     )
 
 

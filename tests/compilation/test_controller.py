@@ -20,8 +20,7 @@ from anhyst.compilation.vectors import INPUTS, LEVITATION_COLUMNS
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
 from anhyst.model.file import read_model
-from anhyst.rig.bearing.loop import BearingSetup
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
 from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.fitting import IdentifiedMagnet

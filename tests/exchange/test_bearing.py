@@ -15,7 +15,7 @@ import anhyst
 from anhyst.exchange import stage_part
 from anhyst.exchange.export import export_fmu
 from anhyst.exchange.part import Part, model_description
-from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.loop import make_setups
 from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.calibration import CENTRE
 from anhyst.rig.fitting import IdentifiedMagnet

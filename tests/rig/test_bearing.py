@@ -12,8 +12,7 @@ import pytest
 
 from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.loop import BearingSetup, lost_at
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, lost_at, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import changed
 from anhyst.rig.loop import Scenario, SimulatedLoop

@@ -17,8 +17,7 @@ from anhyst.control.controller_file import (
     read_controller,
     write_controller,
 )
-from anhyst.rig.bearing.loop import BearingSetup
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
 from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.case_table import LoadCase

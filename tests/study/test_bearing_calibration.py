@@ -13,8 +13,8 @@ import pytest
 from anhyst import Calibration, InputError, calibrate
 from anhyst.control.controller_file import ControllerFile
 from anhyst.dashboard.recorder import start_recording
-from anhyst.rig.bearing.loop import BearingSetup, parts_of_run
-from anhyst.rig.bearing.make_setup import compiled_model, fit_magnets, make_setup
+from anhyst.rig.bearing.loop import BearingSetup, compiled_model, fit_magnets, make_setup
+from anhyst.rig.bearing.scenario import parts_of_run
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CalibratedMethod, CalibrationFile
@@ -50,7 +50,8 @@ def flown(of: BearingSetup, scenario: Scenario, drift: Drift = WRONG) -> Recordi
 @cache
 def recorded(two: bool = False) -> Recording:
     """Lift-off and the steps of the example, with a plant that has drifted."""
-    return flown(setup(two), parts_of_run(setup(two))[0])
+    mine = setup(two)
+    return flown(mine, parts_of_run(mine.rig, mine.controller)[0])
 
 
 def taught(run: Recording | Path, two: bool = False, out: Path | None = None) -> Calibration:
@@ -154,7 +155,7 @@ def test_a_controller_expects_the_force_that_was_learnt(two: bool) -> None:
 @pytest.mark.slow
 def test_of_another_iron_it_is_said_that_the_law_does_not_fit_and_nothing_is_taken() -> None:
     other = replace(setup(), rig=with_iron(bearings.example(), 0.3, 1.0))
-    run = flown(other, parts_of_run(other)[0], NO_DRIFT)
+    run = flown(other, parts_of_run(other.rig, other.controller)[0], NO_DRIFT)
     found = taught(run)
     assert not found.file.method[0].fits
     assert not found.learnt

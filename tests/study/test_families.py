@@ -17,8 +17,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
 from anhyst.identification.left_open import first_rise
 from anhyst.identification.run import IdentifyTable
-from anhyst.rig.bearing.loop import BearingSetup
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.drift import changed, with_iron

@@ -14,8 +14,7 @@ from anhyst.compensate.sources import Sources
 from anhyst.control import Pidd2
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
-from anhyst.rig.bearing.loop import BearingSetup
-from anhyst.rig.bearing.make_setup import operating_point
+from anhyst.rig.bearing.loop import BearingSetup, operating_point
 from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.loop import SimulatedLoop as Running

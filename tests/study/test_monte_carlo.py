@@ -15,7 +15,7 @@ import pytest
 
 from anhyst.compensate.scheduled import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import make_setup
 from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.drift import CUT, Drift, draw_drift, drifted_law, drifted_plant

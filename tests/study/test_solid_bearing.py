@@ -14,8 +14,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compilation.manifest import controller_bytes, state_bytes
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.loop import BearingSetup
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.body import BodyRig

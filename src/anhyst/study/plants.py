@@ -18,8 +18,7 @@ from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.loop import BearingSetup, lost_at
-from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.loop import BearingSetup, lost_at, make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import Drift, drifted_file, drifted_plant

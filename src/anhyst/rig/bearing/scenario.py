@@ -166,6 +166,18 @@ def steps_up_and_down(
     return script.build()
 
 
+def parts_of_run(rig: BodyRig, controller: ControllerTable) -> tuple[Scenario, Scenario, int]:
+    """Return the run that a simulation records: lift-off and steps; then loads and a landing."""
+    cases, load = rig.settings, rig.settings.load.force_N
+    steps = steps_up_and_down(rig, controller, cases.gap_m, cases.step.heights_m)
+    script = ScenarioBuilder(rig, float(steps.target[-1]))
+    for step in cases.load_steps_N:
+        script.set_load(load + step).hold(0.15).set_load(load).hold(0.15)
+    landing = steps.ticks + script.ticks
+    script.command(Command.LAND).hold(land_time(rig, controller))
+    return steps, script.build(), landing
+
+
 def _disturbance(rig: BodyRig, what: DisturbanceTable, ticks: int, number: int) -> FloatArray:
     time = np.arange(ticks) * rig.dt - what.start_s
     after = time >= 0.0

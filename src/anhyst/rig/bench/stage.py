@@ -40,11 +40,11 @@ from anhyst.rig.stage.loop import (
     StageSetup,
     demand_columns,
     fed_wrench,
-    led,
     of_axes,
     pid,
     read_noise,
     recorded,
+    scenario_along,
     stage_loss,
 )
 from anhyst.rig.stage.setpoint import (
@@ -345,7 +345,7 @@ class StageBench(Bench):
         """
         rig, free = self.rig, self.rig.settings.body.free
         fed = fed_wrench(self._setup.believed, forward) + (list(self._push.values()) or 0.0)
-        scenario = led(rig, place, stray, fed + self._carried, self._offset)
+        scenario = scenario_along(rig, place, stray, fed + self._carried, self._offset)
         scenario.command[0], self._order = self._order, Command.NONE
         if not rig.settings.several:
             load, noise = (

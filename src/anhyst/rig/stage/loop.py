@@ -179,7 +179,9 @@ def track(
     place, forward = motion.at(time)[0], feed(setup, motion, gains)
     if learnt is not None:
         forward = forward + learnt
-    scenario = led(rig, place, stray(rig, motion, time), fed_wrench(setup.believed, forward))
+    scenario = scenario_along(
+        rig, place, stray(rig, motion, time), fed_wrench(setup.believed, forward)
+    )
     if not rig.settings.several:
         noise = np.random.default_rng([rig.settings.seed, seed])
         # The body is off its reference by too little for the cable to feel it.
@@ -188,10 +190,10 @@ def track(
     return follow(setup, scenario, seed)
 
 
-def led(
-    rig: BodyRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, beside: float = 0.0
+def scenario_along(
+    rig: BodyRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, offset: float = 0.0
 ) -> Scenario:
-    """Return what a stage is given that is led along its set-point, and is to be so far beside it, m.
+    """Return the scenario of a stage that moves along its set-point, or an offset beside it, m.
 
     Places and stray of the long stroke, m, have a value more than the wrench has rows. The magnets
     ride on the frame, position heads do not.
@@ -199,7 +201,7 @@ def led(
     file, n = rig.settings, len(wrench)
     along, begin = scan_direction(file), 0.0 if file.several else rig.gap
     frame = np.outer(place - begin + stray, along)
-    return Scenario(np.outer(place[:n] + beside, along), feed=wrench, frame=frame)
+    return Scenario(np.outer(place[:n] + offset, along), feed=wrench, frame=frame)
 
 
 def read_noise(rig: BodyRig, ticks: int, rng: np.random.Generator) -> FloatArray:

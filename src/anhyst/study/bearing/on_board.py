@@ -17,8 +17,8 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.link.firmware import build, check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.loop import BearingSetup, parts_of_run, position_control
-from anhyst.rig.bearing.make_setup import compiled_model, make_setups
+from anhyst.rig.bearing.loop import BearingSetup, compiled_model, make_setups, position_control
+from anhyst.rig.bearing.scenario import parts_of_run
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.body import BodyRig
 from anhyst.rig.fitting import IdentifiedMagnet
@@ -175,7 +175,7 @@ def _run_twice(
     setup: BearingSetup, firmware: Path, board: str, progress: Progress
 ) -> tuple[Recording, Recording]:
     """Run what a simulation records, simulated and with the firmware."""
-    *parts, _ = parts_of_run(setup)
+    *parts, _ = parts_of_run(setup.rig, setup.controller)
     loop = SimulatedLoop(setup)
     simulated = Recording.joined([loop.run(part) for part in parts])
     with closing(BearingBench(setup, firmware, board=board)) as running:

@@ -12,9 +12,8 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
 from anhyst.model.compilable import has_layers
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.loop import BearingSetup, LevitationRun, lost_blocks, parts_of_run
-from anhyst.rig.bearing.make_setup import calibrated_magnets, make_setups
-from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.bearing.loop import BearingSetup, LevitationRun, calibrated_magnets, make_setups
+from anhyst.rig.bearing.scenario import parts_of_run, steps_up_and_down
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.fitting import IdentifiedMagnet, check_plant
@@ -209,7 +208,7 @@ def explore(
     setups, left_out = _beside(mine, controller, knowledge)
     simulation = _compare(controller, knowledge, setups, ready.at, run.recording, parts)
     simulation.figures["left_out"] = left_out
-    simulation.figures["lost_in"] = [*run.lost_later(), *lost_blocks(simulation.figures)]
+    simulation.figures["lost_in"] = [*run.lost_later(), *_lost_blocks(simulation.figures)]
     return simulation
 
 
@@ -349,7 +348,7 @@ def compared(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
 
 def _whole_run(setup: BearingSetup) -> LevitationRun:
     """Lift off, step, load, land."""
-    steps, after, landing = parts_of_run(setup)
+    steps, after, landing = parts_of_run(setup.rig, setup.controller)
     loop = SimulatedLoop(setup)
     parts = [loop.run(steps)]
     if len(parts[0]) == steps.ticks:
@@ -371,3 +370,30 @@ def _point(at: OperatingPoint) -> dict[str, Any]:
         "inductance_H": at.point.inductance,
         "unstable_pole_Hz": at.point.pole_at_current,
     }
+
+
+def _lost_blocks(figures: Mapping[str, Any]) -> list[str]:
+    """Name every block of ``figures.json`` in which its own variant lost levitation."""
+    own = figures["variant"]
+    lost = {}
+    for row in figures["steps"]:
+        if row["variant"] == own and row["lost"]:
+            lost[f"steps at {1e3 * row['gap_m']:g} mm"] = row["lost"]
+    for title, variants in _blocks(figures):
+        if variants[own]["lost"]:
+            lost[title] = variants[own]["lost"]
+    blocks = [f"{title} ({_runs(count)})" for title, count in lost.items()]
+    return blocks + (["sensitivity"] if figures["sensitivity"][own] is None else [])
+
+
+def _blocks(figures: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    yield "standstill", figures["standstill"]
+    for row in figures["trajectories"]:
+        yield f"{row['kind']} of {1e6 * row['amplitude_m']:g} um", row["variants"]
+    for row in figures["load_steps"]:
+        yield f"load step of {row['force_N']:g} N", row["variants"]
+    yield from figures["events"].items()
+
+
+def _runs(count: int) -> str:
+    return "1 run" if count == 1 else f"{count} runs"

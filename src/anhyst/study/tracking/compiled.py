@@ -42,8 +42,8 @@ from anhyst.rig.stage.loop import (
     feed,
     fixed_words,
     identify_stage,
-    led,
     make_stage,
+    scenario_along,
     stage_loss,
     track,
 )
@@ -341,7 +341,7 @@ def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
     rows = min(rows, ticks_of(rig, motion))
     time = instants(rig, rows + 1)
     wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
-    scenario = led(rig, motion.at(time)[0], stray(rig, motion, time), wrench)
+    scenario = scenario_along(rig, motion.at(time)[0], stray(rig, motion, time), wrench)
     target, run = scenario.target, SimulatedLoop(setup).run(scenario)
     _refuse_lost(rig, stage_loss(rig, run, rows))
     magnets, heads = len(file.placed), len(file.position_sensors)

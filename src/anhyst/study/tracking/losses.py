@@ -28,9 +28,9 @@ from anhyst.rig.stage.loop import (
     StageSetup,
     fed_wrench,
     feed,
-    led,
     of_axes,
     recorded,
+    scenario_along,
     stop_of,
 )
 from anhyst.rig.stage.setpoint import STRAY_LATE, braking, instants, motion_of, strayed, ticks_of
@@ -291,7 +291,9 @@ class Losses:
         delay = round(STRAY_LATE / rig.dt)
         late = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
         stray = strayed(rig, late / max(rig.settings.scan.test_m_per_s2), instants(rig, n + 1))
-        scenario = led(rig, plan.place, stray, fed_wrench(self.setup.believed, plan.forward))
+        scenario = scenario_along(
+            rig, plan.place, stray, fed_wrench(self.setup.believed, plan.forward)
+        )
         for at, which in fails.items():
             scenario.command[at:] = which
         for at, which in (commands or {}).items():
