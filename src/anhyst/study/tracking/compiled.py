@@ -92,14 +92,14 @@ class CompiledStage(Result):
 
     def facts(self) -> dict[str, str]:
         """Return where it is and what it is."""
-        told, stage = self.manifest, self.manifest["stage"]
+        manifest, stage = self.manifest, self.manifest["stage"]
         about = f"{len(stage['free'])} coordinates, {stage['magnets']} magnets"
         return {
             "folder": str(self.out),
-            "kind": told["kind"],
-            "signals": told["io"],
+            "kind": manifest["kind"],
+            "signals": manifest["io"],
             "force to current": stage["force_to_current"],
-            "rate": f"{told['rate_Hz']:g} Hz",
+            "rate": f"{manifest['rate_Hz']:g} Hz",
             "stage": f"{about}, {stage['heads']} heads",
         }
 
@@ -314,8 +314,8 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
         commands[-COMMAND_ROWS * ahead] = command
     for row in np.vstack([given, commands]).T.tolist():
         gap, read = row[end : end + magnets], row[end + magnets : -1]
-        told = controller.tick(row[:begin], row[begin:end], gap, read, int(row[-1]))
-        answers.append([*told[0], *told[1], *told[2:]])
+        answer = controller.tick(row[:begin], row[begin:end], gap, read, int(row[-1]))
+        answers.append([*answer[0], *answer[1], *answer[2:]])
     signals = [*given, commands, *np.array(answers).T]
     return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
 

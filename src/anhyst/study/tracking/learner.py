@@ -146,8 +146,8 @@ class Learner:
         spread = np.linalg.solve(root.T, (fresh[:, :-1] * held).T)
         return self._trust * math.sqrt(float((spread**2).sum(axis=0).mean()))
 
-    def told(self, run: Recording) -> FloatArray:
-        """Return rows of what a run says of the numbers around the estimate; none of a lost one."""
+    def information(self, run: Recording) -> FloatArray:
+        """Return what a run shows of the numbers around the estimate, in rows; none of a lost one."""
         motion = self.law.motion(run.columns)
         if run.loss is not None or not motion.compared.size:
             return self._rows[:0]
