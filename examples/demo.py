@@ -42,10 +42,10 @@ from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.reports import write_report
 from anhyst.reports.study.look import interval_text, line_of
-from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.loop import make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.fitting import identify_magnet
+from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import StageSetup, track

@@ -20,8 +20,7 @@ from anhyst.control.controller_file import (
 )
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.loop import check_controller
-from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.loop import check_controller, make_setups
 from anhyst.rig.body import check_load, check_rate, read_bearing, step_ends
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.plant import check_flux_range, read_flux_table

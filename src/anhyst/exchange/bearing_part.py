@@ -11,7 +11,7 @@ from pathlib import Path
 from anhyst.compilation.toolchain import core_files
 from anhyst.compilation.verb import compile_actuator
 from anhyst.exchange.part import WRAPPER, Part, Variable, array, header, kernel_of, row
-from anhyst.rig.bearing.make_setup import compiled_model
+from anhyst.rig.bearing.loop import compiled_model
 from anhyst.rig.body import BodyRig
 from anhyst.rig.parts.iron import CURVE, CellSteel, PreisachSteel, everett
 from anhyst.rig.parts.magnet import circuit_numbers

@@ -18,8 +18,7 @@ from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.loop import BearingSetup, lost_at, make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import Drift, drifted_file, drifted_plant
@@ -29,7 +28,7 @@ from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop, tria
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.recording import Recording, peak, rms
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
@@ -99,7 +98,7 @@ def bearing_plants(
 class BearingWork:
     """Controllers that hold a bearing, by method."""
 
-    setups: Mapping[MethodName, Setup]
+    setups: Mapping[MethodName, BearingSetup]
 
     def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
         """Judge one plant; what lost levitation has no figures."""
@@ -108,7 +107,7 @@ class BearingWork:
         scenario = steps_up_and_down(
             rig, setup.controller, tried.gap_m, tried.step.heights_m, rest=STANDSTILL_S
         )
-        loop = SimulatedLoop(setup, bearing=drifted_plant(rig, drift, noise))
+        loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, noise))
         recording = loop.run(scenario)
         lost = lost_at(rig, recording, scenario.lifted)
         if lost is None and len(recording) < scenario.ticks:

@@ -19,7 +19,7 @@ from anhyst.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequ
 from anhyst.link.plant_bus import Q30, Q31, Exchange, Reading
 from anhyst.link.process import VIRTUAL_BOARDS, LibraryBoard
 from anhyst.link.wire import LinkPort
-from anhyst.rig.bearing.loop import Setup, position_control
+from anhyst.rig.bearing.loop import BearingSetup, position_control
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal, currents_of
 from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
@@ -186,7 +186,7 @@ class BearingBench(LockStepBench[BusController]):
 
     def __init__(
         self,
-        setup: Setup,
+        setup: BearingSetup,
         firmware: Path,
         seed: int = 0,
         board: str = "",

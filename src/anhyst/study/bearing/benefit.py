@@ -13,8 +13,7 @@ import numpy as np
 from anhyst.compensate import methods
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.verdict import judge, reversal_share
-from anhyst.rig.bearing.loop import check_controller
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import check_controller, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import with_iron
 from anhyst.rig.fitting import identify_magnet

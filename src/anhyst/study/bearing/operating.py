@@ -19,7 +19,7 @@ from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.rig.bearing.loop import Setup, check_controller
+from anhyst.rig.bearing.loop import BearingSetup, check_controller
 from anhyst.rig.body import BodyRig, check_load, check_rate, read_bearing
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.from_loops import complete_rig
@@ -93,7 +93,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     return OperatingPoint(gap, wanted, current, float(force[_CURRENTS - 1]), slopes, point)
 
 
-def has_constants(setup: Setup) -> bool:
+def has_constants(setup: BearingSetup) -> bool:
     """Whether the drive of a setup is made of constants, so that its loop is linear by itself.
 
     What any other drive does to small movements, at the static slopes or at the much smaller ones
@@ -131,7 +131,7 @@ def _check_probe(rig: BodyRig) -> None:
         )
 
 
-def linear_loop(setup: Setup, at: OperatingPoint) -> linear.LinearLoop:
+def linear_loop(setup: BearingSetup, at: OperatingPoint) -> linear.LinearLoop:
     """Return the loop of a setup for small movements.
 
     Constants are those of the drive where it has any; a constant ratio cancels no negative

@@ -23,8 +23,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerTable
-from anhyst.rig.bearing.loop import pair_of
-from anhyst.rig.bearing.make_setup import fit_magnets
+from anhyst.rig.bearing.loop import fit_magnets, pair_of
 from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE, ParameterName
 from anhyst.rig.fitting import IdentifiedMagnet, calibrated

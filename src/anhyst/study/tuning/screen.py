@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from cmaes import CMA
 
-from anhyst.rig.bearing.loop import Setup
+from anhyst.rig.bearing.loop import BearingSetup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import changed
 from anhyst.study.bearing.linear import LinearLoop
@@ -220,7 +220,7 @@ def at_condition(rig: BodyRig, condition: Condition) -> BodyRig:
 
 
 def make_screen(
-    setup: Setup, conditions: Sequence[Condition], firmness: float = FIRMNESS[1]
+    setup: BearingSetup, conditions: Sequence[Condition], firmness: float = FIRMNESS[1]
 ) -> Screen:
     """Linearise a setup at every condition: along the static slope, and softened by pinning.
 

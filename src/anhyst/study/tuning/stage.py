@@ -13,7 +13,7 @@ import numpy as np
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import draw_plant
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.loop import Feedforward, StageSetup, make_loop_controller, track
+from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.verdict import mean_interval
 from anhyst.study.tracking.measures import measure
@@ -162,7 +162,7 @@ class StageLoop:
     @property
     def variant(self) -> MethodName:
         """The kind of compensation."""
-        return self.setup.compensator.method
+        return self.setup.method
 
     @property
     def space(self) -> StageSpace:
@@ -188,7 +188,7 @@ class StageLoop:
 
     def make(self) -> None:
         """Make the controller; InputError where fixed point cannot hold its gains."""
-        make_loop_controller(self.setup)
+        self.setup.make_controller()
 
     def margin(self) -> tuple[float, float]:
         """Return the peak of the sensitivity of the linear loop, and its frequency, Hz."""

@@ -14,7 +14,7 @@ from typing import Any
 
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
-from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.loop import make_setups
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.fitting import check_plant
