@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, progress_bar, show, warn
-from anhyst.cli.options import (
+from anhyst.cli.shared import (
     AsJson,
     Clean,
     Columns,
@@ -22,7 +21,11 @@ from anhyst.cli.options import (
     LoopHistory,
     Schedule,
     Sidecar,
+    print_json,
+    progress_bar,
     read_options,
+    show,
+    warn,
 )
 from anhyst.laws import LAWS
 from anhyst.support.errors import Interrupted, NegativeResult

@@ -11,16 +11,7 @@ import typer
 
 import anhyst
 from anhyst.cli.compile import IoChoice
-from anhyst.cli.console import (
-    from_page,
-    in_small_units,
-    print_json,
-    progress_bar,
-    show,
-    table,
-    warn,
-)
-from anhyst.cli.options import (
+from anhyst.cli.shared import (
     AsJson,
     Clean,
     Columns,
@@ -31,8 +22,15 @@ from anhyst.cli.options import (
     Schedule,
     Scheduler,
     Sidecar,
+    from_page,
+    in_small_units,
     of_its_kind,
+    print_json,
+    progress_bar,
     read_options,
+    show,
+    table,
+    warn,
 )
 from anhyst.support.atomic import check_picture, write_figure
 

@@ -9,8 +9,18 @@ import typer
 
 import anhyst
 from anhyst.cli.compile import refuse_difference, run_and_write, show_tables
-from anhyst.cli.console import print_json, progress_bar, show, show_study, table, warn
-from anhyst.cli.options import AsJson, BoardChoice, Scheduler, of_its_kind
+from anhyst.cli.shared import (
+    AsJson,
+    BoardChoice,
+    Scheduler,
+    of_its_kind,
+    print_json,
+    progress_bar,
+    show,
+    show_study,
+    table,
+    warn,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

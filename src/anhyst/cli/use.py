@@ -10,8 +10,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import in_small_units, print_json, progress_bar, show, table, warn
-from anhyst.cli.options import AsJson, Columns, ModelPath, RunHistory, of_its_kind, read_options
+from anhyst.cli.shared import (
+    AsJson,
+    Columns,
+    ModelPath,
+    RunHistory,
+    in_small_units,
+    of_its_kind,
+    print_json,
+    progress_bar,
+    read_options,
+    show,
+    table,
+    warn,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -8,8 +8,8 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from anhyst.compilation.output import compile_actuator
 from anhyst.compilation.toolchain import core_files
-from anhyst.compilation.verb import compile_actuator
 from anhyst.exchange.part import WRAPPER, Part, Variable, array, header, kernel_of, row
 from anhyst.rig.bearing.make_setup import compiled_model
 from anhyst.rig.body import BodyRig

@@ -17,13 +17,15 @@ import numpy as np
 from anhyst.compilation.toolchain import zig_cc
 from anhyst.data.formats.text import write_csv
 from anhyst.exchange.bearing_part import bearing_part
-from anhyst.exchange.model_part import Kind, actuator_part, compensator_part
 from anhyst.exchange.part import (
     MODEL,
     WRAPPER,
     FmiVersion,
+    Kind,
     Part,
+    actuator_part,
     build_description,
+    compensator_part,
     model_description,
 )
 from anhyst.exchange.stage_part import stage_part

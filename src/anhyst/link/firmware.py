@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from anhyst.link.process import check_runs_here
+from anhyst.link.virtual_boards import check_runs_here
 from anhyst.support.atomic import PathLike, core_folder, write_bytes
 from anhyst.support.c_objects import compile_and_link
 from anhyst.support.errors import InputError, NegativeResult

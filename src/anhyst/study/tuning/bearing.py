@@ -30,7 +30,7 @@ from anhyst.study.bearing.responses import (
     sweep,
 )
 from anhyst.study.tuning.aims import TITLES, Aims, Figures
-from anhyst.study.tuning.screen import FIRMNESS, Screen, make_screen, refine
+from anhyst.study.tuning.search import FIRMNESS, Screen, make_screen, refine
 from anhyst.study.tuning.trial import Check, Condition, GainSpace, Limit, what_helps
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName

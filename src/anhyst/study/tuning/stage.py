@@ -15,11 +15,11 @@ from anhyst.rig.drift import draw_plant
 from anhyst.rig.recording import Recording, rms
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_loop_controller, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.engine.verdict import mean_interval
+from anhyst.study.engine.table import mean_interval
 from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.simulate import SMALL, find_gains, standing
 from anhyst.study.tuning.aims import MISSED, Aims, StageFigures
-from anhyst.study.tuning.screen import refine
+from anhyst.study.tuning.search import refine
 from anhyst.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
