@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -212,11 +211,8 @@ def convert(
 REPORT = "report.html"
 
 
-class FleetKind(StrEnum):
-    """Kinds of compensator that are made from a model alone."""
-
-    FULL = "full"
-    SIMPLIFIED = "simplified"
+FleetKind = Literal["full", "simplified"]
+"""Kinds of compensator that are made from a model alone."""
 
 
 def fleet(
@@ -250,8 +246,8 @@ def fleet(
     gap_map: Annotated[
         str, typer.Option(metavar="MAP", help="For all; 'auto' as the law.")
     ] = "auto",
-    kind: Annotated[FleetKind, typer.Option(help="Kind of compensator.")] = FleetKind.FULL,
-    io: Annotated[IoChoice, typer.Option(help="Format of its signals.")] = IoChoice.Q31,
+    kind: Annotated[FleetKind, typer.Option(help="Kind of compensator.")] = "full",
+    io: Annotated[IoChoice, typer.Option(help="Format of its signals.")] = "q31",
     on: Annotated[
         str, typer.Option(metavar="TARGETS", help="Where the C is verified, as for 'verify'.")
     ] = "host",
@@ -280,8 +276,8 @@ def fleet(
             tolerance=tolerance,
             law=law,
             gap_map=gap_map,
-            kind=kind.value,
-            io=io.value,
+            kind=kind,
+            io=io,
             on=on,
             seed=seed,
             history=history,

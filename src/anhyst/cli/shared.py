@@ -9,10 +9,9 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -28,12 +27,8 @@ if TYPE_CHECKING:
     from anhyst.support.units import Quantity
 
 
-class BoardChoice(StrEnum):
-    """Boards without hardware."""
-
-    LIBRARY = "library"
-    HOST = "host"
-    QEMU = "qemu-mps2"
+BoardChoice = Literal["library", "host", "qemu-mps2"]
+"""Boards without hardware."""
 
 
 def of_its_kind(context: typer.Context, value: Any) -> Any:

@@ -391,18 +391,22 @@ def compensator_part(model: Model | PathLike, rate: float, kind: Kind) -> Part:
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
         compiled = compile_actuator(model, folder, rate=rate, kind=kind, io="q31")
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        name = manifest["name"]
-        own = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
-        own += [folder / f"{name}_parameters.c", folder / f"{name}_parameters.h"]
-        sources = {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
+        manifest, sources = compiled_sources(folder)
     sources["compensator.c"] = (WRAPPER / "compensator.c").read_bytes()
     sources["compensator_numbers.h"] = _compensator_header(manifest).encode()
     text = (
         f"Current of a demanded {manifest['signals']['demand']['quantity']}, hysteresis included: "
         f"compensator {compiled.manifest['kind']} in fixed point"
     )
-    return Part(name, text, rate, _compensator_variables(manifest), sources)
+    return Part(manifest["name"], text, rate, _compensator_variables(manifest), sources)
+
+
+def compiled_sources(folder: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Return the manifest of a compiled folder, and its C without the example."""
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    own = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
+    own += folder.glob(f"{manifest['name']}_*.[ch]")
+    return manifest, {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
 
 
 def _compensator_header(manifest: Mapping[str, Any]) -> str:
