@@ -54,7 +54,7 @@ class BenchWatch:
 
     def __init__(self, model: Model, signals: Sequence[Signal], rate: float) -> None:
         names = [signal.name for signal in signals]
-        self._columns = [_place(names, choice) for choice in _READ]
+        self._columns = [_column_of(names, choice) for choice in _READ]
         self._model, self._rate = model.at_rest, rate  # rows are too few to follow what is late
         self._every = max(1, round(rate / SAMPLES_HZ))
         self._watch: DriftWatch | None = None
@@ -95,7 +95,7 @@ class BenchWatch:
         }
 
 
-def _place(names: Sequence[str], choice: Sequence[str]) -> int:
+def _column_of(names: Sequence[str], choice: Sequence[str]) -> int:
     for name in choice:
         if name in names:
             return 1 + names.index(name)

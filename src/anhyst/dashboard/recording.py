@@ -50,10 +50,10 @@ class MdfRecorder:
         with self._lock:
             if not self._data[0]:
                 self._open_data(8 * (rows.shape[1] + 1) * self.rows)
-            place, length = self._data
+            address, length = self._data
             self._append(body)
-            self._data = place, length + len(body)
-            self._patch(place + 8, length + len(body))
+            self._data = address, length + len(body)
+            self._patch(address + 8, length + len(body))
             self.rows += len(rows)
             self._patch(self._count, self.rows)
 
@@ -100,19 +100,19 @@ class MdfRecorder:
         self._patch(header + _HEAD.size, data_group)
         self._patch(header + _HEAD.size + 8, history)
 
-    def _channel(self, signal: Signal, place: int, following: int) -> int:
+    def _channel(self, signal: Signal, index: int, following: int) -> int:
         unit = self._text(signal.unit) if signal.unit else 0
         links = (following, 0, self._text(signal.name), 0, 0, 0, unit, self._text(signal.doc))
-        kind = (_MASTER, _OF_TIME) if place == 0 else (0, 0)
+        kind = (_MASTER, _OF_TIME) if index == 0 else (0, 0)
         body = struct.pack(
-            "<4B4I2BH6d", *kind, _FLOAT, 0, 8 * place, 64, 0, 0, 0, 0, 0, *(0.0,) * 6
+            "<4B4I2BH6d", *kind, _FLOAT, 0, 8 * index, 64, 0, 0, 0, 0, 0, *(0.0,) * 6
         )
         return self._block(b"CN", links, body)
 
     def _open_data(self, before: int) -> None:
         """Begin a block of data at the end, behind a list that the one before is linked to."""
-        place = self._end + _HEAD.size + 2 * 8 + struct.calcsize("<B3xIQ")
-        listed = self._block(b"DL", (0, place), struct.pack("<B3xIQ", 0, 1, before))
+        address = self._end + _HEAD.size + 2 * 8 + struct.calcsize("<B3xIQ")
+        listed = self._block(b"DL", (0, address), struct.pack("<B3xIQ", 0, 1, before))
         self._data = self._block(b"DT", (), b""), _HEAD.size
         self._patch(self._next_data, listed)
         self._next_data = listed + _HEAD.size
@@ -122,10 +122,10 @@ class MdfRecorder:
 
     def _block(self, kind: bytes, links: Sequence[int], body: bytes) -> int:
         """Append a block and return its place."""
-        place, size = self._end, _HEAD.size + 8 * len(links) + len(body)
+        address, size = self._end, _HEAD.size + 8 * len(links) + len(body)
         head = _HEAD.pack(b"##" + kind, size, len(links)) + struct.pack(f"<{len(links)}Q", *links)
         self._append(head + body + b"\0" * (-size % 8))
-        return place
+        return address
 
     def _append(self, data: bytes) -> None:
         rest = memoryview(data)
@@ -135,8 +135,8 @@ class MdfRecorder:
             self._end += written
             rest = rest[written:]
 
-    def _patch(self, place: int, value: int) -> None:
-        self._file.seek(place)
+    def _patch(self, address: int, value: int) -> None:
+        self._file.seek(address)
         self._file.write(struct.pack("<Q", value))
 
 

@@ -103,8 +103,8 @@ class Screen:
     def of(self, places: Iterable[int]) -> Screen:
         """Return a screen of some of the loops."""
         some = list(places)
-        reserves = [self._reserves[place] for place in some]
-        return Screen([self.loops[place] for place in some], reserves, self.horizon)
+        reserves = [self._reserves[index] for index in some]
+        return Screen([self.loops[index] for index in some], reserves, self.horizon)
 
     def stronger(self, factor: float) -> Screen:
         """Return a screen whose largest step has so many times the force."""
@@ -199,16 +199,16 @@ def spread_over(size: int, seed: int) -> FloatArray:
 def refine(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> FloatArray:
     """Return the place of a box that costs least, beginning at the best of many places."""
     places = spread_over(size, seed)
-    found = costs(places)
-    best: FloatArray = places[int(np.argmin(found))]
-    least = float(np.min(found))
+    cost = costs(places)
+    best: FloatArray = places[int(np.argmin(cost))]
+    least = float(np.min(cost))
     strategy = Strategy(best, 0.1, [seed, 2], REFINED[1])
     for _ in range(REFINED[0]):
         tried = strategy.ask()
-        found = costs(tried)
-        strategy.tell(found)
-        if float(np.min(found)) < least:
-            best, least = tried[int(np.argmin(found))], float(np.min(found))
+        cost = costs(tried)
+        strategy.tell(cost)
+        if float(np.min(cost)) < least:
+            best, least = tried[int(np.argmin(cost))], float(np.min(cost))
     return best
 
 
