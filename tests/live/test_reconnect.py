@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from anhyst.dashboard.generator import Generator
-from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.recording import start_recording
 from anhyst.dashboard.session import LiveSession
-from anhyst.link.plant_bus import Reading
+from anhyst.link.virtual_boards import Reading
 from anhyst.link.xcp import XcpMaster
 from anhyst.rig.bench.force import StandPlant
 from anhyst.rig.bench.hardware import HardwareBench

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from anhyst.link.plant_bus import Reading
+from anhyst.link.virtual_boards import Reading
 from anhyst.rig.bearing.loop import BearingSetup, position_control
 from anhyst.rig.plant import current_loop, make_plant
 

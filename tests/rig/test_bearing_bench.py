@@ -13,8 +13,7 @@ import pytest
 
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
-from anhyst.link.plant_bus import Q31
-from anhyst.link.process import run_library
+from anhyst.link.virtual_boards import Q31, run_library
 from anhyst.rig.bearing.loop import BearingSetup, position_control
 from anhyst.rig.bearing.scenario import ScenarioBuilder, land_time
 from anhyst.rig.bench.bearing import BearingBench

@@ -12,7 +12,7 @@ import pytest
 
 from anhyst import Calibration, InputError, calibrate
 from anhyst.control.controller_file import ControllerFile
-from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.recording import start_recording
 from anhyst.rig.bearing.loop import BearingSetup, compiled_model, fit_magnets, make_setup
 from anhyst.rig.bearing.scenario import parts_of_run
 from anhyst.rig.bench.bearing import BearingBench

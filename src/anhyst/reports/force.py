@@ -9,26 +9,24 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.reports.study.look import (
+from anhyst.reports.study.page import (
     HIGH,
     PLANT,
+    REPORT,
     SOFTWARE,
     WIDE,
     DiagramBlock,
+    Printed,
     draw_arrow,
     draw_box,
     draw_label,
+    hashes,
     legend_below,
     new_diagram,
-    verdict_note,
-)
-from anhyst.reports.study.page import (
-    REPORT,
-    Printed,
-    hashes,
     origin,
     page_text,
     picture,
+    verdict_note,
     write_page,
 )
 from anhyst.rig.force.file import Rig

@@ -11,7 +11,7 @@ from matplotlib.patches import Circle
 
 from anhyst.compensate.methods import METHODS, PROBED
 from anhyst.control.controller_file import ControllerTable
-from anhyst.reports.study.look import (
+from anhyst.reports.study.page import (
     HIGH,
     PLANT,
     SOFTWARE,

@@ -16,8 +16,7 @@ from anhyst.reports.bearing.figures import (
     identified_loop,
     nearest_loops,
 )
-from anhyst.reports.study.look import ordered
-from anhyst.reports.study.page import hashes
+from anhyst.reports.study.page import hashes, ordered
 from anhyst.rig.bearing.loop import BearingSetup, lost_at
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from anhyst._core import POSITION_MAGNETS, BusController, Plant
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
-from anhyst.link.plant_bus import Q30, Q31, Exchange, Reading
-from anhyst.link.process import VIRTUAL_BOARDS, LibraryBoard
+from anhyst.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, Exchange, LibraryBoard, Reading
 from anhyst.link.wire import LinkPort
 from anhyst.rig.bearing.loop import BearingSetup, position_control
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
@@ -174,7 +173,7 @@ class _Unplugged:
 class BearingBench(LockStepBench[BusController]):
     """A bearing and the firmware that levitates it, in lock-step.
 
-    The firmware runs in this process, or on one of :data:`anhyst.link.process.VIRTUAL_BOARDS` behind
+    The firmware runs in this process, or on one of :data:`anhyst.link.virtual_boards.VIRTUAL_BOARDS` behind
     a tap; its heartbeat counts ticks.
     """
 

@@ -8,8 +8,7 @@ from contextlib import ExitStack
 import numpy as np
 
 from anhyst.link.client import ControllerLink
-from anhyst.link.plant_bus import Q30, Q31, PlantBus, Reading
-from anhyst.link.process import run_library
+from anhyst.link.virtual_boards import Q30, Q31, PlantBus, Reading, run_library
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal
 from anhyst.rig.bench.settings import ControllerSettings, check_values, force_settings

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anhyst.link.client import ControllerLink
-from anhyst.link.plant_bus import PlantBus, Reading
-from anhyst.link.process import VIRTUAL_BOARDS
+from anhyst.link.virtual_boards import VIRTUAL_BOARDS, PlantBus, Reading
 from anhyst.rig.case_table import ForceCase, MovingCase
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import ONE, Program, Session

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from anhyst.link.client import Refused
 from anhyst.link.frames import PlantSample
-from anhyst.link.plant_bus import Q30, Q31
+from anhyst.link.virtual_boards import Q30, Q31
 from anhyst.rig.bearing.loop import BearingSetup
 from anhyst.rig.bearing.scenario import LEAST_LIFT_S
 from anhyst.rig.bench.bearing import BearingBench

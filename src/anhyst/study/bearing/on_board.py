@@ -15,7 +15,7 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.control.controller_file import ControllerFile
 from anhyst.link.firmware import build, check_compiler
-from anhyst.link.process import find_qemu
+from anhyst.link.virtual_boards import find_qemu
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.loop import BearingSetup, compiled_model, make_setups, position_control
 from anhyst.rig.bearing.scenario import parts_of_run

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.compensate.twin import Io
-from anhyst.compilation.manifest import VERSION
-from anhyst.compilation.output import Compiled, check_folder, write_folder
+from anhyst.compilation.manifest import VERSION, check_folder, write_folder
+from anhyst.compilation.output import Compiled, compile_actuator
 from anhyst.compilation.play import CompiledPlay
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
-from anhyst.compilation.verb import compile_actuator
 from anhyst.control.fixed_axes import codes
 from anhyst.model.actuator import Model
 from anhyst.rig.body import BodyRig

@@ -31,7 +31,7 @@ from anhyst.study.bearing.responses import (
     sweep,
 )
 from anhyst.study.tuning.aims import TITLES, Aims, Figures
-from anhyst.study.tuning.screen import FIRMNESS, Screen, make_screen, refine
+from anhyst.study.tuning.search import FIRMNESS, Screen, make_screen, refine
 from anhyst.study.tuning.trial import Check, Condition, GainSpace, Limit, what_helps
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
@@ -94,14 +94,14 @@ class BearingLoop:
         steps, lost = run_steps(StepRun(setup, condition.gap, heights, condition.load, seed))
         if lost is not None:
             return None
-        found = of_steps(steps)
-        if aims.cost(found) > ceiling:
-            return found  # a sine cannot make it better
+        outcome = of_steps(steps)
+        if aims.cost(outcome) > ceiling:
+            return outcome  # a sine cannot make it better
         tried = search_frequencies(setup.rig)
         measured = sweep(setup, condition.gap, condition.load, tried, seed)
         if measured is None:
             return None
-        return replace(found, peak_sensitivity=peak_of(measured))
+        return replace(outcome, peak_sensitivity=peak_of(measured))
 
     def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return what finds the places that linear loops like best.
@@ -136,12 +136,12 @@ class BearingLoop:
         cells = compare([setup], gaps, heights, loads, list(seeds), jobs=jobs)
         measured = all_of(partial(_sweep, setup), list(conditions), jobs=jobs)
         figures, peaks = {}, {}
-        for condition, found in zip(conditions, measured, strict=True):
+        for condition, response in zip(conditions, measured, strict=True):
             mine = [
                 cell for cell in cells if (cell.gap, cell.load) == (condition.gap, condition.load)
             ]
-            figures[condition] = _figures(mine, found)
-            peaks[condition] = math.inf if found is None else found.peak_frequency
+            figures[condition] = _figures(mine, response)
+            peaks[condition] = math.inf if response is None else response.peak_frequency
         worst = {
             name: max(kept, key=lambda each: each.figures[name].mean)
             for name in TITLES
