@@ -54,10 +54,15 @@ class Program:
         low, high = self.block.limits.current
         return [high, low] * self.cycles
 
-    def demand_codes(self, force: FloatArray) -> Codes:
+    def gap_codes(self, gap: FloatArray) -> Codes:
+        """Return gaps as its sensor read them, m, as the firmware takes them: q31 of the range."""
+        low, high = self.scales.gap_low, self.scales.gap_high
+        codes = np.rint((gap - low) / (high - low or 1.0) * (ONE >> 1)).astype(np.int64)
+        return np.minimum(2 * np.clip(codes, 0, ONE >> 1), ONE - 1)
+
+    def demand_code(self, force: float) -> int:
         """Force, N, as the link carries it: q31 of full scale."""
-        codes: Codes = np.rint(force / self.scales.demand * ONE).astype(np.int64)
-        return np.clip(codes, -ONE, ONE - 1)
+        return min(round(force / self.scales.demand * ONE), ONE - 1)
 
 
 @dataclass(frozen=True)
