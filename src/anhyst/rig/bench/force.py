@@ -14,6 +14,7 @@ import numpy as np
 from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import Q30, Q31, PlantBus, Reading
 from anhyst.link.process import VIRTUAL_BOARDS
+from anhyst.link.streaming import Status
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal
 from anhyst.rig.bench.settings import ControllerSettings, check_values, force_settings
@@ -280,7 +281,7 @@ def run_firmware(
             bench.demand(force)
             rows.append(bench.advance(1))
         if (status := bench.link.status()).state is not State.RUN:
-            text = f"the controller left its run for {_state(status.state, status.fault)}"
+            text = f"the controller left its run for {_state(status)}"
             raise NegativeResult(text, code="wrong-state")
     run = np.concatenate(rows)
     everything = np.concatenate([start_up, run])
@@ -307,14 +308,12 @@ def _get_ready(bench: ForceBench, demagnetised: bool) -> FloatArray:
     end = bench.tick + _LONGEST
     while (status := bench.link.status()).state is not State.READY:
         if status.state is State.FAULT or bench.tick > end:
-            text = (
-                f"the controller did not get ready: it is in {_state(status.state, status.fault)}"
-            )
+            text = f"the controller did not get ready: it is in {_state(status)}"
             raise NegativeResult(text, code="wrong-state")
         rows.append(bench.advance(_BETWEEN))
     return np.concatenate(rows)
 
 
-def _state(state: State, fault: Fault) -> str:
-    reason = "" if fault is Fault.NONE else f", reason {fault.name.lower()}"
-    return f"state {state.name.lower()}{reason}"
+def _state(controller: Status) -> str:
+    reason = "" if controller.fault is Fault.NONE else f", reason {controller.fault.name.lower()}"
+    return f"state {controller.state.name.lower()}{reason}"

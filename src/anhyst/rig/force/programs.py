@@ -188,8 +188,8 @@ def _least_dead_band(model: Model, rig: Rig) -> float:
     """Half-width of the dead band, A/m, that the noise of the position sensor stays within."""
     if not model.needs_schedule:
         return 0.0
-    sensor, still = rig.settings.gap_sensor.sensor(), model.at_rest
-    noise = math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
+    sensor, still = rig.settings.gap_sensor, model.at_rest
+    noise = math.hypot(sensor.noise_m, sensor.step / math.sqrt(12.0))
     force_max = rig.settings.force.force_max_N
     largest = 0.0
     for gap in model.nodes:
