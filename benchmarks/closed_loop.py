@@ -92,7 +92,7 @@ def plant_of(rig: BodyRig) -> Plant:
     """Hand the numbers of a rig file to the baselines."""
     magnet, mechanics = rig.settings.magnet, rig.settings.body
     poles = magnet.poles
-    steel, sensor = rig.settings.steel.steel(), rig.settings.gap_sensor.sensor()
+    steel, sensor = rig.settings.steel.steel(), rig.settings.gap_sensor
     gain, reset = current_gains(rig)
     stop = 2.0 * math.pi * STOP_RESONANCE
     assert isinstance(steel, CellSteel)
@@ -119,8 +119,8 @@ def plant_of(rig: BodyRig) -> Plant:
         stop_stiffness=mechanics.mass_kg * stop * stop,
         stop_damping=mechanics.mass_kg * stop,
         load_corner=2.0 * math.pi * rig.settings.load.bandwidth_Hz,
-        sensor_corner=2.0 * math.pi * sensor.bandwidth,
-        sensor_low=sensor.low,
+        sensor_corner=2.0 * math.pi * sensor.bandwidth_Hz,
+        sensor_low=sensor.low_m,
         sensor_step=sensor.step,
         tick=rig.dt,
     )
@@ -218,7 +218,7 @@ def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: i
     rig, scenario = case.rig, case.scenario()
     gap, load = float(scenario.target[0]), rig.settings.load.force_N
     control = control_of(case.setup("single-valued", "f64"))
-    noise = rig.settings.gap_sensor.sensor().noise
+    noise = rig.settings.gap_sensor.noise_m
     drawn = noise * np.random.default_rng(0).standard_normal(scenario.ticks)
     current = hanging(simulator, gap, load)
     best, run = math.inf, LevitationRun(np.empty(0), np.empty(0))

@@ -48,7 +48,7 @@ def manifest(program: Program) -> dict[str, Any]:
 def board(program: Program) -> Iterator[Board]:
     rig = forces.example()
     with running(
-        program.firmware, StandPlant(rig, program, 0), rig.settings.timing.rate_Hz
+        program.firmware, StandPlant.free(rig, program, 0), rig.settings.timing.rate_Hz
     ) as started:
         wait_for(lambda: started.bus.state is State.IDLE)
         yield started

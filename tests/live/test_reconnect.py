@@ -49,7 +49,7 @@ class Power:
 
     def on(self, firmware: Path | None = None) -> Board:
         rig = forces.example()
-        plant = StandPlant(rig, self.program, 0) if firmware is None else HeldArmature()
+        plant = StandPlant.free(rig, self.program, 0) if firmware is None else HeldArmature()
         rate = rig.settings.timing.rate_Hz
         program = firmware or self.program.firmware
         started = self._open.enter_context(running(program, plant, rate, xcp=self._port))

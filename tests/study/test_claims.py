@@ -62,7 +62,7 @@ def test_steps_arrive() -> None:
 
 def quiet(setup: BearingSetup) -> BearingSetup:
     """With a sensor of 5 nm rms instead of the encoder."""
-    bandwidth = setup.rig.settings.gap_sensor.sensor().bandwidth
+    bandwidth = setup.rig.settings.gap_sensor.bandwidth_Hz
     sensor = bearings.sensor("capacitive", noise_m=5e-9, bandwidth_Hz=bandwidth)
     return bearings.with_rig(setup, {"gap_sensor": sensor})
 

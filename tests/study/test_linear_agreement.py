@@ -66,7 +66,7 @@ def linear_loop(
     return LinearLoop(
         replace(find_operating_point(rig).point, eddy_time=eddy_time),
         amplifier,
-        Chain(controller.rate, 1.0, rig.settings.gap_sensor.sensor().bandwidth),
+        Chain(controller.rate, 1.0, rig.settings.gap_sensor.bandwidth_Hz),
         controller,
         Compensation(drive["k_i_N_per_A"], drive["k_s_N_per_m"]),
     )

@@ -24,7 +24,7 @@ from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import Drift, drifted_file, drifted_plant
 from anhyst.rig.file import RigFile
 from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop, triangle
+from anhyst.rig.force.bench import ActuatorStand, read_gaps, run_open_loop, triangle
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
@@ -201,8 +201,8 @@ class ForceWork:
             gap, seed = trial.gap(self.rig), [noise, trial.number]
             known = read_gaps(self.rig, gap, seed) + drift.gap_offset
             asked = self.compensators[method].fresh().run(trial.demand.force, known)
-            bench = ActuatorBench(plant, gap, seed, unknown_past=False)
-            force = run_open_loop(bench, (1.0 + drift.first_scale) * asked)["force_N"]
+            current = (1.0 + drift.first_scale) * asked
+            force = run_open_loop(ActuatorStand(plant, seed), gap, current)["force_N"]
             error = (force - trial.demand.force)[trial.demand.lead_in :]
             found["rms_N"].append(rms(error))
             found["worst_N"].append(peak(error))

@@ -246,7 +246,7 @@ def _standstill(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.standstill:
         sensor = subject.rig.settings.gap_sensor
-        noise, step = sensor.sensor().noise, sensor.sensor().step
+        noise, step = sensor.noise_m, sensor.step
         blocks.append(
             picture(
                 figure_standstill(subject.standstill),

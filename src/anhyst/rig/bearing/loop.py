@@ -85,7 +85,7 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     if not limits.gap_low_m < lowest:
         text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
         yield FileFault(("limits", "gap_low_m"), text, code="gaps-not-covered")
-    step = plant.gap_sensor.sensor().step
+    step = plant.gap_sensor.step
     if limits.step_m < step:
         text = f"the position sensor of {rig.path} has steps of {step:.4g} m; raise it"
         yield FileFault(("limits", "step_m"), text, code="step-too-fine")

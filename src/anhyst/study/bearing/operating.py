@@ -139,9 +139,9 @@ def linear_loop(setup: BearingSetup, at: OperatingPoint) -> linear.LinearLoop:
     """
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
-    sensor = rig.settings.gap_sensor.sensor()
+    sensor = rig.settings.gap_sensor
     magnets = float(len(rig.magnets))
-    late = timing.delay_ticks + (amplifier.delay_s + sensor.delay) * timing.rate_Hz
+    late = timing.delay_ticks + (amplifier.delay_s + sensor.delay_s) * timing.rate_Hz
     numbers = setup.compensator.parameters.numbers
     k_i, k_s = at.point.k_i, at.point.k_s
     if has_constants(setup):
@@ -150,7 +150,7 @@ def linear_loop(setup: BearingSetup, at: OperatingPoint) -> linear.LinearLoop:
     return linear.LinearLoop(
         point=at.point,
         amplifier=_amplifier(rig, magnets),
-        chain=linear.Chain(timing.rate_Hz, late, sensor.bandwidth),
+        chain=linear.Chain(timing.rate_Hz, late, sensor.bandwidth_Hz),
         controller=setup.controller.pidd2(),
         compensation=linear.Compensation(k_i, k_s),
     )

@@ -291,8 +291,8 @@ class StepCell(CaseFigures):
 
 def position_resolution(rig: BodyRig) -> float:
     """Return what the position sensor of a rig cannot resolve, rms of noise and steps, m."""
-    sensor = rig.settings.gap_sensor.sensor()
-    return math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
+    sensor = rig.settings.gap_sensor
+    return math.hypot(sensor.noise_m, sensor.step / math.sqrt(12.0))
 
 
 def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:

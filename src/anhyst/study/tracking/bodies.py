@@ -233,8 +233,8 @@ class BearingMotion(Motion):
     @property
     def noise(self) -> float:
         """Standard deviation of that force from noise and steps of the gap sensor, N."""
-        sensor = self.rig.settings.gap_sensor.sensor()
-        read = math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
+        sensor = self.rig.settings.gap_sensor
+        read = math.hypot(sensor.noise_m, sensor.step / math.sqrt(12.0))
         return self.rig.settings.body.mass_kg * read * self.passed
 
     @cached_property
