@@ -11,8 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.rig.bearing.loop import Setup
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.drift import changed, with_iron
@@ -48,7 +47,7 @@ class Iron:
     rig: BodyRig
     at: OperatingPoint
     knowledge: IdentifiedMagnet
-    setups: Mapping[MethodName, Setup]
+    setups: Mapping[MethodName, BearingSetup]
 
     @property
     def title(self) -> str:
@@ -144,7 +143,9 @@ def slow_table(irons: Sequence[Iron]) -> str:
     ]
     for iron in irons:
         rig = quiet(iron.rig)
-        setups = {name: Setup(rig, s.controller, s.compensator) for name, s in iron.setups.items()}
+        setups = {
+            name: BearingSetup(rig, s.compensator, s.controller) for name, s in iron.setups.items()
+        }
         seeds = default_seeds(rig)
         tried = experiments.of_all(experiments.follow, setups, seeds, shape)
         gap, load = rig.settings.gap_m, rig.settings.load.force_N
@@ -161,7 +162,7 @@ def slow_table(irons: Sequence[Iron]) -> str:
 
 def in_format(
     iron: Iron, controller: ControllerFile, variant: MethodName, name: NumberFormat
-) -> Setup:
+) -> BearingSetup:
     """Fit a variant of an iron in another number format."""
     return make_setup(iron.rig, controller.settings, iron.knowledge, variant, name)
 
@@ -200,7 +201,7 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
     found = []
     for iron in irons:
         setups = {
-            name: Setup(quiet(iron.rig), one.controller, one.compensator)
+            name: BearingSetup(quiet(iron.rig), one.compensator, one.controller)
             for name, one in iron.setups.items()
         }
         tried = experiments.of_all(experiments.stand_still, setups, default_seeds(iron.rig), None)

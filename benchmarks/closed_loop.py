@@ -18,13 +18,12 @@ import numpy as np
 
 from anhyst.compensate.current_map import CurrentMap
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, position_control
-from anhyst.rig.bearing.make_setup import make_setup
-from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.bearing.loop import BearingSetup, make_setup, position_control
+from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig, read_bearing, step_ends
 from anhyst.rig.drift import changed
 from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.plant import STOP_RESONANCE, current_gains, make_plant
 from anhyst.study.bearing.operating import make_ready
@@ -63,7 +62,7 @@ class Case:
     controller: ControllerFile
     knowledge: IdentifiedMagnet
 
-    def setup(self, variant: MethodName, number_format: NumberFormat) -> Setup:
+    def setup(self, variant: MethodName, number_format: NumberFormat) -> BearingSetup:
         """Return the example's controller with one of the ways from force to current."""
         return make_setup(
             self.rig, self.controller.settings, self.knowledge, variant, number_format
@@ -72,7 +71,7 @@ class Case:
     def scenario(self) -> Scenario:
         """Return steps up and down, without lift-off."""
         gap = self.rig.settings.gap_m
-        script = Script(self.rig, gap)
+        script = ScenarioBuilder(self.rig, gap)
         for height in HEIGHTS:
             for end in step_ends(gap, height):
                 script.step(end, HOLD_S)
@@ -93,7 +92,7 @@ def plant_of(rig: BodyRig) -> Plant:
     """Hand the numbers of a rig file to the baselines."""
     magnet, mechanics = rig.settings.magnet, rig.settings.body
     poles = magnet.poles
-    steel, sensor = rig.settings.steel.steel(), rig.settings.gap_sensor.sensor()
+    steel, sensor = rig.settings.steel.steel(), rig.settings.gap_sensor
     gain, reset = current_gains(rig)
     stop = 2.0 * math.pi * STOP_RESONANCE
     assert isinstance(steel, CellSteel)
@@ -120,14 +119,14 @@ def plant_of(rig: BodyRig) -> Plant:
         stop_stiffness=mechanics.mass_kg * stop * stop,
         stop_damping=mechanics.mass_kg * stop,
         load_corner=2.0 * math.pi * rig.settings.load.bandwidth_Hz,
-        sensor_corner=2.0 * math.pi * sensor.bandwidth,
-        sensor_low=sensor.low,
+        sensor_corner=2.0 * math.pi * sensor.bandwidth_Hz,
+        sensor_low=sensor.low_m,
         sensor_step=sensor.step,
         tick=rig.dt,
     )
 
 
-def control_of(setup: Setup) -> Control:
+def control_of(setup: BearingSetup) -> Control:
     """Hand gains and map to the baselines."""
     gains = setup.controller.pidd2().per_tick
     law, amplifier = setup.compensator.parameters, setup.rig.settings.amplifier
@@ -201,7 +200,7 @@ def overshoot(case: Case, gap: Array) -> float:
 def ours(case: Case, variant: MethodName, number_format: NumberFormat) -> Measured:
     """Simulate with the plant of this project, everything in it; lift-off is not counted."""
     setup, scenario = case.setup(variant, number_format), case.scenario()
-    start = Script(case.rig, case.rig.settings.gap_m)
+    start = ScenarioBuilder(case.rig, case.rig.settings.gap_m)
     lift = start.lift_off(case.controller.settings).build()
     best, gap = math.inf, np.empty(0)
     for _ in range(REPETITIONS):
@@ -219,7 +218,7 @@ def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: i
     rig, scenario = case.rig, case.scenario()
     gap, load = float(scenario.target[0]), rig.settings.load.force_N
     control = control_of(case.setup("single-valued", "f64"))
-    noise = rig.settings.gap_sensor.sensor().noise
+    noise = rig.settings.gap_sensor.noise_m
     drawn = noise * np.random.default_rng(0).standard_normal(scenario.ticks)
     current = hanging(simulator, gap, load)
     best, run = math.inf, LevitationRun(np.empty(0), np.empty(0))

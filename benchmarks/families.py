@@ -20,8 +20,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
 from anhyst.identification.run import IdentifyTable
-from anhyst.rig.bearing.loop import Setup
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.drift import changed, with_iron
@@ -105,17 +104,17 @@ def with_first(rig: BodyRig, loops: Loops) -> Loops:
 
 def _setups(
     rig: BodyRig, controller: ControllerFile, loops: Loops
-) -> tuple[dict[MethodName, Setup], IdentifiedMagnet]:
+) -> tuple[dict[MethodName, BearingSetup], IdentifiedMagnet]:
     """Fit the baselines, and `full` with play cells."""
     table = controller.settings
     knowledge = identify_magnet(loops, IdentifyTable(law=CELLS))
-    setups: dict[MethodName, Setup] = {
+    setups: dict[MethodName, BearingSetup] = {
         name: make_setup(rig, table, knowledge, name, "fixed") for name in (*BASELINES, "full")
     }
     return setups, knowledge
 
 
-def _by_paper(rig: BodyRig, controller: ControllerFile, loops: Loops) -> Setup | str:
+def _by_paper(rig: BodyRig, controller: ControllerFile, loops: Loops) -> BearingSetup | str:
     """Fit `full` with the law of the paper, or report why it cannot be."""
     knowledge = identify_magnet(loops, IdentifyTable(law=PAPER))
     try:
@@ -124,21 +123,21 @@ def _by_paper(rig: BodyRig, controller: ControllerFile, loops: Loops) -> Setup |
         return str(error)
 
 
-def _unpinned(rig: BodyRig, controller: ControllerFile) -> Setup:
+def _unpinned(rig: BodyRig, controller: ControllerFile) -> BearingSetup:
     """Fit the best single-valued curve to hardly any hysteresis: what the loop itself overshoots."""
     soft = with_iron(rig, None, NARROW)
     knowledge = identify_magnet(measure_loops(soft), IdentifyTable(law=PAPER))
     return make_setup(soft, controller.settings, knowledge, "single-valued", "fixed")
 
 
-def _triangle(rig: BodyRig, setups: Mapping[MethodName, Setup]) -> dict[str, float]:
+def _triangle(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, float]:
     still = quiet(rig)
-    quieter = {name: Setup(still, s.controller, s.compensator) for name, s in setups.items()}
+    quieter = {name: BearingSetup(still, s.compensator, s.controller) for name, s in setups.items()}
     tried = experiments.of_all(experiments.follow, quieter, default_seeds(rig), SLOW)
     return {name: one.of("force_error_rms_N").mean for name, one in tried.items()}
 
 
-def _steps(rig: BodyRig, setups: Mapping[MethodName, Setup]) -> dict[str, list[StepCell]]:
+def _steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, list[StepCell]]:
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
     return {
         variant: compare([setup], [gap], HEIGHTS, [load], default_seeds(rig))
@@ -185,10 +184,10 @@ def measure(name: str, rig: BodyRig, controller: ControllerFile) -> Tried:
     steps = _steps(rig, setups)
     triangle = _triangle(rig, setups)
     paper = _by_paper(rig, controller, loops)
-    alone: dict[MethodName, Setup] = {"single-valued": _unpinned(rig, controller)}
+    alone: dict[MethodName, BearingSetup] = {"single-valued": _unpinned(rig, controller)}
     steps["without hysteresis"] = _steps(rig, alone)["single-valued"]
     triangle["without hysteresis"] = _triangle(alone["single-valued"].rig, alone)["single-valued"]
-    if isinstance(paper, Setup):
+    if isinstance(paper, BearingSetup):
         steps["paper"] = _steps(rig, {"full": paper})["full"]
         triangle["paper"] = _triangle(rig, {"full": paper})["full"]
     more = identify_magnet(with_first(rig, loops), IdentifyTable(law=CELLS))

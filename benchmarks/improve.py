@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.dashboard.drift import SAMPLES_HZ, BenchWatch
-from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.improver import SAMPLES_HZ, BenchWatch, Improver
 from anhyst.dashboard.orders import perform
 from anhyst.dashboard.session import LiveSession
 from anhyst.data.reading import read_loops

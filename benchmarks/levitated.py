@@ -22,11 +22,12 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from anhyst import Calibration, calibrate
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
-from anhyst.rig.bearing.make_setup import fit_magnets, make_setup
+from anhyst.rig.bearing.loop import BearingSetup, fit_magnets, make_setup
+from anhyst.rig.bearing.scenario import parts_of_run
 from anhyst.rig.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant
 from anhyst.rig.fitting import calibrated, identify_magnet
 from anhyst.rig.iron_table import IronEntry, NamedIron
+from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.measuring import measure_loops
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
@@ -49,23 +50,23 @@ Figures = tuple[float, float]
 """Overshoot of the highest step, %; force error on the triangle, rms, N."""
 
 
-def judged(setup: Setup, drift: Drift) -> Figures:
+def judged(setup: BearingSetup, drift: Drift) -> Figures:
     """Judge one controller on one plant, the mean of the noises."""
     scenario, begin = following(setup, setup.rig.settings.trajectories[0])
     found = []
     for noise in NOISES:
-        steps = BearingWork({setup.name: setup}).run(setup.name, drift, noise)
+        steps = BearingWork({setup.method: setup}).run(setup.method, drift, noise)
         plant = drifted_plant(setup.rig, drift, noise)
-        run = SimulatedLoop(setup, bearing=plant).run(scenario).part(begin, scenario.ticks)
+        run = SimulatedLoop(setup, plant=plant).run(scenario).part(begin, scenario.ticks)
         found.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
     overshoot, force = np.mean(found, axis=0).tolist()
     return overshoot, force
 
 
-def recorded(setup: Setup, drift: Drift) -> Recording:
+def recorded(setup: BearingSetup, drift: Drift) -> Recording:
     """Lift a plant off and step it up and down."""
-    return SimulatedLoop(setup, bearing=drifted_plant(setup.rig, drift, 0)).run(
-        parts_of_run(setup)[0]
+    return SimulatedLoop(setup, plant=drifted_plant(setup.rig, drift, 0)).run(
+        parts_of_run(setup.rig, setup.controller)[0]
     )
 
 
@@ -91,11 +92,11 @@ def tried(ready: Ready, what: tuple[MethodName, Drift]) -> tuple[Calibration, Fi
     return found, judged(before, drift), judged(after, drift)
 
 
-def told(ready: Ready, before: Setup) -> Setup:
+def told(ready: Ready, before: BearingSetup) -> BearingSetup:
     """Return the controller that is told by how much the plant of the table has drifted."""
     known = calibrated(ready.knowledge(), zero=TABLE.gap_offset, wider=TABLE.pinning)
     table = ready.controller.settings
-    (fitted,) = fit_magnets(ready.rig, table, [known], before.name, "fixed")
+    (fitted,) = fit_magnets(ready.rig, table, [known], before.method, "fixed")
     return replace(before, compensator=fitted)
 
 

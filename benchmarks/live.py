@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.scenario import Script, land_time
+from anhyst.rig.bearing.loop import BearingSetup
+from anhyst.rig.bearing.scenario import ScenarioBuilder, land_time
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.pace import PacedBench, Pacing
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.support.states import Command, State
@@ -58,7 +58,7 @@ def one_core() -> Iterator[None]:
         os.sched_setaffinity(0, cores)
 
 
-def unpaced(where: str, setup: Setup, firmware: Path) -> Row:
+def unpaced(where: str, setup: BearingSetup, firmware: Path) -> Row:
     """Hover as fast as it goes."""
     watch = Stopwatch()
     bench = BearingBench(setup, firmware)
@@ -88,7 +88,7 @@ def lift(bench: BearingBench) -> None:
     bench.advance(round(0.5 * bench.rate))
 
 
-def paced(setup: Setup, firmware: Path) -> Row:
+def paced(setup: BearingSetup, firmware: Path) -> Row:
     """Hover by the clock, with a recorder and one that looks on."""
     bench = BearingBench(setup, firmware)
     lift(bench)
@@ -127,9 +127,9 @@ def paced(setup: Setup, firmware: Path) -> Row:
     )
 
 
-def million(setup: Setup, firmware: Path) -> Row:
+def million(setup: BearingSetup, firmware: Path) -> Row:
     """Run many ticks on the bench, and the same in the simulated loop."""
-    script = Script(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
+    script = ScenarioBuilder(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
     landing = script.count(land_time(setup.rig, setup.controller))
     while script.ticks < TICKS - landing:
         for gap, load in ((0.41e-3, 130.0), (0.49e-3, 165.0), (0.45e-3, 150.0)):

@@ -18,7 +18,6 @@ from anhyst.rig.stage.file import mass_matrix, read_stage, weight
 from anhyst.rig.stage.loop import (
     StageSetup,
     identify_stage,
-    make_loop_controller,
     make_stage,
     of_axes,
 )
@@ -90,7 +89,7 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     frame[:, 0] += strayed(rig, late, time)
     frame[:, 1] += strayed(rig, 0.0, time)
     bearing = drifted_plant(rig, NO_DRIFT, 1)
-    loop = ClosedLoop(bearing, make_loop_controller(setup), current_loops(rig))
+    loop = ClosedLoop(bearing, setup.make_controller(), current_loops(rig))
     off, flags = np.zeros((n, len(free))), 0
     for begin in range(0, n, PIECE):
         end = min(begin + PIECE, n)

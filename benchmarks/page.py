@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.recording import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.verb import listen_on, make_server, settle
 from anhyst.rig.bench.pace import going_first

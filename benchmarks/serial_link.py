@@ -17,8 +17,7 @@ from anhyst.identification import identify
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build, read_sizes
 from anhyst.link.frames import DemandRequest, StatusAnswer
-from anhyst.link.plant_bus import Reading
-from anhyst.link.process import Running, run_host, run_qemu
+from anhyst.link.virtual_boards import Reading, Running, run_host, run_qemu
 from anhyst.link.wire import encode
 from anhyst.model.writer import write_model
 from anhyst.support.states import Command, State

@@ -21,7 +21,7 @@ from anhyst.data.speeds import speeds_of
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import make_setup
 from anhyst.rig.drift import changed
 from anhyst.rig.fitting import identify_magnet
 from anhyst.rig.magnet_table import SolidTable

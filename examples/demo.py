@@ -37,15 +37,14 @@ from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst.data.verdict import WHERE_IT_PAYS, monotone_fit, single_valued
 from anhyst.identification import identify
-from anhyst.model.actuator import Model
-from anhyst.model.actuator import read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from anhyst.reports import write_report
-from anhyst.reports.study.look import interval_text, line_of
-from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.reports.study.page import interval_text, line_of
+from anhyst.rig.bearing.loop import make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.fitting import identify_magnet
+from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import StageSetup, track
@@ -53,7 +52,7 @@ from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.responses import compare, default_seeds
 from anhyst.study.bearing.verdict import grouped, judge_steps
-from anhyst.study.engine.verdict import TITLES, Interval, mean_interval, strongest
+from anhyst.study.engine.table import TITLES, Interval, mean_interval, strongest
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.simulate import find_gains, make_variants
 from anhyst.support.jobs import all_of

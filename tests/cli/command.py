@@ -55,7 +55,7 @@ def anhyst(
 def speaking(every: float, *arguments: object, cwd: Path, stderr: int = subprocess.PIPE) -> Result:
     """Run a command that says how far it is every so many seconds, instead of every minute."""
     script = (
-        "import sys, anhyst.cli.console as progress; from anhyst.cli.app import main; "
+        "import sys, anhyst.cli.shared as progress; from anhyst.cli.app import main; "
         f"progress.SILENCE = {every}; sys.exit(main())"
     )
     return subprocess.run(

@@ -134,7 +134,7 @@ def test_progress_shows_on_a_terminal_only(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from anhyst.cli.console import progress_bar
+    from anhyst.cli.shared import progress_bar
 
     if prepare:
         prepare(monkeypatch)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.cli.console import Pace
+from anhyst.cli.shared import Pace
 from tests.foreign.magnets import MAGNETS
 
 from .command import quick, shares_said, speaking

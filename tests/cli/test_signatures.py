@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +33,7 @@ def options_of(verb: str) -> dict[str, Any]:
     """Return what a verb takes, with its defaults as a function has them; `empty` for none."""
     found = {}
     for one in VERBS[verb].params:
-        default = one.default.value if isinstance(one.default, Enum) else one.default
-        default = str(default) if isinstance(default, Path) else default
+        default = str(one.default) if isinstance(one.default, Path) else one.default
         found[one.name] = inspect.Parameter.empty if one.required else default
     return found
 

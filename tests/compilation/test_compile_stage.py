@@ -97,7 +97,7 @@ def currents(compiled: CompiledStage, number: int) -> np.ndarray:
 
 
 def folder_of(setup: StageSetup, tmp_path: Path) -> CompiledStage:
-    return write_stage(setup, setup.compensator.method, tmp_path / "out", "stage")
+    return write_stage(setup, setup.method, tmp_path / "out", "stage")
 
 
 @pytest.mark.parametrize(("number_format", "law"), FORMATS)

@@ -20,12 +20,11 @@ from anhyst.compilation.vectors import INPUTS, LEVITATION_COLUMNS
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import read_model
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.make_setup import make_setup
-from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
+from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.loop import DROP, Scenario
+from anhyst.rig.loop import DROP, Scenario, SimulatedLoop
 from anhyst.rig.recording import Recording
 from anhyst.support.states import Command, Flag, Phase, State
 from tests.compilation.test_compile import compiles_alone_on_16_bits
@@ -163,10 +162,10 @@ def pair_rig(place: Path) -> BodyRig:
     return read_bearing(place / "pair.toml")
 
 
-def eventful(setup: Setup) -> Scenario:
+def eventful(setup: BearingSetup) -> Scenario:
     """Lift off, steps, samples that are missing, land."""
     gap = setup.rig.settings.gap_m
-    script = Script(setup.rig, gap).lift_off(setup.controller)
+    script = ScenarioBuilder(setup.rig, gap).lift_off(setup.controller)
     script.step(gap - 20e-6, 0.02).step(gap + 30e-6, 0.02)
     script.command(DROP, 2).hold(0.01)
     script.command(Command.LAND)

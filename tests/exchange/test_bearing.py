@@ -15,12 +15,11 @@ import anhyst
 from anhyst.exchange import stage_part
 from anhyst.exchange.export import export_fmu
 from anhyst.exchange.part import Part, model_description
-from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import make_setups
-from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.bearing.loop import make_setups
+from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.calibration import CENTRE
 from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.recording import Recording, of_magnets
 from anhyst.rig.stage.file import error_columns, read_stage, scan_direction, unit_of
 from anhyst.rig.stage.loop import (
@@ -30,7 +29,6 @@ from anhyst.rig.stage.loop import (
     feed,
     make_stage,
     pose_columns,
-    stage_loop,
     track,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
@@ -102,7 +100,7 @@ def flown(folder: Path) -> Flight:
     rig, controller = read_files(folder / "rig.toml", None)
     ready = make_ready(rig, controller)
     setup = make_setups(ready.rig, controller, ready.knowledge(), ("full",))["full"]
-    script = Script(ready.rig, 0.45e-3).lift_off(controller.settings)
+    script = ScenarioBuilder(ready.rig, 0.45e-3).lift_off(controller.settings)
     script.step(0.46e-3, 0.02).step(0.43e-3, 0.02)
     scenario = script.set_load(170.0).hold(0.03).build()
     recording = SimulatedLoop(setup).run(scenario)
@@ -522,7 +520,7 @@ def test_six_axes_lift_off_and_land_at_a_command_as_the_simulation_does_bit_for_
     frame, forward = np.zeros((count + 1, len(free))), fed_wrench(setup.believed, still)
     scenario = Scenario(frame[:count], feed=forward, frame=frame)
     scenario.command[[0, up, down]] = Command.IDLE, Command.LIFT, Command.LAND
-    run = stage_loop(setup).run(scenario)
+    run = SimulatedLoop(setup).run(scenario)
     held = np.repeat([Command.IDLE, Command.LIFT, Command.LAND], [up, down - up, count - down])
     inputs = {"command": held.astype(np.float64).tolist()} | {
         f"feedforward_{axis}_N{'_m' * axis.startswith('r')}": forward[:, place].tolist()

@@ -23,4 +23,4 @@ def test_both_take_the_same_words() -> None:
         (command.SearchChoice, identifyoptions.Search),
         (command.Weights, identifyoptions.Weights),
     ):
-        assert {word.value for word in words} == set(get_args(ours))
+        assert set(get_args(words)) == set(get_args(ours))

@@ -10,7 +10,7 @@ import pytest
 from anhyst.link import firmware
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build
-from anhyst.link.process import Running, run_host
+from anhyst.link.virtual_boards import Running, run_host
 
 from .handmade import write_parameters
 from .plant import NoisyPlant

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
-from anhyst.link.plant_bus import Reading
+from anhyst.link.virtual_boards import Reading
 
 NOISE = 1e-4
 

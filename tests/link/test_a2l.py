@@ -17,8 +17,7 @@ from pya2l.api.validate import Validator
 from pyxcp.types import XcpResponseError
 
 from anhyst.link.firmware import build
-from anhyst.link.plant_bus import Reading
-from anhyst.link.process import Running, run_host
+from anhyst.link.virtual_boards import Reading, Running, run_host
 from anhyst.support.states import Command, Fault, Phase, State
 from anhyst.support.xcp_map import INPUTS, SETTINGS, SIGNALS
 from tests.once import made_once

@@ -12,8 +12,7 @@ import pytest
 from anhyst.link import wire
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build, read_sizes
-from anhyst.link.plant_bus import PlantBus, over
-from anhyst.link.process import run_host, run_library, run_qemu
+from anhyst.link.virtual_boards import PlantBus, over, run_host, run_library, run_qemu
 from anhyst.support.errors import NegativeResult
 from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused

@@ -8,7 +8,7 @@ import pytest
 
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
-from anhyst.link.process import Running
+from anhyst.link.virtual_boards import Running
 from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
 

@@ -11,7 +11,7 @@ import pytest
 from anhyst.compensate.simplified import build_simplified
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Reason
-from anhyst.link.process import Running
+from anhyst.link.virtual_boards import Running
 from anhyst.support.block_head import regenerate
 from anhyst.support.block_words import Scales
 from anhyst.support.states import Command

@@ -15,7 +15,7 @@ import pytest
 from anhyst.link import frames
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import HelloRequest, InfoAnswer, NakAnswer, Reason, StatusAnswer
-from anhyst.link.process import Running, run_host
+from anhyst.link.virtual_boards import Running, run_host
 from anhyst.link.wire import Receiver, encode
 from anhyst.support.errors import InputError
 from tests.refusals import says

@@ -10,7 +10,7 @@ from random import Random
 
 import pytest
 
-from anhyst.link import firmware, process
+from anhyst.link import firmware, virtual_boards
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import Board, build
 from anhyst.link.frames import (
@@ -24,8 +24,7 @@ from anhyst.link.frames import (
     SettingWriteRequest,
     XcpRequest,
 )
-from anhyst.link.plant_bus import PlantBus
-from anhyst.link.process import LibraryBoard, find_qemu
+from anhyst.link.virtual_boards import LibraryBoard, PlantBus, find_qemu
 from anhyst.link.wire import encode
 from anhyst.support.states import Command, State
 
@@ -114,9 +113,9 @@ def two_lines(chip: Path) -> Iterator[list[ControllerLink]]:
     command = [find_qemu(), "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
     for number, listener in enumerate(listeners):
         where = f"fd={listener.fileno()},server=on,wait=off,nodelay=on"
-        command += process._serial(f"link{number}", where)
-    command += ["-echr", process._NO_ESCAPE, "-kernel", str(chip)]
-    with process._started(command, listeners), ExitStack() as stack:
+        command += virtual_boards._serial(f"link{number}", where)
+    command += ["-echr", virtual_boards._NO_ESCAPE, "-kernel", str(chip)]
+    with virtual_boards._started(command, listeners), ExitStack() as stack:
         yield [stack.enter_context(ControllerLink(url, timeout=2.0)) for url in urls]
 
 

@@ -19,7 +19,7 @@ from pyxcp.types import XcpResponseError
 
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
-from anhyst.link.process import Running, run_host
+from anhyst.link.virtual_boards import Running, run_host
 from anhyst.link.wire import framed, key_for
 from anhyst.support.block_head import regenerate
 from anhyst.support.block_layout import PLACES

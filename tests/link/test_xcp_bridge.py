@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from pyxcp.types import XcpResponseError
 
-from anhyst.link.process import Running, run_host
+from anhyst.link.virtual_boards import Running, run_host
 from anhyst.support.states import Command, Fault, State
 from tests.actuators import compiled
 

@@ -14,7 +14,7 @@ import pytest
 
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build
-from anhyst.link.process import Running, run_qemu
+from anhyst.link.virtual_boards import Running, run_qemu
 from anhyst.support.states import Command, Fault, State
 
 from . import nucleo

@@ -14,7 +14,7 @@ from pyxcp.daq_stim import DaqOnlinePolicy
 from pyxcp.master.master import Master
 from pyxcp.types import XcpResponseError
 
-from anhyst.link.process import Running
+from anhyst.link.virtual_boards import Running
 from anhyst.link.wire import key_for
 from anhyst.support.xcp_map import AREAS, INPUTS, SETTINGS, SIGNALS
 

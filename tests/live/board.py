@@ -9,8 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.link.plant_bus import Plant, PlantBus
-from anhyst.link.process import run_host
+from anhyst.link.virtual_boards import Plant, PlantBus, run_host
 from anhyst.support.errors import InputError
 
 POLL_S = 0.002

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from anhyst.dashboard.drift import DrawnLoop
-from anhyst.dashboard.improver import Improver
-from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.improver import DrawnLoop, Improver
+from anhyst.dashboard.recording import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.verb import listen_on, make_server, opened
 from anhyst.rig.bench.bearing import BearingBench

@@ -25,7 +25,7 @@ from tests.refusals import refused
 
 @pytest.fixture
 def board(prepared: PreparedForce, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Board]:
-    rig, plant = prepared.whole, StandPlant(prepared.whole, prepared.program, 0)
+    rig, plant = prepared.whole, StandPlant.free(prepared.whole, prepared.program, 0)
     program = build("host", folder_of(prepared), tmp_path_factory.mktemp("board") / "firmware")
     with running(program, plant, rig.settings.timing.rate_Hz) as started:
         wait_for(lambda: started.bus.state is State.IDLE)

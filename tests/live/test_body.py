@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.rig.bench.stage import StageVariant, bench_of
+from anhyst.rig.bench.stage import StageBench, StageVariant
 from anhyst.rig.body import BodyRig
 from anhyst.rig.stage.file import pull_rows, read_stage
 from anhyst.rig.stage.loop import Feedforward, make_stage
@@ -27,7 +27,7 @@ def variants(rig: BodyRig) -> list[StageVariant]:
 def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(
     serve: Serve, show: Show
 ) -> None:
-    page = show(serve(bench=bench_of(variants(planar()))))
+    page = show(serve(bench=StageBench(variants(planar()))))
     ready(page)
     state_is(page, "ready")
     page.keyboard.press("0")
@@ -79,7 +79,7 @@ def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(
 def test_a_body_is_set_down_and_lifted_by_its_buttons_and_laps_wait_meanwhile(
     serve: Serve, show: Show
 ) -> None:
-    page = show(serve(bench=bench_of(variants(planar()))))
+    page = show(serve(bench=StageBench(variants(planar()))))
     ready(page)
     state_is(page, "ready")
     assert page.locator(".commands button[data-order=lift]").is_disabled()
@@ -104,7 +104,7 @@ def test_a_body_is_set_down_and_lifted_by_its_buttons_and_laps_wait_meanwhile(
 def test_another_layout_is_drawn_as_its_file_says_and_pushed_along_a_coordinate(
     serve: Serve, show: Show, tmp_path: Path
 ) -> None:
-    served = serve(bench=bench_of(variants(read_stage(three_magnets(tmp_path)))))
+    served = serve(bench=StageBench(variants(read_stage(three_magnets(tmp_path)))))
     page = show(served)
     ready(page)
     page.keyboard.press("0")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.dashboard.drift import make_curves
+from anhyst.dashboard.improver import make_curves
 from anhyst.data.reading import read_loops
 from anhyst.rig.body import read_bearing
 from anhyst.rig.force.file import read_rig

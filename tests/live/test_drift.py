@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.dashboard.drift import BenchWatch
-from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.improver import BenchWatch, Improver
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Signal

@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 
-from anhyst.dashboard.frames import MOST, Outbox, Run, encode, thin
+from anhyst.dashboard.browsers import MOST, Outbox, Run, encode, thin
 from anhyst.support.numeric import FloatArray
 
 

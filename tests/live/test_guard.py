@@ -14,7 +14,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from anhyst.cli.app import main
-from anhyst.dashboard.guard import POLICY, read_address
+from anhyst.dashboard.browsers import POLICY, read_address
 from anhyst.dashboard.server import CLIENTS_MOST
 from tests.live.conftest import Serve, Served, wait_for
 from tests.refusals import refused, says

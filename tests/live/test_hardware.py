@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.recording import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.link.client import Refused
 from anhyst.link.frames import Setting
-from anhyst.link.plant_bus import Reading
+from anhyst.link.virtual_boards import Reading
 from anhyst.link.xcp import XcpMaster
 from anhyst.rig.bench.force import StandPlant
 from anhyst.rig.bench.hardware import HardwareBench
@@ -48,7 +48,7 @@ def manifest(program: Program) -> dict[str, Any]:
 def board(program: Program) -> Iterator[Board]:
     rig = forces.example()
     with running(
-        program.firmware, StandPlant(rig, program, 0), rig.settings.timing.rate_Hz
+        program.firmware, StandPlant.free(rig, program, 0), rig.settings.timing.rate_Hz
     ) as started:
         wait_for(lambda: started.bus.state is State.IDLE)
         yield started

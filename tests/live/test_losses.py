@@ -51,7 +51,7 @@ def test_a_browser_that_goes_leaves_the_rig_running_and_the_desk_free(
 SERVER = """\
 import sys
 from pathlib import Path
-from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.recording import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.force import ForceBench
 from tests.rig import forces

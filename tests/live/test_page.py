@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from anhyst.dashboard.frames import Outbox
+from anhyst.dashboard.browsers import Outbox
 from anhyst.support.states import Fault, State
 from tests.live.conftest import Serve, Served, Show, wait_for
 from tests.live.test_recorder import numbers

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from anhyst.dashboard.generator import Generator
-from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.recording import start_recording
 from anhyst.dashboard.session import LiveSession
-from anhyst.link.plant_bus import Reading
+from anhyst.link.virtual_boards import Reading
 from anhyst.link.xcp import XcpMaster
 from anhyst.rig.bench.force import StandPlant
 from anhyst.rig.bench.hardware import HardwareBench
@@ -49,7 +49,7 @@ class Power:
 
     def on(self, firmware: Path | None = None) -> Board:
         rig = forces.example()
-        plant = StandPlant(rig, self.program, 0) if firmware is None else HeldArmature()
+        plant = StandPlant.free(rig, self.program, 0) if firmware is None else HeldArmature()
         rate = rig.settings.timing.rate_Hz
         program = firmware or self.program.firmware
         started = self._open.enter_context(running(program, plant, rate, xcp=self._port))

@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from anhyst.cli.app import main
-from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.recording import start_recording
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.dashboard.recorder import start_recording
-from anhyst.dashboard.recording import KEPT_S, Crossing, Ring, Span, TickRecorder
+from anhyst.dashboard.recording import KEPT_S, Crossing, Ring, Span, TickRecorder, start_recording
 from anhyst.data.formats import open_table
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.protocol import Signal, Subscription

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.dashboard.orders import perform
-from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.recording import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.verb import opened
 from anhyst.rig.bench.stage import StageVariant

@@ -84,7 +84,7 @@ for words in {commands!r}:
 REFUSED = """
 from pathlib import Path
 from anhyst.link.firmware import check_compiler
-from anhyst.link.process import HOST_LINK, find_qemu
+from anhyst.link.virtual_boards import HOST_LINK, find_qemu
 from anhyst.support.errors import InputError
 
 print(HOST_LINK)

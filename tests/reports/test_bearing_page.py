@@ -18,10 +18,10 @@ from anhyst.reports.bearing.benefit import render_benefit
 from anhyst.reports.bearing.page import render
 from anhyst.reports.bearing.subject import SimulationSubject
 from anhyst.reports.bearing.tables import difference_text
-from anhyst.reports.study.look import COLOURS, interval_text
+from anhyst.reports.study.page import COLOURS, interval_text
 from anhyst.rig.body import BodyRig
 from anhyst.study.bearing.verdict import grouped, judge_steps
-from anhyst.study.engine.verdict import Interval, compare
+from anhyst.study.engine.table import Interval, compare
 from tests.page import NAMESPACES, Page
 from tests.reports import bearing_reports
 from tests.reports.bearing_reports import (

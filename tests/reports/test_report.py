@@ -22,8 +22,7 @@ from anhyst.model.parameters import Parameter
 from anhyst.model.writer import write_model
 from anhyst.reports import write_plots, write_report
 from anhyst.reports.model.figures import figure_between, figure_differences, figure_residuals
-from anhyst.reports.model.headline import headline
-from anhyst.reports.model.page import subject_of
+from anhyst.reports.model.page import headline, subject_of
 from anhyst.reports.model.sections_model import section_gap_map
 from anhyst.reports.model.subject import ModelSubject, gather, own_figures
 from anhyst.support.figures import svg_text, write_png

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from anhyst.link.plant_bus import Reading
-from anhyst.rig.bearing.loop import Setup, position_control
+from anhyst.link.virtual_boards import Reading
+from anhyst.rig.bearing.loop import BearingSetup, position_control
 from anhyst.rig.plant import current_loop, make_plant
 
 
 class SteppedBearing:
     """Signals as fractions of full scale."""
 
-    def __init__(self, setup: Setup, seed: int = 0) -> None:
+    def __init__(self, setup: BearingSetup, seed: int = 0) -> None:
         self.bearing = make_plant(setup.rig, seed)
         self.load = setup.rig.settings.load.force_N
         self._scales = position_control(setup).settings("fixed")

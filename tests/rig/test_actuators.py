@@ -14,6 +14,7 @@ from anhyst.rig.parts import sensors
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.sensors import Amplifier, Converter, Lag, Sensor
 from anhyst.rig.parts.solenoid import Geometry, Solenoid
+from anhyst.support.numeric import passed
 from anhyst.support.units import MU_0
 from tests.oracles.cell_iron import CellIron
 
@@ -165,14 +166,16 @@ def test_a_converter_gives_the_nearest_of_its_values() -> None:
 
 def test_a_sensor_has_the_noise_offset_and_lag_that_it_says() -> None:
     fine = Converter.of_bits(-10.0, 10.0, 24)
-    readings = np.array([Sensor(fine, 0.2, 5, 1e-3, 0.1).read(1.0)] * 1)
-    sensor = Sensor(fine, 0.2, 5, 1e-3, 0.1)
+    numbers = {"low": -10.0, "high": 10.0, "step": fine.step, "gain": 1.0, "share": 1.0}
+    noisy = numbers | {"offset": 0.1, "noise": 0.2}
+    readings = np.array([Sensor(noisy, 5).read(1.0)] * 1)
+    sensor = Sensor(noisy, 5)
     many = np.array([sensor.read(1.0) for _ in range(20_000)])
     assert many[0] == readings[0]  # the seed decides
     assert many.mean() == pytest.approx(1.1, abs=0.01)
     assert many.std() == pytest.approx(0.2, rel=0.03)
-    assert Sensor(fine, 0.2, 6, 1e-3).read(1.0) != many[0]
-    lag = Lag(1.0 / (2.0 * math.pi * 0.01), 1e-3)
+    assert Sensor(noisy | {"offset": 0.0}, 6).read(1.0) != many[0]
+    lag = Lag(passed(1e-3 / 0.01))
     assert lag(0.0) == 0.0
     assert [lag(1.0) for _ in range(10)][-1] == pytest.approx(1.0 - math.exp(-1.0))
 

@@ -12,11 +12,10 @@ import pytest
 
 from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, lost_at, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import changed
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.plant import flux_table
 from anhyst.rig.recording import HOVER, READY, Recording
 from anhyst.rig.tables import DisturbanceTable
@@ -31,10 +30,10 @@ FULL = bearings.single
 
 
 def levitate(
-    rig: BodyRig, seconds: float = 0.3, setup: Setup | None = None
+    rig: BodyRig, seconds: float = 0.3, setup: BearingSetup | None = None
 ) -> tuple[Recording, Recording]:
     """Lift, hold, step up, land; return the levitating plant and what holds its position."""
-    setup = setup or Setup(rig, FULL().controller, FULL().compensator)
+    setup = setup or BearingSetup(rig, FULL().compensator, FULL().controller)
     script = bearings.lifted(setup)
     begin = script.ticks
     script.hold(seconds)

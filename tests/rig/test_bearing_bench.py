@@ -13,10 +13,9 @@ import pytest
 
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
-from anhyst.link.plant_bus import Q31
-from anhyst.link.process import run_library
-from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.scenario import Script, land_time
+from anhyst.link.virtual_boards import Q31, run_library
+from anhyst.rig.bearing.loop import BearingSetup, position_control
+from anhyst.rig.bearing.scenario import ScenarioBuilder, land_time
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.loop import Scenario
 from anhyst.study.bearing.on_board import build_firmware
@@ -79,7 +78,7 @@ def follow(bench: BearingBench, scenario: Scenario, pieces: np.random.Generator)
     return np.concatenate(rows)
 
 
-def stepped(setup: Setup, firmware: Path, scenario: Scenario) -> FloatArray:
+def stepped(setup: BearingSetup, firmware: Path, scenario: Scenario) -> FloatArray:
     """Return gap, speed, both currents, state and fault of a scenario, tick by tick in Python."""
     plant, rows, goal = SteppedBearing(setup), [], None
     full = position_control(setup).settings("fixed")
@@ -100,10 +99,10 @@ def stepped(setup: Setup, firmware: Path, scenario: Scenario) -> FloatArray:
     return np.array(rows)
 
 
-def check_same_bits(setup: Setup, firmware: Path) -> None:
+def check_same_bits(setup: BearingSetup, firmware: Path) -> None:
     """Hold a run on the bench, in pieces, to the same run tick by tick in Python."""
     load = setup.rig.settings.load.force_N
-    script = Script(setup.rig, GAP).hold(0.006).command(Command.DEMAGNETISED).hold(0.001)
+    script = ScenarioBuilder(setup.rig, GAP).hold(0.006).command(Command.DEMAGNETISED).hold(0.001)
     script.command(Command.LIFT).hold(0.15).step(GAP - 20e-6, 0.03).set_load(load + 20.0)
     scenario = script.hold(0.02).step(GAP, 0.02).command(Command.LAND).hold(0.024).build()
     assert scenario.ticks >= TICKS

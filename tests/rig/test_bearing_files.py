@@ -20,8 +20,7 @@ from anhyst.control.controller_file import (
 )
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.loop import check_controller
-from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.loop import check_controller, make_setups
 from anhyst.rig.body import check_load, check_rate, read_bearing, step_ends
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.plant import check_flux_range, read_flux_table
@@ -62,7 +61,7 @@ def test_the_bundled_bearing_is_the_one_that_was_fixed() -> None:
     assert (plant.body.mass_kg, rig.load) == (2.0, 150.0)
     assert (plant.gap_m, plant.timing.rate_Hz) == (0.45e-3, 20e3)
     assert plant.timing.delay_ticks >= 1.0
-    assert plant.gap_sensor.sensor().step == 50e-9
+    assert plant.gap_sensor.step == 50e-9
     assert plant.noise_seeds == 20
     assert plant.step.heights_m == [10e-6, 20e-6, 50e-6, 100e-6]
     assert rig.step == pytest.approx(12.5e-6)
@@ -106,15 +105,15 @@ def test_the_resolution_is_that_of_the_file_or_of_the_kind(
     folder: Path, old: str, new: str, step: float
 ) -> None:
     change(folder / "rig.toml", old, new)
-    sensor = read_bearing(folder / "rig.toml").settings.gap_sensor.sensor()
+    sensor = read_bearing(folder / "rig.toml").settings.gap_sensor
     assert sensor.step == pytest.approx(step, rel=1e-12)
 
 
 def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
     change(folder / "rig.toml", "noise_m = 5e-9", "noise_m = 0.0\ndelay_s = 0.0")
     change(folder / "rig.toml", 'kind = "encoder"', 'kind = "laser"')
-    sensor = read_bearing(folder / "rig.toml").settings.gap_sensor.sensor()
-    assert (sensor.noise, sensor.delay) == (0.0, 0.0)
+    sensor = read_bearing(folder / "rig.toml").settings.gap_sensor
+    assert (sensor.noise_m, sensor.delay_s) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(

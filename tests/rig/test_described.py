@@ -75,5 +75,5 @@ def test_the_page_reports_what_each_kind_of_sensor_has() -> None:
         (row,) = re.findall(rf"^\| {kind} \| (.*) \|$", text, re.MULTILINE)
         cells = [cell.split() for cell in row.split(" | ")]
         values = [float(c[0]) * scale[c[1]] if c[1:] and c[1] in scale else 0.0 for c in cells]
-        expected = [usual.step, usual.noise, usual.bandwidth, usual.delay]
+        expected = [usual.get(key, 0.0) for key in ("step_m", "noise_m", "bandwidth_Hz", "delay_s")]
         assert values == pytest.approx(expected), kind

@@ -9,9 +9,9 @@ import pytest
 
 from anhyst.compensate.current_map import fit_ratio
 from anhyst.link.client import Refused
-from anhyst.rig.bench.force import Armature, ForceBench
+from anhyst.rig.bench.force import Armature, ForceBench, run_firmware
 from anhyst.rig.case_table import ForceCase
-from anhyst.rig.force.bench import ActuatorBench, run_firmware, triangle
+from anhyst.rig.force.bench import ActuatorStand, triangle
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, loops_at, loops_of_rig
 from anhyst.support.numeric import FloatArray
@@ -55,8 +55,8 @@ def test_a_bench_gives_what_a_session_gives(rig: Rig, program: Program, bench: F
     shape = ForceCase(kind="force", name="wide", low=0.05, high=0.95, period_s=0.4, cycles=1)
     demand = triangle(shape, rig.settings.force.force_max_N, bench.rate)
     gap = np.full(demand.force.size, rig.settings.force.end_m)
-    stand = ActuatorBench(rig, gap, [2, 0], unknown_past=False)
-    wanted, _ = run_firmware(program, stand, demand, "library", demagnetised=True)
+    stand = ActuatorStand(rig, [2, 0])
+    wanted, _ = run_firmware(rig, program, stand, gap, demand, "library", demagnetised=True)
     run(bench)
     rows = []
     for force in demand.force.tolist():

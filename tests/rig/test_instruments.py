@@ -12,7 +12,7 @@ from anhyst.data import History, Loop, Loops
 from anhyst.rig.case_table import ForceCase, MovingCase
 from anhyst.rig.force.bench import (
     LEAD_IN,
-    ActuatorBench,
+    ActuatorStand,
     moving_gap,
     read_gaps,
     run_open_loop,
@@ -117,9 +117,8 @@ def test_loops_that_do_not_reach_the_largest_force_are_refused() -> None:
 
 
 def test_a_reference_flows_one_tick_later(rig: Rig) -> None:
-    bench = ActuatorBench(rig, np.full(5, 1e-3), [3], unknown_past=False)
     reference = np.array([0.5, 0.5, 0.0, 0.0, 0.0])
-    record = run_open_loop(bench, reference)
+    record = run_open_loop(ActuatorStand(rig, [3]), np.full(5, 1e-3), reference)
     assert record["command_A"].tolist() == reference.tolist()
     assert record["current_A"][:2].tolist() == [0.0, 0.0]
     assert record["current_A"][2] > 0.0
@@ -130,10 +129,10 @@ def test_a_reference_flows_one_tick_later(rig: Rig) -> None:
 def test_two_benches_of_one_seed_are_the_same_and_noise_is_not_the_truth(rig: Rig) -> None:
     gap = np.linspace(1e-3, 2e-3, 40)
     reference = np.linspace(0.0, 1.0, 40)
-    one, two, other = (
-        run_open_loop(ActuatorBench(rig, gap, [seed], unknown_past=True), reference)
-        for seed in (1, 1, 2)
-    )
+    stands = [ActuatorStand(rig, [seed]) for seed in (1, 1, 2)]
+    for stand in stands:
+        stand.give_past(gap[0])
+    one, two, other = (run_open_loop(stand, gap, reference) for stand in stands)
     assert one["force_read_N"].tolist() == two["force_read_N"].tolist()
     assert one["force_N"].tolist() != other["force_N"].tolist()  # another unknown past
     assert one["gap_m"].tolist() == gap.tolist()
@@ -146,7 +145,8 @@ def test_the_start_up_sequence_makes_the_past_forgotten(rig: Rig) -> None:
     reference, gap = np.linspace(0.0, 1.0, 30), np.full(30, 1.5e-3)
     forces = []
     for seed in (1, 2, 3):
-        bench = ActuatorBench(rig, gap, [seed], unknown_past=True)
-        bench.condition([1.2, 0.0])
-        forces.append(run_open_loop(bench, reference)["force_N"])
+        stand = ActuatorStand(rig, [seed])
+        stand.give_past(gap[0])
+        stand.condition([1.2, 0.0], gap[0])
+        forces.append(run_open_loop(stand, gap, reference)["force_N"])
     assert np.ptp(forces, axis=0).max() < 1e-9

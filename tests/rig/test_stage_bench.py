@@ -9,7 +9,7 @@ import pytest
 
 from anhyst._core import Coil, Magnet
 from anhyst.rig.bench import stage
-from anhyst.rig.bench.stage import AxesBench, StageBench, StageVariant, bench_of
+from anhyst.rig.bench.stage import StageBench, StageVariant
 from anhyst.rig.parts.magnet import circuit_numbers
 from anhyst.rig.recording import Loss
 from anhyst.rig.stage.file import pull_rows
@@ -196,11 +196,11 @@ def axes() -> StageBench:
     setups = [
         make_stage(planar(), bearings.knowledge(), name) for name in ("single-valued", "full")
     ]
-    return bench_of([StageVariant(one, Feedforward()) for one in setups])
+    return StageBench([StageVariant(one, Feedforward()) for one in setups])
 
 
 def test_the_pulls_of_all_magnets_make_the_wrench_and_their_gaps_the_pose(axes: StageBench) -> None:
-    assert isinstance(axes, AxesBench)
+    assert axes.body is not None
     axes.advance(400)
     axes.command(Command.RUN)
     rows = axes.advance(3000)

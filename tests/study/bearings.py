@@ -17,14 +17,13 @@ from anhyst.control.controller_file import (
     read_controller,
     write_controller,
 )
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.make_setup import make_setup
-from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
+from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.case_table import LoadCase
 from anhyst.rig.drift import Drift, changed, drifted_file, with_iron
 from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.measuring import measure_loops
 from anhyst.rig.recording import HOVER, Recording
@@ -61,7 +60,7 @@ def knowledge(fraction: float = 0.15) -> IdentifiedMagnet:
 @cache
 def single(
     variant: MethodName = "full", number_format: NumberFormat = "fixed", fraction: float = 0.15
-) -> Setup:
+) -> BearingSetup:
     """One magnet against the load."""
     rig = with_iron(example(), fraction)
     return make_setup(rig, controller().settings, knowledge(fraction), variant, number_format)
@@ -140,14 +139,14 @@ def pair_file(path: Path, applied: str = "reference") -> ControllerFile:
 
 
 @cache
-def pair(variant: MethodName = "full", number_format: NumberFormat = "fixed") -> Setup:
+def pair(variant: MethodName = "full", number_format: NumberFormat = "fixed") -> BearingSetup:
     """Two magnets against each other, and nothing else that pushes."""
     return make_setup(pair_rig(), pair_controller(), knowledge(), variant, number_format)
 
 
-def with_rig(setup: Setup, changes: dict[str, Any]) -> Setup:
+def with_rig(setup: BearingSetup, changes: dict[str, Any]) -> BearingSetup:
     """The same controller before another plant."""
-    return Setup(changed(setup.rig, changes), setup.controller, setup.compensator)
+    return BearingSetup(changed(setup.rig, changes), setup.compensator, setup.controller)
 
 
 def sensor(kind: str, **given: float) -> GapSensorTable:
@@ -158,16 +157,16 @@ def sensor(kind: str, **given: float) -> GapSensorTable:
     )
 
 
-def lifted(setup: Setup, gap: float = GAP) -> Script:
+def lifted(setup: BearingSetup, gap: float = GAP) -> ScenarioBuilder:
     """A script that has lifted off and settled."""
-    return Script(setup.rig, gap).lift_off(setup.controller)
+    return ScenarioBuilder(setup.rig, gap).lift_off(setup.controller)
 
 
-def run(setup: Setup, scenario: Scenario, seed: int = 0) -> Recording:
+def run(setup: BearingSetup, scenario: Scenario, seed: int = 0) -> Recording:
     return SimulatedLoop(setup, seed).run(scenario)
 
 
-def run_plant(setup: Setup, script: Script, seed: int = 0) -> Recording:
+def run_plant(setup: BearingSetup, script: ScenarioBuilder, seed: int = 0) -> Recording:
     return SimulatedLoop(setup, seed).run(script.build())
 
 

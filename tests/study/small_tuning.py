@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from anhyst.rig.bearing.loop import Setup
+from anhyst.rig.bearing.loop import BearingSetup
 from anhyst.study.tuning.bearing import BearingLoop
 from anhyst.study.tuning.trial import Condition
 from tests.study import bearings
@@ -20,7 +20,7 @@ LESS = {
 
 
 @cache
-def setup() -> Setup:
+def setup() -> BearingSetup:
     return bearings.with_rig(bearings.single("linearised", "fixed"), LESS)
 
 

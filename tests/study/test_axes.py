@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from anhyst.reports.tracking import render
 from anhyst.rig.body import BodyRig
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.stage import loop
 from anhyst.rig.stage.file import read_stage, scan_direction
@@ -25,7 +25,6 @@ from anhyst.rig.stage.loop import (
     of_axes,
     pose_columns,
     recorded,
-    stage_loop,
     track,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, ticks_of
@@ -123,7 +122,7 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
     reference = np.outer(motion.at(instants(rig, n + 1))[0], along)
     wrench = fed_wrench(rig, feed(setup, motion, Feedforward()))
     scenario = Scenario(reference[:n], feed=wrench, frame=reference)
-    flown = stage_loop(setup).run(scenario)
+    flown = SimulatedLoop(setup).run(scenario)
     pose = np.column_stack([flown[name] for name in of_axes("pose", file.body.free)])
     pose += reference[:n]
     turned = Rotation.from_rotvec(pose[:, 3:])

@@ -12,15 +12,15 @@ import pytest
 
 from anhyst import Calibration, InputError, calibrate
 from anhyst.control.controller_file import ControllerFile
-from anhyst.dashboard.recorder import start_recording
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
-from anhyst.rig.bearing.make_setup import compiled_model, fit_magnets, make_setup
+from anhyst.dashboard.recording import start_recording
+from anhyst.rig.bearing.loop import BearingSetup, compiled_model, fit_magnets, make_setup
+from anhyst.rig.bearing.scenario import parts_of_run
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CalibratedMethod, CalibrationFile
 from anhyst.rig.drift import NO_DRIFT, Drift, changed, drifted_plant, with_iron
 from anhyst.rig.fitting import calibrated
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.operating import make_ready, read_files
@@ -39,18 +39,19 @@ def rig(two: bool = False) -> BodyRig:
     return changed(bearings.pair_rig() if two else bearings.example(), UNSURE)
 
 
-def setup(two: bool = False) -> Setup:
+def setup(two: bool = False) -> BearingSetup:
     return bearings.pair() if two else bearings.single()
 
 
-def flown(of: Setup, scenario: Scenario, drift: Drift = WRONG) -> Recording:
-    return SimulatedLoop(of, bearing=drifted_plant(of.rig, drift, 1)).run(scenario)
+def flown(of: BearingSetup, scenario: Scenario, drift: Drift = WRONG) -> Recording:
+    return SimulatedLoop(of, plant=drifted_plant(of.rig, drift, 1)).run(scenario)
 
 
 @cache
 def recorded(two: bool = False) -> Recording:
     """Lift-off and the steps of the example, with a plant that has drifted."""
-    return flown(setup(two), parts_of_run(setup(two))[0])
+    mine = setup(two)
+    return flown(mine, parts_of_run(mine.rig, mine.controller)[0])
 
 
 def taught(run: Recording | Path, two: bool = False, out: Path | None = None) -> Calibration:
@@ -77,7 +78,7 @@ def with_columns(**others: np.ndarray) -> Recording:
     return Recording({**recorded().columns, **others})
 
 
-def force_error(of: Setup, drift: Drift) -> float:
+def force_error(of: BearingSetup, drift: Drift) -> float:
     """Of the second period of the slow triangle, N."""
     scenario, begin = following(of, of.rig.settings.trajectories[0])
     run = flown(of, scenario, drift).part(begin, scenario.ticks)
@@ -112,7 +113,7 @@ def test_overshoot_after_calibration_is_that_of_a_bearing_that_never_drifted(
     table = bearings.controller().settings
     after = make_setup(corrected(tmp_path), table, bearings.knowledge(), "full", "fixed")
 
-    def overshoot(of: Setup, drift: Drift) -> float:
+    def overshoot(of: BearingSetup, drift: Drift) -> float:
         """Of the highest step, which noise moves least, %."""
         return float(BearingWork({"full": of}).run("full", drift, 1)["overshoot_percent"][-1])
 
@@ -154,7 +155,7 @@ def test_a_controller_expects_the_force_that_was_learnt(two: bool) -> None:
 @pytest.mark.slow
 def test_of_another_iron_it_is_said_that_the_law_does_not_fit_and_nothing_is_taken() -> None:
     other = replace(setup(), rig=with_iron(bearings.example(), 0.3, 1.0))
-    run = flown(other, parts_of_run(other)[0], NO_DRIFT)
+    run = flown(other, parts_of_run(other.rig, other.controller)[0], NO_DRIFT)
     found = taught(run)
     assert not found.file.method[0].fits
     assert not found.learnt

@@ -11,10 +11,10 @@ import pytest
 from anhyst.control.controller_file import write_controller
 from anhyst.link.client import Refused
 from anhyst.link.frames import DemandRequest, Reason, StatusAnswer, TargetRequest
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.scenario import Script, land_time
+from anhyst.rig.bearing.loop import BearingSetup
+from anhyst.rig.bearing.scenario import ScenarioBuilder, land_time
 from anhyst.rig.bench.bearing import BearingBench
-from anhyst.rig.loop import DROP
+from anhyst.rig.loop import DROP, SimulatedLoop
 from anhyst.study.bearing.board_faults import FaultRuns, injections
 from anhyst.study.bearing.on_board import build_firmware, count_differences, run_board
 from anhyst.support.states import Command, Fault, Phase, State
@@ -51,7 +51,7 @@ def running(firmware: Path) -> Iterator[BearingBench]:
         yield started
 
 
-def hop(setup: Setup) -> Script:
+def hop(setup: BearingSetup) -> ScenarioBuilder:
     """Lift off, step, lose a sample, step the load, land."""
     script = bearings.lifted(setup).step(GAP - 20e-6, 0.02).command(DROP).step(GAP, 0.02)
     script.set_load(setup.rig.settings.load.force_N + 20.0).hold(0.02)

@@ -13,8 +13,7 @@ import pytest
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.control.controller_file import ControllerFile, write_controller
-from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup, position_control
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.study.bearing.on_board import build_firmware
@@ -39,7 +38,7 @@ class Built:
     """A firmware and what it levitates."""
 
     program: Path
-    setup: Setup
+    setup: BearingSetup
     variant: MethodName
 
     @property

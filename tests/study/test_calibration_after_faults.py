@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from anhyst.link.frames import PlantDrive, PlantSample
-from anhyst.link.plant_bus import Q31
+from anhyst.link.virtual_boards import Q31
 from anhyst.rig.bearing.loop import position_control
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.drift import drifted_plant

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anhyst.rig.bearing.loop import Setup
+from anhyst.rig.bearing.loop import BearingSetup
 from anhyst.study.bearing import responses
 from anhyst.study.bearing.experiments import (
     ExperimentOutcome,
@@ -60,14 +60,14 @@ def test_steps_arrive() -> None:
         assert cell.figures["settling_in_noise_s"].mean <= cell.figures["settling_time_s"].mean
 
 
-def quiet(setup: Setup) -> Setup:
+def quiet(setup: BearingSetup) -> BearingSetup:
     """With a sensor of 5 nm rms instead of the encoder."""
-    bandwidth = setup.rig.settings.gap_sensor.sensor().bandwidth
+    bandwidth = setup.rig.settings.gap_sensor.bandwidth_Hz
     sensor = bearings.sensor("capacitive", noise_m=5e-9, bandwidth_Hz=bandwidth)
     return bearings.with_rig(setup, {"gap_sensor": sensor})
 
 
-def standstill(setup: Setup) -> float:
+def standstill(setup: BearingSetup) -> float:
     """Mean rms over the seeds, m; no limit cycle in any."""
     found = [stand_still(ExperimentTrial(setup, seed)) for seed in SEEDS]
     held = [one for one in found if one is not None]
@@ -124,7 +124,7 @@ def rests(trial: ExperimentTrial) -> ExperimentOutcome:
 
 
 def test_a_limit_cycle_is_reported_by_its_runs_and_not_by_a_mean_with_zeros() -> None:
-    setups: dict[MethodName, Setup] = {"ratio": bearings.single("ratio")}
+    setups: dict[MethodName, BearingSetup] = {"ratio": bearings.single("ratio")}
     found = of_all(cycles_twice, setups, range(5), None)["ratio"].as_dict()
     assert (found["limit_cycles"], found["runs"]) == (2, 5)
     assert found["limit_cycle_m"] == pytest.approx(80e-9)

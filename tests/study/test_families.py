@@ -17,8 +17,7 @@ from anhyst.compensate.measure import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.identification.left_open import first_rise
 from anhyst.identification.run import IdentifyTable
-from anhyst.rig.bearing.loop import Setup
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.drift import changed, with_iron
@@ -53,7 +52,7 @@ def knowledge(name: str, law: str = "play-cells") -> IdentifiedMagnet:
 
 
 @cache
-def setup_of(name: str, variant: MethodName, law: str = "play-cells") -> Setup:
+def setup_of(name: str, variant: MethodName, law: str = "play-cells") -> BearingSetup:
     settings = bearings.controller().settings
     return make_setup(rig_of(name), settings, knowledge(name, law), variant, "fixed")
 
@@ -84,7 +83,7 @@ def test_an_iron_that_keeps_its_turning_points_is_given_play_cells() -> None:
     assert known.model.law.startswith("play-cells")
 
 
-def overshoot(setup: Setup, height: float) -> float:
+def overshoot(setup: BearingSetup, height: float) -> float:
     (cell,) = compare([setup], [GAP], [height], [150.0], SEEDS, jobs=1)
     return cell.of("overshoot_percent").mean
 

@@ -14,7 +14,7 @@ import pytest
 from anhyst._core import FixedCompensator, FixedController, FixedForceController
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
-from anhyst.rig.bearing.loop import Setup, position_control
+from anhyst.rig.bearing.loop import BearingSetup, position_control
 from anhyst.rig.loop import DROP, Scenario
 from anhyst.rig.recording import (
     BREAKAWAY,
@@ -35,7 +35,7 @@ Q31 = 2.0**31
 NO_FLUX = -(2**31)
 
 
-def steps(setup: Setup) -> Scenario:
+def steps(setup: BearingSetup) -> Scenario:
     """Everything that may be in the way: steps, a lost sample, a load beyond the largest force."""
     script = bearings.lifted(setup)
     for gap in (GAP - 50e-6, GAP + 50e-6, GAP):
@@ -48,7 +48,7 @@ def steps(setup: Setup) -> Scenario:
 class Pieces:
     """Controller and compiled block of a setup, each by itself; signals are codes."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: BearingSetup) -> None:
         control = position_control(setup)
         self.words = dict(control.settings("fixed"))
         gains = control.gains("fixed")
@@ -80,7 +80,7 @@ class Pieces:
         return low + (2 * (held - low) + step) // (2 * step) * step
 
 
-def flashed(setup: Setup) -> FixedCompensator | None:
+def flashed(setup: BearingSetup) -> FixedCompensator | None:
     """The block that ``anhyst compile`` writes, in the compensator that it writes beside it."""
     law = setup.compensator.parameters
     if not isinstance(law, HysteresisInverse):
@@ -89,7 +89,7 @@ def flashed(setup: Setup) -> FixedCompensator | None:
     return FixedCompensator(law.block.kind, law.block.words)
 
 
-def replay(setup: Setup, recording: Recording) -> Iterator[tuple[int, int, int]]:
+def replay(setup: BearingSetup, recording: Recording) -> Iterator[tuple[int, int, int]]:
     """Yield tick, current code and demand code that the pieces give."""
     pieces = Pieces(setup)
     controls = (RISE, HOVER, DESCEND)
@@ -124,7 +124,7 @@ def replay(setup: Setup, recording: Recording) -> Iterator[tuple[int, int, int]]
         yield tick, current, pieces.demand
 
 
-def differs_at(setup: Setup, recording: Recording) -> int | None:
+def differs_at(setup: BearingSetup, recording: Recording) -> int | None:
     """First tick at which the pieces give another current or demand than was recorded."""
     pieces = Pieces(setup)
     currents = [pieces.code(value, "current") for value in recording["command_A"].tolist()]
@@ -158,4 +158,7 @@ def test_a_single_step_of_the_encoder_is_noticed() -> None:
     table[8000, COLUMNS.index("gap_read_m")] += 50e-9
     assert differs_at(setup, Recording.of_table(table)) == 8000
     other = bearings.single("simplified")
-    assert differs_at(Setup(setup.rig, setup.controller, other.compensator), recording) is not None
+    assert (
+        differs_at(BearingSetup(setup.rig, other.compensator, setup.controller), recording)
+        is not None
+    )

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from anhyst.cli.app import main
-from anhyst.cli.console import show_study
+from anhyst.cli.shared import show_study
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plan import CompileRequest, make_plan
@@ -22,8 +22,9 @@ from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.link.firmware import build
 from anhyst.model.actuator import Model, read_model
 from anhyst.reports.force import draw, figure_constant_gap, figure_moving, figure_positions
+from anhyst.rig.bench.force import run_firmware
 from anhyst.rig.force import programs
-from anhyst.rig.force.bench import ActuatorBench, run_firmware, with_lead_in
+from anhyst.rig.force.bench import ActuatorStand, with_lead_in
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import Program, Session, ticks_that_differ
 from anhyst.study.force.force_control import ForceControl, force_control
@@ -223,8 +224,7 @@ def short_session(small: Path, program: Program, board: str) -> Session:
     demand = with_lead_in("short", np.linspace(0.0, 30.0, 60), 500.0)
     rig = read_rig(small)
     gap = np.full(demand.force.size, 1.0e-3)
-    bench = ActuatorBench(rig, gap, [9], unknown_past=False)
-    return run_firmware(program, bench, demand, board, True)[1]
+    return run_firmware(rig, program, ActuatorStand(rig, [9]), gap, demand, board, True)[1]
 
 
 @pytest.mark.slow

@@ -14,11 +14,10 @@ from anhyst.compensate.sources import Sources
 from anhyst.control import Pidd2
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
-from anhyst.rig.bearing.loop import Setup
-from anhyst.rig.bearing.loop import SimulatedLoop as Running
-from anhyst.rig.bearing.make_setup import operating_point
-from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.bearing.loop import BearingSetup, operating_point
+from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig, read_bearing
+from anhyst.rig.loop import SimulatedLoop as Running
 from anhyst.rig.plant import current_gains
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import (
@@ -67,7 +66,7 @@ def linear_loop(
     return LinearLoop(
         replace(find_operating_point(rig).point, eddy_time=eddy_time),
         amplifier,
-        Chain(controller.rate, 1.0, rig.settings.gap_sensor.sensor().bandwidth),
+        Chain(controller.rate, 1.0, rig.settings.gap_sensor.bandwidth_Hz),
         controller,
         Compensation(drive["k_i_N_per_A"], drive["k_s_N_per_m"]),
     )
@@ -83,11 +82,11 @@ def test_the_sensitivity_of_both_is_one(tmp_path: Path, mode: str, eddy_time: fl
     known = operating_point(rig, controller, loops)
     drive = make_compensator("linearised", Sources(known, loops), "f64")
     gap = rig.settings.gap_m
-    running = Running(Setup(rig, controller, drive))
-    running.run(Script(rig, gap).lift_off(controller).build())
+    running = Running(BearingSetup(rig, drive, controller))
+    running.run(ScenarioBuilder(rig, gap).lift_off(controller).build())
 
     def run(inject: FloatArray) -> Recording:
-        return running.run(Script(rig, gap).hold(0.0, inject).build())
+        return running.run(ScenarioBuilder(rig, gap).hold(0.0, inject).build())
 
     rate = rig.settings.timing.rate_Hz
     found = measure_sensitivity(run, FREQUENCIES, 2e-6, rate)

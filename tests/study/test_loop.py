@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedPosition, Plant, PlantLoop, Position, PositionF32
-from anhyst.rig.bearing.loop import Setup, make_position
-from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.bearing.loop import BearingSetup
+from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.loop import DROP, Scenario
 from anhyst.rig.plant import (
     current_loop,
@@ -62,7 +62,7 @@ def test_it_hovers_at_every_gap_and_lands_again(
         assert landed["gap_m"].min() >= setup.rig.settings.body.stop_high_m
 
 
-def eventful(setup: Setup) -> Scenario:
+def eventful(setup: BearingSetup) -> Scenario:
     """Lift, step, follow, load, lose samples, land."""
     script = bearings.lifted(setup, GAP)
     script.step(GAP - 60e-6, 0.03).command(DROP, 2).step(GAP + 30e-6, 0.03)
@@ -77,10 +77,10 @@ def pair_of(values: list[float], nothing: float) -> tuple[float, float]:
     return values[0], values[1] if len(values) > 1 else nothing
 
 
-def by_hand(setup: Setup, scenario: Scenario, seed: int) -> dict[str, list[float]]:
+def by_hand(setup: BearingSetup, scenario: Scenario, seed: int) -> dict[str, list[float]]:
     """Step a bearing and its controller from Python, tick by tick."""
     rig = setup.rig
-    bearing, controller = make_plant(rig, seed), make_position(setup)
+    bearing, controller = make_plant(rig, seed), setup.make_controller()
     assert isinstance(controller, Position | PositionF32 | FixedPosition)
     inner, integral = current_loop(rig), 0.0
     found: dict[str, list[float]] = {name: [] for name in COLUMNS}
@@ -138,7 +138,7 @@ def test_a_third_magnet_without_current_changes_no_bit_and_has_its_own_columns()
         [make_magnet(rig)] * 3,
         noise_seed(rig, 0),
     )
-    loop = PlantLoop(plant, make_position(setup), [*current_loops(rig), current_loop(rig)])
+    loop = PlantLoop(plant, setup.make_controller(), [*current_loops(rig), current_loop(rig)])
     names = [column(*signal) for signal in loop.signals]
     events = (scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command)
     rows = dict(zip(names, loop.run(*events).T, strict=True))
@@ -150,7 +150,7 @@ def test_a_third_magnet_without_current_changes_no_bit_and_has_its_own_columns()
     assert len(set(names)) == len(names)
 
 
-def voltage(number_format: NumberFormat) -> Setup:
+def voltage(number_format: NumberFormat) -> BearingSetup:
     setup = bearings.single("full", number_format)
     return bearings.with_rig(setup, {"amplifier.mode": "voltage", "amplifier.supply_V": 20.0})
 
@@ -166,7 +166,7 @@ def voltage(number_format: NumberFormat) -> Setup:
 )
 def test_the_loop_is_the_bearing_and_the_controller_bit_for_bit(setup: object) -> None:
     assert callable(setup)
-    made: Setup = setup()
+    made: BearingSetup = setup()
     scenario = eventful(made)
     recording = bearings.run(made, scenario, seed=3)
     assert len(recording) == scenario.ticks
@@ -198,7 +198,7 @@ def test_processes_make_no_difference() -> None:
 def test_noise_is_of_the_seed_alone() -> None:
     """Variants are compared under the same noise: they see the same as long as they do the same."""
     idle = [
-        bearings.run_plant(setup, Script(setup.rig, GAP).hold(0.05), seed=4)
+        bearings.run_plant(setup, ScenarioBuilder(setup.rig, GAP).hold(0.05), seed=4)
         for setup in map(bearings.single, ("single-valued", "full"))
     ]
     assert np.array_equal(idle[0].table, idle[1].table, equal_nan=True)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.cli.console import show_study
+from anhyst.cli.shared import show_study
 from anhyst.data.table import read_columns
 from anhyst.reports.tracking import render
 from anhyst.rig.force.bench import with_lead_in

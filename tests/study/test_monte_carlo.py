@@ -15,11 +15,11 @@ import pytest
 
 from anhyst.compensate.block import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import make_setup
-from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.bearing.loop import make_setup
+from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.drift import CUT, Drift, draw_drift, drifted_law, drifted_plant
+from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.plant import static_map
 from anhyst.rig.tables import SpreadTable
 from anhyst.study.bearing.operating import make_ready
@@ -333,8 +333,8 @@ def test_the_sensor_turns_around_the_operating_gap(
         rig, controller.settings, make_ready(rig, controller).knowledge(), "linearised", "f64"
     )
     drift = Drift(position_gain=0.02, gap_offset=3e-6, current_gain=0.01)
-    loop = SimulatedLoop(setup, bearing=drifted_plant(rig, drift, 1))
-    script = Script(rig, 0.45e-3).lift_off(controller.settings).hold(0.1)
+    loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, 1))
+    script = ScenarioBuilder(rig, 0.45e-3).lift_off(controller.settings).hold(0.1)
     begin = script.ticks
     script.follow(np.full(2000, 0.40e-3))
     found = loop.run(script.hold(0.2).build())
@@ -388,8 +388,8 @@ def test_a_magnet_of_a_law_drifts_in_its_law(
     )
     gaps = []
     for drift in (Drift(), Drift(saturation=-0.03)):
-        loop = SimulatedLoop(setup, bearing=drifted_plant(law, drift, 1))
-        recording = loop.run(Script(law, 0.45e-3).lift_off(controller.settings).build())
+        loop = SimulatedLoop(setup, plant=drifted_plant(law, drift, 1))
+        recording = loop.run(ScenarioBuilder(law, 0.45e-3).lift_off(controller.settings).build())
         gaps.append(float(np.mean(recording["current_A"][-1000:])))
     assert gaps[1] > gaps[0] + 1e-3  # a weaker magnet takes more current for the same load
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
+from anhyst.rig.bearing.loop import lost_at
 from anhyst.rig.drift import changed
-from anhyst.rig.loop import DROP
+from anhyst.rig.loop import DROP, SimulatedLoop
 from anhyst.rig.recording import BREAKAWAY, FAULT, HOVER, in_column
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.experiments import (

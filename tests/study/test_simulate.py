@@ -23,7 +23,7 @@ from anhyst.model.writer import write_model
 from anhyst.reports.bearing.page import render
 from anhyst.reports.bearing.subject import subject_of
 from anhyst.rig.bearing import scenario
-from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.drift import changed
 from anhyst.rig.recording import COLUMNS, FAULT, HOVER
 from anhyst.study.bearing import simulate as module
@@ -313,7 +313,7 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
     table = setup.controller.model_copy(update={"rate_Hz": rate})
     timing = setup.rig.settings.timing.model_copy(update={"rate_Hz": rate})
     rig = changed(setup.rig, {"timing": timing})
-    script = Script(rig, bearings.GAP).lift_off(table).build()
+    script = ScenarioBuilder(rig, bearings.GAP).lift_off(table).build()
     marks = np.flatnonzero(script.command)
     assert list(script.command[marks]) == [Command.DEMAGNETISED, Command.LIFT]
     (selftest,) = (one.default for one in fields(PositionLimits) if one.name == "selftest")

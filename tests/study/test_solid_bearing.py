@@ -14,14 +14,13 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compilation.manifest import controller_bytes, state_bytes
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import BearingSetup, make_setup
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import changed
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.magnet_table import SolidTable
 from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing.on_board import build_firmware, count_differences
@@ -56,14 +55,14 @@ def known() -> IdentifiedMagnet:
     return identify_magnet(measure_loops(solid()), solid().settings.loops)
 
 
-def block_of(setup: Setup) -> Block:
+def block_of(setup: BearingSetup) -> Block:
     parameters = setup.compensator.parameters
     assert isinstance(parameters, HysteresisInverse)
     assert isinstance(parameters.block, Block)
     return parameters.block
 
 
-def steps(setup: Setup) -> Scenario:
+def steps(setup: BearingSetup) -> Scenario:
     return steps_up_and_down(setup.rig, setup.controller, bearings.GAP, [STEP])
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.cli.console import show_study
+from anhyst.cli.shared import show_study
 from anhyst.compensate.force_controller import twin_of
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compilation.output import compile_model

@@ -10,7 +10,7 @@ import pytest
 from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.bearing.operating import find_operating_point, linear_loop
 from anhyst.study.tuning.aims import MISSED, Aims
-from anhyst.study.tuning.screen import Screen, closed_loop, make_screen, refine
+from anhyst.study.tuning.search import Screen, closed_loop, make_screen, refine
 from anhyst.study.tuning.trial import GainSpace
 from anhyst.support.numeric import FloatArray
 from tests.study import bearings

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from anhyst.study.tuning.screen import Strategy
+from anhyst.study.tuning.search import Strategy
 from anhyst.support.numeric import FloatArray
 
 BOTTOM = np.array([0.3, 0.62, 0.5, 0.44, 0.71, 0.38, 0.55])

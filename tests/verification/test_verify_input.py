@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.compilation.output import check_folder
+from anhyst.compilation.manifest import check_folder
 from anhyst.verification import verify
 from tests.refusals import refused, says
 from tests.verification.conftest import Compile, sign

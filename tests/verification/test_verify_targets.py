@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from anhyst.verification import TargetResult, verify
-from anhyst.verification.firmware import FirmwareRun, compare_runs
+from anhyst.verification.emulators import FirmwareRun, compare_runs
 from anhyst.verification.protocol import COMPENSATOR
 from anhyst.verification.result import Verification
 from tests.verification.conftest import Compile

@@ -14,11 +14,10 @@ from typing import Annotated, Any, cast
 import typer
 
 from anhyst.cli.compile import compile_, verify
-from anhyst.cli.console import one_line, say_error, warn
 from anhyst.cli.identify import identify
-from anhyst.cli.live import live, watch, xcp
 from anhyst.cli.measurements import convert, fleet, inspect
-from anhyst.cli.rig import excite, init
+from anhyst.cli.rig import excite, init, live, watch, xcp
+from anhyst.cli.shared import one_line, say_error, warn
 from anhyst.cli.simulate import force_control, simulate
 from anhyst.cli.tune import calibrate, tune
 from anhyst.cli.use import diff, export, invert, predict, report

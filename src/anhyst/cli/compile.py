@@ -2,37 +2,24 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, progress_bar, show, table, warn
-from anhyst.cli.options import AsJson, of_its_kind
+from anhyst.cli.shared import AsJson, of_its_kind, print_json, progress_bar, show, table, warn
 from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
     from anhyst import Compiled, CompiledPlay, CompiledStage, Verification
 
 
-class KindChoice(StrEnum):
-    """Kinds of compensator."""
+KindChoice = Literal["full", "simplified", "play", "single-valued"]
+"""Kinds of compensator."""
 
-    FULL = "full"
-    SIMPLIFIED = "simplified"
-    PLAY = "play"
-    SINGLE_VALUED = "single-valued"
-
-
-class IoChoice(StrEnum):
-    """Formats of the signals."""
-
-    Q15 = "q15"
-    Q31 = "q31"
-    F32 = "f32"
-
+IoChoice = Literal["q15", "q31", "f32"]
+"""Formats of the signals."""
 
 ModelOrRig = Annotated[
     Path,
@@ -105,7 +92,7 @@ def compile_(
     out: OutFolder,
     rate: Rate = None,
     controller: ControllerPath = None,
-    kind: Kind = KindChoice.FULL,
+    kind: Kind = "full",
     io: Io = None,
     accuracy: Accuracy = None,
     name: ActuatorName = None,
@@ -126,8 +113,8 @@ def compile_(
             model,
             out,
             rate=rate,
-            kind=kind.value,
-            io=None if io is None else io.value,
+            kind=kind,
+            io=io,
             accuracy=accuracy,
             name=name,
             controller=controller,

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, progress_bar, show, warn
-from anhyst.cli.options import (
+from anhyst.cli.shared import (
     AsJson,
     Clean,
     Columns,
@@ -22,7 +20,11 @@ from anhyst.cli.options import (
     LoopHistory,
     Schedule,
     Sidecar,
+    print_json,
+    progress_bar,
     read_options,
+    show,
+    warn,
 )
 from anhyst.laws import LAWS
 from anhyst.support.errors import Interrupted, NegativeResult
@@ -31,30 +33,14 @@ if TYPE_CHECKING:
     from anhyst import IdentifyResult, Model
 
 
-class GapMapChoice(StrEnum):
-    """Gap maps, and letting the cross-validation error choose."""
+GapMapChoice = Literal["scaling", "reluctance", "circuit", "free", "auto"]
+"""Gap maps, and letting the cross-validation error choose."""
 
-    SCALING = "scaling"
-    RELUCTANCE = "reluctance"
-    CIRCUIT = "circuit"
-    FREE = "free"
-    AUTO = "auto"
+Weights = Literal["loops", "points", "relative"]
+"""What counts the same."""
 
-
-class Weights(StrEnum):
-    """What counts the same."""
-
-    LOOPS = "loops"
-    POINTS = "points"
-    RELATIVE = "relative"
-
-
-class SearchChoice(StrEnum):
-    """Ways to search."""
-
-    DEFAULT = "default"
-    PAPER = "paper"
-
+SearchChoice = Literal["default", "paper"]
+"""Ways to search."""
 
 Out = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Model file to write.")]
 
@@ -127,10 +113,10 @@ def identify(
     loops: LoopFiles,
     out: Out,
     law: LawOption = "auto",
-    gap_map: GapMapOption = GapMapChoice.AUTO,
-    search: SearchOption = SearchChoice.DEFAULT,
+    gap_map: GapMapOption = "auto",
+    search: SearchOption = "default",
     seed: Seed = 1,
-    weights: WeightsOption = Weights.LOOPS,
+    weights: WeightsOption = "loops",
     offsets: Offsets = True,
     dead_band: DeadBand = True,
     rate: Rate = True,
@@ -161,15 +147,15 @@ def identify(
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
-    checkpoint = _checkpoint(out) if search is SearchChoice.PAPER else None
+    checkpoint = _checkpoint(out) if search == "paper" else None
     with _stoppable(checkpoint), progress_bar("searching") as progress:
         result = anhyst.identify(
             measured,
             law=law,
-            gap_map=gap_map.value,
-            search=search.value,
+            gap_map=gap_map,
+            search=search,
             seed=seed,
-            weights=weights.value,
+            weights=weights,
             offsets=offsets,
             dead_band=dead_band,
             rate=rate,

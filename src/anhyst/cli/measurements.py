@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 import anhyst
 from anhyst.cli.compile import IoChoice
-from anhyst.cli.console import (
-    from_page,
-    in_small_units,
-    print_json,
-    progress_bar,
-    show,
-    table,
-    warn,
-)
-from anhyst.cli.options import (
+from anhyst.cli.shared import (
     AsJson,
     Clean,
     Columns,
@@ -31,8 +21,15 @@ from anhyst.cli.options import (
     Schedule,
     Scheduler,
     Sidecar,
+    from_page,
+    in_small_units,
     of_its_kind,
+    print_json,
+    progress_bar,
     read_options,
+    show,
+    table,
+    warn,
 )
 from anhyst.support.atomic import check_picture, write_figure
 
@@ -214,11 +211,8 @@ def convert(
 REPORT = "report.html"
 
 
-class FleetKind(StrEnum):
-    """Kinds of compensator that are made from a model alone."""
-
-    FULL = "full"
-    SIMPLIFIED = "simplified"
+FleetKind = Literal["full", "simplified"]
+"""Kinds of compensator that are made from a model alone."""
 
 
 def fleet(
@@ -252,8 +246,8 @@ def fleet(
     gap_map: Annotated[
         str, typer.Option(metavar="MAP", help="For all; 'auto' as the law.")
     ] = "auto",
-    kind: Annotated[FleetKind, typer.Option(help="Kind of compensator.")] = FleetKind.FULL,
-    io: Annotated[IoChoice, typer.Option(help="Format of its signals.")] = IoChoice.Q31,
+    kind: Annotated[FleetKind, typer.Option(help="Kind of compensator.")] = "full",
+    io: Annotated[IoChoice, typer.Option(help="Format of its signals.")] = "q31",
     on: Annotated[
         str, typer.Option(metavar="TARGETS", help="Where the C is verified, as for 'verify'.")
     ] = "host",
@@ -282,8 +276,8 @@ def fleet(
             tolerance=tolerance,
             law=law,
             gap_map=gap_map,
-            kind=kind.value,
-            io=io.value,
+            kind=kind,
+            io=io,
             on=on,
             seed=seed,
             history=history,

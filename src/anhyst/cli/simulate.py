@@ -9,8 +9,18 @@ import typer
 
 import anhyst
 from anhyst.cli.compile import refuse_difference, run_and_write, show_tables
-from anhyst.cli.console import print_json, progress_bar, show, show_study, table, warn
-from anhyst.cli.options import AsJson, BoardChoice, Scheduler, of_its_kind
+from anhyst.cli.shared import (
+    AsJson,
+    BoardChoice,
+    Scheduler,
+    of_its_kind,
+    print_json,
+    progress_bar,
+    show,
+    show_study,
+    table,
+    warn,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -112,7 +122,7 @@ def simulate(
             out=out,
             monte_carlo=monte_carlo,
             benefit=benefit,
-            board=None if board is None else board.value,
+            board=board,
             scheduler=scheduler,
             progress=progress,
         )
@@ -236,7 +246,7 @@ def force_control(
             help="Where the firmware runs: 'library', within this process; 'host', a process of "
             "its own; or 'qemu-mps2', an emulated Cortex-M3.",
         ),
-    ] = BoardChoice.LIBRARY,
+    ] = "library",
     demand: Annotated[
         Path | None,
         typer.Option(
@@ -276,7 +286,7 @@ def force_control(
         result = anhyst.force_control(
             out / "rig.toml" if from_loops else rig[0],
             out,
-            board=board.value,
+            board=board,
             demand=demand,
             recordings=recordings,
             progress=progress,

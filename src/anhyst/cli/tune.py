@@ -8,8 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, progress_bar, show, table, warn
-from anhyst.cli.options import AsJson, Scheduler, of_its_kind
+from anhyst.cli.shared import (
+    AsJson,
+    Scheduler,
+    of_its_kind,
+    print_json,
+    progress_bar,
+    show,
+    table,
+    warn,
+)
 from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:

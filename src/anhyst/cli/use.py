@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 import anhyst
-from anhyst.cli.console import in_small_units, print_json, progress_bar, show, table, warn
-from anhyst.cli.options import AsJson, Columns, ModelPath, RunHistory, of_its_kind, read_options
+from anhyst.cli.shared import (
+    AsJson,
+    Columns,
+    ModelPath,
+    RunHistory,
+    in_small_units,
+    of_its_kind,
+    print_json,
+    progress_bar,
+    read_options,
+    show,
+    table,
+    warn,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -202,33 +213,17 @@ def report(
         show(f"{out} written")
 
 
-class ExportChoice(StrEnum):
-    """What a model is exported as."""
+ExportChoice = Literal["fmu", "simulink", "lut"]
+"""What a model is exported as."""
 
-    FMU = "fmu"
-    SIMULINK = "simulink"
-    LUT = "lut"
+FmiChoice = Literal["2.0", "3.0"]
+"""Versions of the standard."""
 
+OfChoice = Literal["compensator", "actuator"]
+"""What of a model is exported."""
 
-class FmiChoice(StrEnum):
-    """Versions of the standard."""
-
-    SECOND = "2.0"
-    THIRD = "3.0"
-
-
-class OfChoice(StrEnum):
-    """What of a model is exported."""
-
-    COMPENSATOR = "compensator"
-    ACTUATOR = "actuator"
-
-
-class ExportKind(StrEnum):
-    """Kinds of compensator."""
-
-    FULL = "full"
-    SIMPLIFIED = "simplified"
+ExportKind = Literal["full", "simplified"]
+"""Kinds of compensator."""
 
 
 def export(
@@ -246,7 +241,7 @@ def export(
             help="'fmu': for co-simulation; 'simulink': a C S-function; 'lut': settled loops over "
             "the gap as tables.",
         ),
-    ] = ExportChoice.FMU,
+    ] = "fmu",
     of: Annotated[
         OfChoice | None,
         typer.Option(
@@ -265,7 +260,7 @@ def export(
         ExportKind | None,
         typer.Option(help="Of a compensator. [default: full]", show_default=False),
     ] = None,
-    fmi: Annotated[FmiChoice, typer.Option(help="Version of the standard.")] = FmiChoice.SECOND,
+    fmi: Annotated[FmiChoice, typer.Option(help="Version of the standard.")] = "2.0",
     platforms: Annotated[
         str | None,
         typer.Option(
@@ -297,15 +292,15 @@ def export(
 
     Example: anhyst export model.toml --as lut --out magnet.csv
     """
-    with progress_bar(as_.value) as progress:
+    with progress_bar(as_) as progress:
         done = anhyst.export(
             model,
             out,
-            as_=as_.value,
-            of=of.value if of else None,
+            as_=as_,
+            of=of,
             rate=rate,
-            kind=kind.value if kind else None,
-            fmi=fmi.value,
+            kind=kind,
+            fmi=fmi,
             platforms=None if platforms is None else platforms.split(","),
             progress=progress,
         )

@@ -1,10 +1,14 @@
-"""The manifest of an output folder: what every tool has to know of it; memory, choices in words."""
+"""An output folder and its manifest: what every tool has to know of it; memory, choices in words."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from anhyst._core import POSITION_MAGNETS
@@ -17,8 +21,10 @@ from anhyst.compensate.plan import Decision, Plan
 from anhyst.compilation.controller import ControllerPlan, described
 from anhyst.compilation.parameters import memories
 from anhyst.compilation.toolchain import read_core
+from anhyst.support.atomic import PathLike, json_text, whole_folder, write_texts
 from anhyst.support.block_layout import BODY
 from anhyst.support.block_words import Names
+from anhyst.support.errors import InputError
 from anhyst.support.units import Quantity
 
 STEPS = {"q15": 2.0**-15, "q31": 2.0**-31}
@@ -362,3 +368,47 @@ def _signal(
         "scale": scale,
         "format": plan.request.io,
     }
+
+
+MANIFEST = "manifest.json"
+FORMAT = "anhyst-compiled"
+REPORTS = ("verify.json", "verify.md")
+"""What ``anhyst verify`` adds; it goes with the C that it is about."""
+
+
+def check_folder(out: PathLike) -> None:
+    """Find out before the work whether a folder may be written."""
+    target = Path(os.path.realpath(out))
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
+    if target.is_dir() and any(target.iterdir()) and not _is_ours(target):
+        raise InputError(
+            f"{out}: holds files that anhyst compile has not written; name another folder",
+            code="folder-holds-other-files",
+        )
+    if not target.parent.is_dir():
+        raise InputError(f"{target.parent}: no such folder; create it first", code="no-such-folder")
+    if not os.access(target.parent, os.W_OK):
+        raise InputError(
+            f"{target.parent}: cannot be written; name another folder", code="cannot-be-written"
+        )
+
+
+def _is_ours(folder: Path) -> bool:
+    """Whether every file there is in the manifest there, or a report on the C that stood there."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        ours = {MANIFEST, *REPORTS, *manifest["files"]}
+        files = {path for path in folder.rglob("*") if not path.is_dir()}
+        return manifest["product"] == FORMAT and files <= {folder / name for name in ours}
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def write_folder(out: PathLike, files: Mapping[str, str], manifest: Mapping[str, object]) -> None:
+    """Write all files of a folder, or none."""
+    check_folder(out)
+    hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
+    complete = {"product": FORMAT, **manifest, "files": dict(sorted(hashes.items()))}
+    with whole_folder(out, replace=True) as draft:
+        write_texts(draft, {**files, MANIFEST: json_text(complete)})

@@ -1,14 +1,12 @@
-"""From a model file to a folder of C: what ``anhyst compile`` does."""
+"""From a model, in memory or in a file, to a folder of C of any kind: what ``anhyst compile`` does."""
 
 from __future__ import annotations
 
 import hashlib
-import json
-import os
-from collections.abc import Mapping
+import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from anhyst.compensate.budget import (
     REASON,
@@ -28,18 +26,19 @@ from anhyst.compensate.force_controller import Io
 from anhyst.compensate.plan import ACCURACY, CompileRequest, Plan, make_plan, not_computed
 from anhyst.compilation.a2l import a2l
 from anhyst.compilation.controller import Controller, read_fitting
-from anhyst.compilation.manifest import manifest
-from anhyst.compilation.page import budget_page
-from anhyst.compilation.source import sources
+from anhyst.compilation.manifest import check_folder, manifest, write_folder
+from anhyst.compilation.play import CompiledPlay, compile_play
+from anhyst.compilation.source import budget_page, sources
 from anhyst.compilation.vectors import (
     golden_vectors,
     levitation_csv,
     levitation_vectors,
     vectors_csv,
 )
+from anhyst.control.controller_file import read_controller
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.compilable import has_layers
-from anhyst.support.atomic import PathLike, json_text, whole_folder, write_texts
+from anhyst.support.atomic import PathLike, json_text
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
 from anhyst.support.result import Result, columns_of
@@ -47,50 +46,6 @@ from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-
-MANIFEST = "manifest.json"
-FORMAT = "anhyst-compiled"
-REPORTS = ("verify.json", "verify.md")
-"""What ``anhyst verify`` adds; it goes with the C that it is about."""
-
-
-def check_folder(out: PathLike) -> None:
-    """Find out before the work whether a folder may be written."""
-    target = Path(os.path.realpath(out))
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
-    if target.is_dir() and any(target.iterdir()) and not _is_ours(target):
-        raise InputError(
-            f"{out}: holds files that anhyst compile has not written; name another folder",
-            code="folder-holds-other-files",
-        )
-    if not target.parent.is_dir():
-        raise InputError(f"{target.parent}: no such folder; create it first", code="no-such-folder")
-    if not os.access(target.parent, os.W_OK):
-        raise InputError(
-            f"{target.parent}: cannot be written; name another folder", code="cannot-be-written"
-        )
-
-
-def _is_ours(folder: Path) -> bool:
-    """Whether every file there is in the manifest there, or a report on the C that stood there."""
-    try:
-        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        ours = {MANIFEST, *REPORTS, *manifest["files"]}
-        files = {path for path in folder.rglob("*") if not path.is_dir()}
-        return manifest["product"] == FORMAT and files <= {folder / name for name in ours}
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
-
-
-def write_folder(out: PathLike, files: Mapping[str, str], manifest: Mapping[str, object]) -> None:
-    """Write all files of a folder, or none."""
-    check_folder(out)
-    hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
-    complete = {"product": FORMAT, **manifest, "files": dict(sorted(hashes.items()))}
-    with whole_folder(out, replace=True) as draft:
-        write_texts(draft, {**files, MANIFEST: json_text(complete)})
 
 
 SHARES = (1.0, 0.7, 0.4)
@@ -292,3 +247,68 @@ def _planned(
         if plan.found.reached > share * plan.allowance or keeps_allowance(plan, budget):
             break
     return plan, budget
+
+
+CompileKind = Literal["full", "simplified", "play"]
+
+
+def compile_actuator(
+    model: Model | PathLike,
+    out: PathLike,
+    *,
+    rate: float | None = None,
+    kind: CompileKind = "full",
+    io: Io = "q15",
+    accuracy: float | None = None,
+    name: str | None = None,
+    controller: PathLike | None = None,
+    progress: Progress | None = None,
+) -> Compiled | CompiledPlay:
+    """Compile a model, in memory or in a file, into a folder of C: demand in, current out."""
+    if isinstance(model, Model):
+        with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
+            path = model.save(Path(folder) / "model.toml")
+            return compile_actuator(
+                path, out, rate=rate, kind=kind, io=io, accuracy=accuracy, name=name,
+                controller=controller, progress=progress,
+            )  # fmt: skip
+    if rate is None and controller is None:
+        read_model(model)  # a file that is none is said before what is missing beside it
+    ticks = _rate(rate, controller)
+    if kind == "play":
+        _refuse_for_play(controller, accuracy)
+        return compile_play(model, out, ticks, io, name)
+    return compile_model(
+        model, out, CompileRequest(kind, io, ticks, accuracy, name), controller, progress
+    )
+
+
+def _rate(rate: float | None, controller: PathLike | None) -> float:
+    """Return what was given, or what the controller file says."""
+    if rate is not None:
+        return rate
+    if controller is None:
+        raise InputError(
+            "--rate: is missing; give the ticks a second, or a --controller file",
+            code="missing",
+            key="--rate",
+        )
+    return read_controller(controller).settings.rate_Hz
+
+
+def _refuse_for_play(controller: PathLike | None, accuracy: float | None) -> None:
+    """Refuse what a map with one play does not have: it is neither planned nor put around."""
+    if controller is not None:
+        raise InputError(
+            "--controller: a position controller is compiled with --kind full or simplified; leave "
+            "it out, or give another kind",
+            code="option-not-for-this",
+            key="--controller",
+        )
+    if accuracy is not None:
+        raise InputError(
+            "--accuracy: a map with one play is as accurate as its one play; leave it out, or give "
+            "--kind full",
+            code="option-not-for-this",
+            key="--accuracy",
+        )

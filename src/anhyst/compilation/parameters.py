@@ -284,11 +284,11 @@ def _gaps(
     end = max(len(row) for row in rows)
     at = np.linspace(block.scales.gap_low, block.scales.gap_high, len(rows)).tolist()
     for row, node in zip(rows, at, strict=True):
-        yield row if schedule is None else f"{row:<{end}} /* {_place(node, schedule)} */"
+        yield row if schedule is None else f"{row:<{end}} /* {_schedule_text(node, schedule)} */"
     yield "};"
 
 
-def _place(value: float, schedule: Quantity) -> str:
+def _schedule_text(value: float, schedule: Quantity) -> str:
     scale, unit = (1e3, "mm") if schedule.unit == "m" else (1.0, schedule.unit)
     return f"{value * scale:.6g} {unit}"
 

@@ -22,8 +22,7 @@ from anhyst.compensate.sources import (
     model_loops,
     operating_of,
 )
-from anhyst.compilation.manifest import VERSION
-from anhyst.compilation.output import check_folder, write_folder
+from anhyst.compilation.manifest import VERSION, check_folder, write_folder
 from anhyst.compilation.parameters import table_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core

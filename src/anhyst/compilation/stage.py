@@ -108,8 +108,8 @@ class StageController:
 
     def called(self, magnet: ForceController) -> str:
         """Return what the parameters of a magnet are called."""
-        place = [one.parameters is magnet.parameters for one in self.distinct].index(True)
-        return self.name if place == 0 else f"{self.name}_{place + 1}"
+        index = [one.parameters is magnet.parameters for one in self.distinct].index(True)
+        return self.name if index == 0 else f"{self.name}_{index + 1}"
 
     @property
     def fixed(self) -> bool:

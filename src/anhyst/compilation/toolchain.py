@@ -228,13 +228,13 @@ def core_files(sources: Iterable[str], memories: int = 1) -> dict[str, str]:
         name = waiting.pop()
         if name not in files:
             files[name] = read_core(name)
-            waiting += [_place(name, included) for included in _INCLUDED.findall(files[name])]
+            waiting += [_header_path(name, included) for included in _INCLUDED.findall(files[name])]
     if memories > 1:
         files[ROOM] = files[ROOM].replace("ANHYST_MEMORIES 1", f"ANHYST_MEMORIES {memories}")
     return dict(sorted(files.items()))
 
 
-def _place(file: str, included: str) -> str:
+def _header_path(file: str, included: str) -> str:
     """Return where a header stands that a file names: a public one, or one beside the file."""
     if included.startswith("anhyst/"):
         return f"{INCLUDE}/{included}"

@@ -18,13 +18,11 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from anhyst.dashboard.drift import DrawnLoop
-from anhyst.dashboard.frames import Outbox, encode
+from anhyst.dashboard.browsers import Allowance, Guard, Outbox, encode
 from anhyst.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
-from anhyst.dashboard.guard import Allowance, Guard
+from anhyst.dashboard.improver import DrawnLoop
 from anhyst.dashboard.orders import BESIDE, parameters_of, perform
-from anhyst.dashboard.recorder import header
-from anhyst.dashboard.recording import KEPT_S
+from anhyst.dashboard.recording import KEPT_S, header
 from anhyst.dashboard.session import WATCHES, LiveSession, all_refused
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.atomic import plain

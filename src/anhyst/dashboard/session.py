@@ -12,11 +12,9 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from anhyst.control.position import Standing, next_step, refusal, standing
-from anhyst.dashboard.drift import BenchWatch, DrawnLoop
 from anhyst.dashboard.generator import DrivenBench, Wave
-from anhyst.dashboard.improver import Improver
-from anhyst.dashboard.recorder import RecordingFile
-from anhyst.dashboard.recording import Span, TickRecorder
+from anhyst.dashboard.improver import BenchWatch, DrawnLoop, Improver
+from anhyst.dashboard.recording import RecordingFile, Span, TickRecorder
 from anhyst.dashboard.sets import ParameterSets
 from anhyst.model.actuator import Model
 from anhyst.rig.bench.force import demand_refusal

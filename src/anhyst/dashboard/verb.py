@@ -12,9 +12,9 @@ from pathlib import Path
 
 import uvicorn
 
-from anhyst.dashboard.guard import names_of, read_address
+from anhyst.dashboard.browsers import names_of, read_address
 from anhyst.dashboard.improver import Improver
-from anhyst.dashboard.recorder import RecordingFile, start_recording
+from anhyst.dashboard.recording import RecordingFile, start_recording
 from anhyst.dashboard.server import MESSAGE_MOST, LiveServer
 from anhyst.dashboard.session import LiveSession
 from anhyst.model.actuator import Model

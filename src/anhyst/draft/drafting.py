@@ -72,8 +72,8 @@ def example_files(name: str) -> dict[str, Path]:
             key="example",
         )
     package = Path(__file__).resolve().parents[1]
-    for place in (package.parents[1] / "examples", package / "_examples"):
-        folder = place / name
+    for root in (package.parents[1] / "examples", package / "_examples"):
+        folder = root / name
         if (folder / "loops.csv").is_file():
             files = sorted(path for path in folder.rglob("*") if path.suffix in KINDS)
             return {path.relative_to(folder).as_posix(): path for path in files}

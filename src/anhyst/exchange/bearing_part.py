@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from anhyst.compilation.output import compile_actuator
 from anhyst.compilation.toolchain import core_files
-from anhyst.compilation.verb import compile_actuator
-from anhyst.exchange.part import WRAPPER, Part, Variable, array, header, kernel_of, row
-from anhyst.rig.bearing.make_setup import compiled_model
+from anhyst.exchange.part import (
+    WRAPPER,
+    Part,
+    Variable,
+    array,
+    compiled_sources,
+    header,
+    kernel_of,
+    row,
+)
+from anhyst.rig.bearing.loop import compiled_model
 from anhyst.rig.body import BodyRig
 from anhyst.rig.parts.iron import CURVE, CellSteel, PreisachSteel, everett
 from anhyst.rig.parts.magnet import circuit_numbers
@@ -66,12 +74,7 @@ def bearing_part(rig_path: PathLike) -> Part:
             io="q31",
             controller=controller.path,
         )
-        name = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["name"]
-        own = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
-        own += [
-            folder / f"{name}_{of}.{end}" for of in ("parameters", "controller") for end in "ch"
-        ]
-        sources = {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
+        manifest, sources = compiled_sources(folder)
     sources = {path: text.encode() for path, text in core_files(CORE_OF_PLANT).items()} | sources
     sources |= plant_sources("tracking|piezo")
     for own_file in (
@@ -82,7 +85,7 @@ def bearing_part(rig_path: PathLike) -> Part:
     ):
         sources[own_file] = (WRAPPER / own_file).read_bytes()
     sources["bearing_numbers.h"] = numbers_of_plant(ready.rig).encode()
-    sources["controller_numbers.h"] = _names(name).encode()
+    sources["controller_numbers.h"] = _names(manifest["name"]).encode()
     title = rig.settings.name
     text = f"{title}, controlled by '{controller.settings.name}', {compensation.variant} in fixed point"
     rate, limits = rig.settings.timing.rate_Hz, controller.settings.limits

@@ -17,13 +17,15 @@ import numpy as np
 from anhyst.compilation.toolchain import zig_cc
 from anhyst.data.formats.text import write_csv
 from anhyst.exchange.bearing_part import bearing_part
-from anhyst.exchange.model_part import Kind, actuator_part, compensator_part
 from anhyst.exchange.part import (
     MODEL,
     WRAPPER,
     FmiVersion,
+    Kind,
     Part,
+    actuator_part,
     build_description,
+    compensator_part,
     model_description,
 )
 from anhyst.exchange.stage_part import stage_part
@@ -100,14 +102,14 @@ def compile_all(
             raise RuntimeError(f"{one.target}: {done.stderr.strip()[-500:]}")
         return binary.read_bytes()
 
-    found = {}
+    binaries = {}
     with ThreadPoolExecutor(cores()) as pool:
         jobs: dict[Future[bytes], str] = {pool.submit(compile_one, one): one for one in platforms}
         for count, ready in enumerate(as_completed(jobs), start=1):
-            found[jobs[ready]] = ready.result()
+            binaries[jobs[ready]] = ready.result()
             if progress is not None:
                 progress(count, len(platforms))
-    return {platform: found[platform] for platform in platforms}
+    return {platform: binaries[platform] for platform in platforms}
 
 
 def _headers_of_windows() -> Path:
@@ -213,17 +215,17 @@ def _binaries(
 ) -> dict[str, bytes]:
     """Compile for every platform; return each binary by its place in the file."""
     with tempfile.TemporaryDirectory(prefix="anhyst-fmu-") as scratch:
-        place = Path(scratch) / "sources"
+        root = Path(scratch) / "sources"
         for name, text in sources.items():
-            (place / name).parent.mkdir(parents=True, exist_ok=True)
-            (place / name).write_bytes(text)
-        compiled = compile_all(place, MODEL, platforms, progress)
-    found = {}
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            (root / name).write_bytes(text)
+        compiled = compile_all(root, MODEL, platforms, progress)
+    binaries = {}
     for third, content in compiled.items():
         one = PLATFORMS[third]
         folder = one.second if fmi == "2.0" else third
-        found[f"binaries/{folder}/{MODEL}{one.ending}"] = content
-    return found
+        binaries[f"binaries/{folder}/{MODEL}{one.ending}"] = content
+    return binaries
 
 
 def export_sfunction(

@@ -1,14 +1,23 @@
-"""What an FMU or an S-function is made of, and what an FMU says of itself."""
+"""A part for other tools: its variables, its C and its description; of a model, actuator or compensator."""
 
 from __future__ import annotations
 
 import hashlib
+import json
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from xml.etree import ElementTree as Xml
 
+from anhyst.compilation.output import compile_actuator
+from anhyst.compilation.toolchain import core_files
+from anhyst.model.actuator import Model
+from anhyst.model.compilable import require_core
+from anhyst.model.parameters import CIRCUIT
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
 from anhyst.support.version import running_version
 
 WRAPPER = Path(__file__).with_name("fmu")
@@ -228,3 +237,207 @@ def _variables_3(root: Xml.Element, variables: Sequence[Variable]) -> None:
 def _text(root: Xml.Element) -> bytes:
     Xml.indent(root)
     return bytes(Xml.tostring(root, encoding="UTF-8", xml_declaration=True))
+
+
+_CORE = (
+    *("numeric/elementary.c", "law/langevin.c", "law/circuit.c", "law/layers.c"),
+    *(f"law/{name}.c" for name in ("cell_shape", "cell_table", "cells", "law_cells")),
+    *(f"law/{name}.c" for name in ("branch", "operator", "lag_exact", "lag_linear", "lag_1986")),
+    *("law/solver.c", "law/law_lag.c"),
+)
+"""What any law needs: the circuit knows all of them."""
+
+_STEPS = {"effective-field": "ANHYST_STEP_EXACT", "jiles-atherton-1986": "ANHYST_STEP_JA1986"}
+
+
+def actuator_part(model: Model) -> Part:
+    """Return an actuator: drive and scheduling variable in; output, flux density and field out.
+
+    Each step of the tool is one sample, as :meth:`anhyst.model.stepper.Stepper.commit` takes them,
+    from demagnetised iron. A lag of the model is not in it.
+    """
+    if model.fixed_gap_only:
+        raise InputError(
+            f"the iron of this model varies with its {model.schedule.name if model.schedule else ''}"
+            f" ({', '.join(model.varying)}), which no actuator can follow; identify with the gap "
+            "map scaling or reluctance",
+            code="iron-varies",
+        )
+    ends = model.valid.schedule if model.valid else None
+    places = ends or model.nodes or (0.0,)
+    middle = 0.5 * (float(places[0]) + float(places[-1]))
+    require_core(model, middle)
+    around, rows = _around(model)
+    defined = _law(model) | around | _creep(model) | _layers(model)
+    files = {name: text.encode() for name, text in core_files(_CORE).items()}
+    files |= {name: (WRAPPER / name).read_bytes() for name in ("actuator.c", "curve.c", "curve.h")}
+    files["actuator_numbers.h"] = header("actuator_numbers", defined, rows).encode()
+    text = (
+        f"{model.output.name.replace('_', ' ').capitalize()} of a {model.input.name}, hysteresis "
+        f"included: {model.operator_law.title}"
+    )
+    return Part(model.name or "actuator", text, 0.0, _actuator_variables(model, middle), files)
+
+
+def _law(model: Model) -> dict[str, object]:
+    """Return the numbers of the law."""
+    law = model.operator_law
+    iron = {spec.name: float(model.over_schedule(spec.name, [0.0])[0]) for spec in law.parameters}
+    if law.cells is not None:
+        cells = law.cells(iron)
+        return {
+            "ACTUATOR_HAS_CELLS": 1,
+            "ACTUATOR_CELLS": cells.thresholds.size,
+            "ACTUATOR_CURVES": cells.widths.size,
+            "ACTUATOR_SHAPE": f"ANHYST_SHAPE_{cells.shape.upper()}",
+            "ACTUATOR_THRESHOLDS": row(cells.thresholds),
+            "ACTUATOR_WIDTHS": row(cells.widths),
+            "ACTUATOR_WEIGHTS": row(cells.weights.ravel()),
+            "ACTUATOR_INTERACTION": iron["alpha"],
+        }
+    return {
+        "ACTUATOR_HAS_CELLS": 0,
+        "ACTUATOR_STEP": _STEPS[law.name],
+        "ACTUATOR_SATURATION": iron["M_s"],
+        "ACTUATOR_WIDTH": iron["a"],
+        "ACTUATOR_PINNING": iron["k"],
+        "ACTUATOR_REVERSIBILITY": iron["c"],
+        "ACTUATOR_INTERACTION": iron["alpha"],
+        "ACTUATOR_PLAY": iron["r_d"],
+    }
+
+
+def _around(model: Model) -> tuple[dict[str, object], str]:
+    """Return what surrounds the iron: a curve for each of its parameters, and their rows."""
+    curves, rows = [], []
+    for spec in CIRCUIT:
+        curve = model.curves.get(spec.name)
+        if curve is None or curve.nodes.size < 2:
+            value = model.over_schedule(spec.name, [0.0])
+            coordinate, parts = "PLAIN", (value, value, value, value)
+        else:
+            heights, slopes = curve.straight()
+            coordinate = spec.coordinate.upper()
+            parts = (curve.nodes, curve.values, heights, slopes)
+        names = [f"{spec.name}_{part}" for part in ("nodes", "values", "heights", "slopes")]
+        rows += [array(name, part) for name, part in zip(names, parts, strict=True)]
+        curves.append(f"{{{len(parts[0])}, ANHYST_CURVE_{coordinate}, {', '.join(names)}}}")
+    return {
+        "ACTUATOR_POWER": model.power,
+        "ACTUATOR_HAS_SCHEDULE": int(model.schedule is not None),
+        "ACTUATOR_SURROUNDINGS": "{" + ", ".join(curves) + "}",
+    }, "".join(rows)
+
+
+def _creep(model: Model) -> dict[str, object]:
+    late = model.dynamics
+    times, shares = (late.times, late.shares) if late is not None else ((), ())
+    return {
+        "ACTUATOR_CREEPS": len(times),
+        "ACTUATOR_TIMES": row(times or (1.0,)),
+        "ACTUATOR_SHARES": row(shares or (0.0,)),
+    }
+
+
+def _layers(model: Model) -> dict[str, object]:
+    if model.layers is None:
+        return {"ACTUATOR_MEMORIES": 1}
+    return {
+        "ACTUATOR_MEMORIES": model.layers.memories,
+        "ACTUATOR_SURFACE": model.layers.surface,
+        "ACTUATOR_LAMINATED": model.layers.laminated,
+    }
+
+
+def _actuator_variables(model: Model, middle: float) -> list[Variable]:
+    low, high = model.valid.input if model.valid else (None, None)
+    start = 0.0 if low is None or high is None else min(max(0.0, low), high)
+    text = "drives it, from the beginning of a step"
+    inputs = [Variable(model.input.name, "input", model.input.unit, text, start, low, high)]
+    if model.schedule is not None:
+        ends = model.valid.schedule if model.valid else None
+        low, high = ends or (None, None)
+        text = "beyond the nodes of the model its curves go on straight"
+        name, unit = model.schedule.name, model.schedule.unit
+        inputs.append(Variable(name, "input", unit, text, middle, low, high))
+    text = "at the end of a step"
+    inputs.append(Variable(model.output.name, "output", model.output.unit, text))
+    inputs.append(Variable("iron_flux_density", "output", "T", "of the iron, in the model's gauge"))
+    inputs.append(Variable("iron_field", "output", "A/m", "in the iron, in the model's gauge"))
+    return [*inputs, *_constants(model)]
+
+
+def _constants(model: Model) -> list[Variable]:
+    """Return the parameters, as in a model file, that do not run over the scheduling variable."""
+    units: dict[str, str] = {spec.name: spec.unit for spec in model.operator_law.parameters}
+    return [
+        Variable(
+            model.keys[name][1],
+            "constant",
+            units.get(name),
+            spec.meaning,
+            float(model.over_schedule(name, [0.0])[0]),
+        )
+        for name, spec in model.specs.items()
+        if name not in model.varying
+    ]
+
+
+Kind = Literal["full", "simplified"]
+
+
+def compensator_part(model: Model | PathLike, rate: float, kind: Kind) -> Part:
+    """Return a compensator that ticks at its own rate: demand and gap in, current out."""
+    with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
+        folder = Path(scratch) / "controller"
+        compiled = compile_actuator(model, folder, rate=rate, kind=kind, io="q31")
+        manifest, sources = compiled_sources(folder)
+    sources["compensator.c"] = (WRAPPER / "compensator.c").read_bytes()
+    sources["compensator_numbers.h"] = _compensator_header(manifest).encode()
+    text = (
+        f"Current of a demanded {manifest['signals']['demand']['quantity']}, hysteresis included: "
+        f"compensator {compiled.manifest['kind']} in fixed point"
+    )
+    return Part(manifest["name"], text, rate, _compensator_variables(manifest), sources)
+
+
+def compiled_sources(folder: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Return the manifest of a compiled folder, and its C without the example."""
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    own = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
+    own += folder.glob(f"{manifest['name']}_*.[ch]")
+    return manifest, {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
+
+
+def _compensator_header(manifest: Mapping[str, Any]) -> str:
+    """Return the header that gives the component the names of this actuator."""
+    name, signals = manifest["name"], manifest["signals"]
+    gap = signals.get("gap")
+    ends = gap or {"low": 0.0, "high": 0.0}
+    defined = {
+        "COMPENSATOR_KERNEL": kernel_of(f"{name.upper()}_KERNEL", f"{name}_parameters"),
+        "COMPENSATOR_WORDS": f"{name.upper()}_PARAMETERS_WORDS",
+        "COMPENSATOR_FULL_SCALE_DEMAND": float(signals["demand"]["scale"]),
+        "COMPENSATOR_FULL_SCALE_CURRENT": float(signals["current"]["scale"]),
+        "COMPENSATOR_HAS_GAP": int(gap is not None),
+        "COMPENSATOR_GAP_LOW": float(ends["low"]),
+        "COMPENSATOR_GAP_HIGH": float(ends["high"]),
+        "compensator_parameters": f"{name}_parameters",
+    }
+    return header("compensator_numbers", defined, f'#include "{name}_parameters.h"\n\n')
+
+
+def _compensator_variables(manifest: Mapping[str, Any]) -> list[Variable]:
+    signals = manifest["signals"]
+    demand, current, gap = (signals.get(name) for name in ("demand", "current", "gap"))
+    low, high = demand["low"], demand["high"]
+    text = f"wanted {demand['quantity']}"
+    inputs = [Variable("demand", "input", demand["unit"], text, max(0.0, low), low, high)]
+    if gap:
+        text = f"{gap['quantity']}; beyond its range the nearer end counts"
+        low, high = gap["low"], gap["high"]
+        inputs.append(Variable("gap", "input", gap["unit"], text, low, low, high))
+    text = f"{current['quantity']} that gives it, from the last tick on"
+    low, high = current["low"], current["high"]
+    inputs.append(Variable("current", "output", current["unit"], text, 0.0, low, high))
+    return inputs

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from anhyst.link.process import check_runs_here
+from anhyst.link.virtual_boards import check_runs_here
 from anhyst.support.atomic import PathLike, core_folder, write_bytes
 from anhyst.support.c_objects import compile_and_link
 from anhyst.support.errors import InputError, NegativeResult
@@ -124,8 +124,10 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
         include.append(core_folder() / "include")
     for part in ("app", "link", "services", "xcp", body):
         sources += sorted((root / part).glob("*.c"))
-    for place in own:
-        sources += sorted(file for file in place.glob("*.c") if not _of_another(file, body))
+    for sources_of_board in own:
+        sources += sorted(
+            file for file in sources_of_board.glob("*.c") if not _of_another(file, body)
+        )
     if not any(source.name == f"board_{body}.c" for source in sources):
         raise InputError(
             f"board {name}: has no controller of {body}; take another board",

@@ -9,26 +9,24 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.reports.study.look import (
+from anhyst.reports.study.page import (
     HIGH,
     PLANT,
+    REPORT,
     SOFTWARE,
     WIDE,
     DiagramBlock,
+    Printed,
     draw_arrow,
     draw_box,
     draw_label,
+    hashes,
     legend_below,
     new_diagram,
-    verdict_note,
-)
-from anhyst.reports.study.page import (
-    REPORT,
-    Printed,
-    hashes,
     origin,
     page_text,
     picture,
+    verdict_note,
     write_page,
 )
 from anhyst.rig.force.file import Rig
@@ -53,7 +51,7 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
     """Draw what is connected to what."""
     settings = rig.settings
     amplifier, force = settings.amplifier, settings.force_sensor
-    gap = settings.gap_sensor.sensor()
+    gap = settings.gap_sensor
     actuator, turns = rig.actuator_text
     held = settings.held.gaps_m
     left, middle, right, above, below = 1.3, 4.8, 8.3, 3.2, 1.2
@@ -81,10 +79,10 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
             ),
         ),
         (middle, below): DiagramBlock(
-            settings.gap_sensor.kind,
+            gap.kind,
             (
-                f"{1e6 * gap.step:.3g} um steps over {1e3 * (gap.high - gap.low):g} mm",
-                f"{1e6 * gap.noise:g} um rms, {gap.bandwidth:g} Hz",
+                f"{1e6 * gap.step:.3g} um steps over {1e3 * (gap.high_m - gap.low_m):g} mm",
+                f"{1e6 * gap.noise_m:g} um rms, {gap.bandwidth_Hz:g} Hz",
             ),
         ),
         (left, below): DiagramBlock(

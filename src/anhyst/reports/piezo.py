@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from anhyst.reports.study.look import legend_below, verdict_note
 from anhyst.reports.study.page import (
     Printed,
     hashes,
+    legend_below,
     method_table,
     origin,
     page_text,
     picture,
     tile,
+    verdict_note,
 )
-from anhyst.study.engine.verdict import Interval
+from anhyst.study.engine.table import Interval
 from anhyst.study.piezo import METRICS, TITLES, PiezoTracking
 from anhyst.support.figures import new_figure, styled
 from anhyst.support.page import NBSP, Headline, PageTable, Section

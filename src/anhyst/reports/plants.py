@@ -10,8 +10,18 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.reports.study.look import COLOURS, legend_below, line_of, ordered, verdict_note
-from anhyst.reports.study.page import Printed, hashes, origin, page_text, picture
+from anhyst.reports.study.page import (
+    COLOURS,
+    Printed,
+    hashes,
+    legend_below,
+    line_of,
+    ordered,
+    origin,
+    page_text,
+    picture,
+    verdict_note,
+)
 from anhyst.rig.drift import Drift
 from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
 from anhyst.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile

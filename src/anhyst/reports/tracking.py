@@ -8,16 +8,21 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.reports.study.look import INK, SHADE, legend_below, line_of, thinned, verdict_note
 from anhyst.reports.study.page import (
+    INK,
+    SHADE,
     Printed,
     hashes,
+    legend_below,
     legend_table,
+    line_of,
     method_table,
     origin,
     page_text,
     picture,
+    thinned,
     tile,
+    verdict_note,
 )
 from anhyst.rig.recording import Recording, moving
 from anhyst.rig.stage.setpoint import SetPoint, motion_of

@@ -261,7 +261,7 @@ def _delay_faults(file: RigFile) -> Iterator[FileFault]:
     timing, amplifier, sensor = file.timing, file.amplifier, file.gap_sensor
     per_second = timing.rate_Hz * timing.substeps
     output = timing.delay_ticks * timing.substeps + amplifier.delay_s * per_second
-    for table, steps in ((amplifier, output), (sensor, sensor.sensor().delay * per_second)):
+    for table, steps in ((amplifier, output), (sensor, sensor.delay_s * per_second)):
         if steps > MOST_DELAY:
             text = (
                 f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}; shorten it "

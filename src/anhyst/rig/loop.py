@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import LoopController, Plant, PlantLoop
+from anhyst.compensate.force_controller import ForceController
+from anhyst.rig.body import BodyRig
+from anhyst.rig.plant import current_loops, make_plant
 from anhyst.rig.recording import Recording, column
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 
 DROP, SHORT, FAILS = 256, 512, 16
@@ -110,3 +116,54 @@ class ClosedLoop:
         rows = self._loop.run(target, load, inject, feed, scenario.command, frame)
         run = Recording.of_table(rows, self._signals)
         return run if self._recorded is None else run.only(self._recorded)
+
+
+@dataclass(frozen=True)
+class Setup(ABC):
+    """All that a run of a body between magnets needs; goes to other processes."""
+
+    recorded: ClassVar[Sequence[str] | None] = None  # columns of a recording; all where it is None
+
+    rig: BodyRig  # the plant
+    compensator: ForceController  # from force to current, as fitted; never run itself
+    # of every magnet, where they are not all the same
+    own: tuple[ForceController, ...] = field(default=(), kw_only=True)
+
+    @property
+    def method(self) -> MethodName:
+        """What its compensator is."""
+        return self.compensator.method
+
+    @property
+    def each(self) -> tuple[ForceController, ...]:
+        """The compensator of every magnet, as fitted."""
+        return self.own or (self.compensator,) * len(self.rig.settings.placed)
+
+    def fresh(self) -> list[ForceController]:
+        """Return a force controller for every magnet, demagnetised."""
+        return [compensator.fresh() for compensator in self.each]
+
+    def make_plant(self, seed: int) -> Plant:
+        """Return the plant, at rest, its iron demagnetised."""
+        return make_plant(self.rig, seed)
+
+    @abstractmethod
+    def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
+        """Return the controller, just switched on.
+
+        The drives, one a magnet, may remember something; demagnetised ones if left out.
+        """
+
+
+class SimulatedLoop(ClosedLoop):
+    """The plant, or another one, and the controller of a setup."""
+
+    def __init__(
+        self, setup: Setup, seed: int = 0, largest_first: bool = False, plant: Plant | None = None
+    ) -> None:
+        rig, plant = setup.rig, plant or setup.make_plant(seed)
+        if largest_first:
+            for magnet in range(len(rig.settings.placed)):
+                for current in (rig.settings.amplifier.current_high_A, 0.0):
+                    plant.hold(current, magnet)
+        super().__init__(plant, setup.make_controller(), current_loops(rig), setup.recorded)

@@ -16,7 +16,7 @@ from anhyst.data.loops import Loop
 from anhyst.rig.body import BodyRig
 from anhyst.rig.measurement_table import CampaignTable, MeasurementTable
 from anhyst.rig.parts.magnet import Electromagnet
-from anhyst.rig.parts.sensors import Converter, Sensor
+from anhyst.rig.parts.sensors import Sensor
 from anhyst.rig.plant import make_magnet
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
@@ -38,11 +38,10 @@ class Sensors:
 
     current: Sensor
     force: Sensor
-    gain: float = 1.0  # what the shunt reads at 1 A
 
     def read(self, current: float, force: float) -> tuple[float, float]:
         """Return what they say of a current, A, and a force, N, one sample on."""
-        return self.current.read(self.gain * current), self.force.read(force)
+        return self.current.read(current), self.force.read(force)
 
 
 class HeldRig(Protocol):
@@ -134,13 +133,8 @@ class HeldBearing:
         settings = self._rig.settings
         current, force = settings.current_sensor, settings.force_sensor
         own = [settings.seed, *seed]
-        shunt = Converter.of_bits(current.low_A, current.high_A, current.adc_bits)
-        cell = Converter.of_bits(force.low_N, force.high_N, force.adc_bits)
-        return Sensors(
-            Sensor(shunt, current.noise_A, [*own, 0], sample),
-            Sensor(cell, force.noise_N, [*own, 1], sample, bandwidth=force.bandwidth_Hz),
-            1.0 + current.gain_error,
-        )
+        shunt = current.numbers(sample) | {"share": 1.0}  # slow loops pass it as they are
+        return Sensors(Sensor(shunt, [*own, 0]), Sensor(force.numbers(sample), [*own, 1]))
 
 
 def _measure_in_time(held: HeldBearing, campaign: CampaignTable, index: int) -> list[Loop]:

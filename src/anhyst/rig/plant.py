@@ -17,7 +17,6 @@ from anhyst.rig.body import BodyRig, travel_m
 from anhyst.rig.file import RigFile
 from anhyst.rig.magnet_table import LAW
 from anhyst.rig.parts.magnet import FluxTable, flux_table_of, iron_magnet, law_magnet
-from anhyst.rig.sensor_table import PositionSensor
 from anhyst.rig.tables import AXES
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -242,8 +241,7 @@ def plant_numbers(rig: BodyRig) -> PlantNumbers:
             {
                 "line": {"r": sensor.position_m, "d": sensor.direction},
                 "zero": 0.0,
-                "sensor": _sensor((-1.0, 1.0), 0.0, sensor.noise_m)
-                | _lag(rig.step, math.inf)
+                "sensor": _bare((-1.0, 1.0), sensor.noise_m)
                 | {"gain": 1.0 + sensor.air, "offset": sensor.air * sensor.dead_path_m},
                 "base": ON_GROUND if sensor.stands else ON_BODY,
             }
@@ -376,40 +374,27 @@ def _load(rig: BodyRig) -> dict[str, Any]:
 
 
 def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
-    settings, step = rig.settings, rig.step
-    position: PositionSensor = settings.gap_sensor.sensor()
-    current, force, hall = settings.current_sensor, settings.force_sensor, settings.hall_probe
-    return {
-        "gap": _sensor((position.low, position.high), position.step, position.noise)
-        | _lag(step, position.bandwidth, position.delay)
-        | {"gain": 1.0 + settings.gap_sensor.gain_error, "offset": settings.gap_sensor.offset_m},
-        "current": _converted((current.low_A, current.high_A), current.adc_bits, current.noise_A)
-        | _lag(step, current.bandwidth_Hz)
-        | {"gain": 1.0 + current.gain_error},
-        "force": _converted((force.low_N, force.high_N), force.adc_bits, force.noise_N)
-        | _lag(step, force.bandwidth_Hz),
-        "hall": _sensor((0.0, 0.0), 0.0, 0.0) | _lag(step, math.inf)
-        if hall is None
-        else _converted((-hall.range_T, hall.range_T), hall.adc_bits, hall.noise_T)
-        | _lag(step, hall.bandwidth_Hz)
-        | {"gain": 1.0 + hall.gain_error},
+    file = rig.settings
+    tables = {"gap": file.gap_sensor, "current": file.current_sensor, "force": file.force_sensor}
+    found: dict[str, Mapping[str, float]] = {
+        name: table.numbers(rig.step) for name, table in tables.items()
     }
+    probe = file.hall_probe
+    return found | {"hall": _bare((0.0, 0.0), 0.0) if probe is None else probe.numbers(rig.step)}
 
 
-def _sensor(ends: tuple[float, float], step: float, noise: float) -> dict[str, float]:
-    """Sensor without an error of gain or zero."""
+def _bare(ends: tuple[float, float], noise: float) -> dict[str, float]:
+    """Sensor without converter, lag and errors of gain or zero."""
     low, high = ends
-    return {"low": low, "high": high, "step": step, "noise": noise, "gain": 1.0, "offset": 0.0}
-
-
-def _converted(ends: tuple[float, float], bits: int, noise: float) -> dict[str, float]:
-    """Sensor with the steps of a converter over its range."""
-    return _sensor(ends, (ends[1] - ends[0]) / ((1 << bits) - 1), noise)
-
-
-def _lag(step: float, bandwidth: float, delay: float = 0.0) -> dict[str, float]:
-    """Low-pass and delay of a sensor, in steps of the plant of so many seconds."""
-    return {"share": _share(bandwidth, step), "delay": round(delay / step)}
+    zeros = {"step": 0.0, "offset": 0.0, "delay": 0}
+    return {
+        "low": low,
+        "high": high,
+        "noise": noise,
+        "gain": 1.0,
+        "share": passed(math.inf),
+        **zeros,
+    }
 
 
 def _share(bandwidth: float, seconds: float) -> float:

@@ -8,13 +8,14 @@ Every reading passes bandwidth, delay, noise and converter, in this order.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Annotated, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from anhyst.rig.magnet_table import Direction, Place
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import passed
 from anhyst.support.toml_file import (
     BRANCH,
     Bits,
@@ -29,30 +30,43 @@ from anhyst.support.toml_file import (
 GainError = Annotated[float, Field(gt=-0.5, lt=0.5)]
 
 
-@dataclass(frozen=True, slots=True)
-class PositionSensor:
-    """A sensor of the gap with nothing left open."""
+class ConvertedTable(Table):
+    """A sensor with a converter, which the plant computes."""
 
-    low: float  # range, m
-    high: float
-    step: float  # resolution, m
-    noise: float  # standard deviation before that, m
-    bandwidth: float  # of -3 dB, Hz
-    delay: float  # s
+    adc_bits: Bits | None = None
+
+    def numbers(self, seconds: float) -> dict[str, float]:
+        """Return the fields of ``anhyst_plant_sensor``, in steps of so many seconds.
+
+        A key of the file is that of the record, with its unit.
+        """
+        given = {key.rpartition("_")[0]: value for key, value in self if isinstance(value, float)}
+        if (top := given.pop("range", None)) is not None:
+            given |= {"low": -top, "high": top}
+        if "step" not in given:
+            assert self.adc_bits is not None
+            given["step"] = (given["high"] - given["low"]) / ((1 << self.adc_bits) - 1)
+        low_pass, delay = 2.0 * math.pi * given.pop("bandwidth"), given.pop("delay", 0.0)
+        given["gain"] = 1.0 + given.get("gain", 0.0)
+        return {
+            "offset": 0.0,
+            **given,
+            "share": passed(low_pass * seconds),
+            "delay": round(delay / seconds),
+        }
 
 
-LVDT_BITS = 16
-"""Converter behind an LVDT, which unlike the others has no step of its own."""
-POSITION_SENSORS = {
-    "encoder": PositionSensor(0.0, 0.0, 50e-9, 5e-9, 20e3, 0.0),
-    "capacitive": PositionSensor(0.0, 0.0, 1e-9, 5e-9, 5e3, 0.0),
-    "laser": PositionSensor(0.0, 0.0, 1.25e-9, 1e-9, 50e3, 12.5e-6),
-    "lvdt": PositionSensor(0.0, 0.0, 0.0, 50e-9, 500.0, 0.0),
+POSITION_SENSORS: Mapping[str, Mapping[str, float]] = {
+    "encoder": {"step_m": 50e-9, "noise_m": 5e-9, "bandwidth_Hz": 20e3, "delay_s": 0.0},
+    "capacitive": {"step_m": 1e-9, "noise_m": 5e-9, "bandwidth_Hz": 5e3, "delay_s": 0.0},
+    "laser": {"step_m": 1.25e-9, "noise_m": 1e-9, "bandwidth_Hz": 50e3, "delay_s": 12.5e-6},
+    "lvdt": {"adc_bits": 16, "noise_m": 50e-9, "bandwidth_Hz": 500.0, "delay_s": 0.0},
 }
-"""What each kind of sensor has where the file says nothing; the range never comes from here."""
+"""What each kind of sensor of the gap has where the file says nothing."""
+_RESOLUTION = {"step_m", "adc_bits"}
 
 
-class GapSensorTable(Table):
+class GapSensorTable(ConvertedTable):
     """``of = "gap"``: what is left out, the kind of sensor says."""
 
     of: Literal["gap"]
@@ -60,37 +74,33 @@ class GapSensorTable(Table):
     low_m: NotNegative
     high_m: Positive
     step_m: Positive | None = None
-    adc_bits: Bits | None = None
-    noise_m: NotNegative | None = None
-    bandwidth_Hz: Positive | None = None
-    delay_s: NotNegative | None = None
+    noise_m: NotNegative = 0.0
+    bandwidth_Hz: Positive = math.inf
+    delay_s: NotNegative = 0.0
     gain_error: GainError = 0.0
     offset_m: Number = 0.0
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _whole(self) -> Self:
         ordered("low_m", self.low_m, "high_m", self.high_m)
         if self.step_m is not None and self.adc_bits is not None:
             raise InputError(
                 "step_m and adc_bits both say the resolution; keep one", code="both-given"
             )
+        left_out = {*POSITION_SENSORS[self.kind]} - self.model_fields_set
+        if self.step_m is not None or self.adc_bits is not None:
+            left_out -= _RESOLUTION
+        # Not as an assignment: the file has not set them.
+        self.__dict__.update({key: POSITION_SENSORS[self.kind][key] for key in left_out})
         return self
 
-    def sensor(self) -> PositionSensor:
-        """Return it with the values that its kind has where none are given."""
-        usual = POSITION_SENSORS[self.kind]
-        step = self.step_m or (0.0 if self.adc_bits else usual.step)
-        return PositionSensor(
-            low=self.low_m,
-            high=self.high_m,
-            step=step or (self.high_m - self.low_m) / ((1 << (self.adc_bits or LVDT_BITS)) - 1),
-            noise=usual.noise if self.noise_m is None else self.noise_m,
-            bandwidth=self.bandwidth_Hz or usual.bandwidth,
-            delay=usual.delay if self.delay_s is None else self.delay_s,
-        )
+    @property
+    def step(self) -> float:
+        """Its resolution, m."""
+        return self.numbers(1.0)["step"]
 
 
-class CurrentSensorTable(Table):
+class CurrentSensorTable(ConvertedTable):
     """``of = "current"``: the shunts, one for each coil, as the controller reads them."""
 
     of: Literal["current"]
@@ -108,7 +118,7 @@ class CurrentSensorTable(Table):
         return self
 
 
-class ForceSensorTable(Table):
+class ForceSensorTable(ConvertedTable):
     """``of = "force"``: measures the loops; a position controller does not see it."""
 
     of: Literal["force"]
@@ -124,7 +134,7 @@ class ForceSensorTable(Table):
         return self
 
 
-class FluxSensorTable(Table):
+class FluxSensorTable(ConvertedTable):
     """``of = "flux"``: Hall probes, which measure the flux density in the gap."""
 
     of: Literal["flux"]

@@ -18,18 +18,17 @@ from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.loop import BearingSetup, lost_at, make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import Drift, drifted_file, drifted_plant
 from anhyst.rig.file import RigFile
 from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop, triangle
+from anhyst.rig.force.bench import ActuatorStand, read_gaps, run_open_loop, triangle
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.recording import Recording, peak, rms
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
@@ -99,7 +98,7 @@ def bearing_plants(
 class BearingWork:
     """Controllers that hold a bearing, by method."""
 
-    setups: Mapping[MethodName, Setup]
+    setups: Mapping[MethodName, BearingSetup]
 
     def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
         """Judge one plant; what lost levitation has no figures."""
@@ -108,7 +107,7 @@ class BearingWork:
         scenario = steps_up_and_down(
             rig, setup.controller, tried.gap_m, tried.step.heights_m, rest=STANDSTILL_S
         )
-        loop = SimulatedLoop(setup, bearing=drifted_plant(rig, drift, noise))
+        loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, noise))
         recording = loop.run(scenario)
         lost = lost_at(rig, recording, scenario.lifted)
         if lost is None and len(recording) < scenario.ticks:
@@ -202,8 +201,8 @@ class ForceWork:
             gap, seed = trial.gap(self.rig), [noise, trial.number]
             known = read_gaps(self.rig, gap, seed) + drift.gap_offset
             asked = self.compensators[method].fresh().run(trial.demand.force, known)
-            bench = ActuatorBench(plant, gap, seed, unknown_past=False)
-            force = run_open_loop(bench, (1.0 + drift.first_scale) * asked)["force_N"]
+            current = (1.0 + drift.first_scale) * asked
+            force = run_open_loop(ActuatorStand(plant, seed), gap, current)["force_N"]
             error = (force - trial.demand.force)[trial.demand.lead_in :]
             found["rms_N"].append(rms(error))
             found["worst_N"].append(peak(error))

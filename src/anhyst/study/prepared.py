@@ -15,10 +15,10 @@ from anhyst.data import Loops
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
 from anhyst.model.fit_record import ValidRange
-from anhyst.rig.bearing.loop import Setup, pair_of
+from anhyst.rig.bearing.loop import BearingSetup, pair_of
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
-from anhyst.rig.bench.stage import StageBench, StageVariant, bench_of
+from anhyst.rig.bench.stage import StageBench, StageVariant
 from anhyst.rig.body import BodyRig
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.force.file import Rig
@@ -37,7 +37,7 @@ _SAME_GAP = 1e-6
 class PreparedBearing:
     """A bearing, its controller, and the firmware."""
 
-    setup: Setup  # what runs, in fixed point
+    setup: BearingSetup  # what runs, in fixed point
     model: Model  # what it was compiled from
     firmware: Path  # for the board ``host``; needed until the bench is open
 
@@ -75,7 +75,7 @@ class PreparedBearing:
     def compile(self, model: Model) -> Plan:
         """Compile another model for the running board."""
         running = self.setup.compensator.parameters
-        variant = self.setup.name
+        variant = self.setup.method
         if not isinstance(running, HysteresisInverse) or variant not in {"full", "simplified"}:
             raise InputError(
                 f"the controller runs without a model ('{variant}'): none to change",
@@ -202,7 +202,7 @@ class PreparedStage:
 
     def open(self) -> StageBench:
         """Switch on; at rest, before its first tick. To be closed."""
-        return bench_of(self.variants)
+        return StageBench(self.variants)
 
 
 Prepared = PreparedBearing | PreparedForce | PreparedStage

@@ -150,13 +150,15 @@ def _check_stage(path: Path, stage: object) -> None:
         )
 
 
-def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None:
+def _check_files(folder: Path, manifest_path: Path, manifest: Mapping[str, Any]) -> None:
     files = manifest.get("files")
     if not isinstance(files, dict):
         raise InputError(
-            f"{place}: key 'files' is missing; {AGAIN}", code="damaged-manifest", key="files"
+            f"{manifest_path}: key 'files' is missing; {AGAIN}",
+            code="damaged-manifest",
+            key="files",
         )
-    name = _text(place, manifest, "name")
+    name = _text(manifest_path, manifest, "name")
     around = [f"{name}_controller.h", f"{name}_controller.c"]
     needed = around if manifest.get("stage") else [f"{name}_parameters.h"]
     needed = [*needed, f"{name}_parameters.c", VECTORS]
@@ -165,7 +167,7 @@ def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None
     for file in needed:
         if file not in files:
             raise InputError(
-                f"{place}: key 'files' does not name {file}; {AGAIN}",
+                f"{manifest_path}: key 'files' does not name {file}; {AGAIN}",
                 code="damaged-manifest",
                 key="files",
             )

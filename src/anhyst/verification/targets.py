@@ -23,8 +23,8 @@ from anhyst.support.errors import InputError, NegativeResult
 from anhyst.verification.bundle import PLAY, PORT_HEADER, Bundle
 from anhyst.verification.compare import HARNESS, Variant, Workshop
 from anhyst.verification.elf import read_image
+from anhyst.verification.emulators import TARGET as FIRMWARE
 from anhyst.verification.emulators import CortexProgram, Msp430Program, build_counter
-from anhyst.verification.firmware import TARGET as FIRMWARE
 from anhyst.verification.protocol import BOX_BYTES, REQUEST_BYTES, WINDOW_OFFSET, Reply, Request
 
 TIME_LIMIT = 1800.0

@@ -44,9 +44,8 @@ from anhyst.verification.elf import (
     measure_sizes,
     stack_below,
 )
-from anhyst.verification.emulators import CortexProgram
-from anhyst.verification.firmware import TARGET as FIRMWARE
-from anhyst.verification.firmware import missing_tools, verify_firmware
+from anhyst.verification.emulators import TARGET as FIRMWARE
+from anhyst.verification.emulators import CortexProgram, missing_tools, verify_firmware
 from anhyst.verification.protocol import RecordForm, Reply
 from anhyst.verification.result import Cost, TargetResult, Verification
 from anhyst.verification.targets import (

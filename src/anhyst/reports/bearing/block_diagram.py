@@ -11,7 +11,7 @@ from matplotlib.patches import Circle
 
 from anhyst.compensate.methods import METHODS, PROBED
 from anhyst.control.controller_file import ControllerTable
-from anhyst.reports.study.look import (
+from anhyst.reports.study.page import (
     HIGH,
     PLANT,
     SOFTWARE,
@@ -150,13 +150,13 @@ def _mechanics(plant: RigFile) -> DiagramBlock:
 
 
 def _sensors(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
-    position, shunt = plant.gap_sensor.sensor(), plant.current_sensor
+    position, shunt = plant.gap_sensor, plant.current_sensor
     lines = [
-        f"{plant.gap_sensor.kind}: step {_metres(position.step)}",
-        f"noise {_metres(position.noise)} rms, {_hertz(position.bandwidth)}",
+        f"{position.kind}: step {_metres(position.step)}",
+        f"noise {_metres(position.noise_m)} rms, {_hertz(position.bandwidth_Hz)}",
     ]
-    if position.delay:
-        lines.append(f"delay {1e6 * position.delay:g} µs")
+    if position.delay_s:
+        lines.append(f"delay {1e6 * position.delay_s:g} µs")
     lines.append(f"current: {shunt.adc_bits} bits, {1e3 * shunt.noise_A:g} mA rms")
     if controller.compensation.variant in PROBED and plant.hall_probe is not None:
         probe = plant.hall_probe

@@ -15,7 +15,7 @@ from anhyst.compensate.methods import METHODS
 from anhyst.data.loops import Loops
 from anhyst.data.path import smooth_curve
 from anhyst.model.actuator import Model
-from anhyst.reports.study.look import (
+from anhyst.reports.study.page import (
     COLOURS,
     INK,
     PALE,
@@ -30,7 +30,7 @@ from anhyst.rig.loop import ReferenceStep
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import BOUNDARIES, zone
 from anhyst.study.bearing.responses import SETTLED
-from anhyst.study.engine.verdict import Interval
+from anhyst.study.engine.table import Interval
 from anhyst.support.figures import ALARM, new_figure, styled
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray

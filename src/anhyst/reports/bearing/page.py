@@ -27,12 +27,18 @@ from anhyst.reports.bearing.tables import (
     standstill_tables,
     step_tables,
 )
-from anhyst.reports.study.look import ordered, verdict_note
-from anhyst.reports.study.page import legend_table, origin, page_text, picture
+from anhyst.reports.study.page import (
+    legend_table,
+    ordered,
+    origin,
+    page_text,
+    picture,
+    verdict_note,
+)
 from anhyst.rig.body import BodyRig
 from anhyst.study.bearing.linear import zone
 from anhyst.study.bearing.verdict import OVERSHOOT, Steps, judge_steps
-from anhyst.study.engine.verdict import strongest
+from anhyst.study.engine.table import strongest
 from anhyst.support.kinds import MethodName
 from anhyst.support.page import NBSP, Block, Headline, Note, Section, Text, Tile, number
 
@@ -240,7 +246,7 @@ def _standstill(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.standstill:
         sensor = subject.rig.settings.gap_sensor
-        noise, step = sensor.sensor().noise, sensor.sensor().step
+        noise, step = sensor.noise_m, sensor.step
         blocks.append(
             picture(
                 figure_standstill(subject.standstill),

@@ -16,13 +16,12 @@ from anhyst.reports.bearing.figures import (
     identified_loop,
     nearest_loops,
 )
-from anhyst.reports.study.look import ordered
-from anhyst.reports.study.page import hashes
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
+from anhyst.reports.study.page import hashes, ordered
+from anhyst.rig.bearing.loop import BearingSetup, lost_at
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.file import RigFile
-from anhyst.rig.loop import ReferenceStep, Scenario
+from anhyst.rig.loop import ReferenceStep, Scenario, SimulatedLoop
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.experiments import Experiments
@@ -186,7 +185,7 @@ def _linear(
 
 
 def _seen(
-    setups: Mapping[MethodName, Setup], scenario: Scenario, begin: int
+    setups: Mapping[MethodName, BearingSetup], scenario: Scenario, begin: int
 ) -> Mapping[MethodName, Recording]:
     """Run a scenario under every variant, and keep what follows a tick; lost runs are left out."""
     shown = {}
@@ -198,7 +197,7 @@ def _seen(
     return shown
 
 
-def _tracked(setups: Mapping[MethodName, Setup], tried: RigFile) -> Iterator[Tracking]:
+def _tracked(setups: Mapping[MethodName, BearingSetup], tried: RigFile) -> Iterator[Tracking]:
     """Run trajectories and load steps for the eye."""
     setup = next(iter(setups.values()))
     for shape in tried.trajectories:

@@ -6,15 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 
 from anhyst.reports.bearing.subject import SimulationSubject
-from anhyst.reports.study.look import interval_text, ordered
-from anhyst.reports.study.page import Printed, case_table
+from anhyst.reports.study.page import Printed, case_table, interval_text, ordered
 from anhyst.study.bearing.experiments import ExperimentFigures, Experiments, Tried
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.responses import SETTLED, StepCell
 from anhyst.study.bearing.simulate import Simulation
 from anhyst.study.bearing.verdict import NOISE, OVERSHOOT, Steps, grouped, step_difference
-from anhyst.study.engine.table import CaseFigures, Metric
-from anhyst.study.engine.verdict import ComparedFigure, no_mean
+from anhyst.study.engine.table import CaseFigures, ComparedFigure, Metric, no_mean
 from anhyst.support.kinds import MethodName
 from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Cell, PageTable, number, table
 

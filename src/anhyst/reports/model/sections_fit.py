@@ -27,8 +27,7 @@ from anhyst.reports.model.figures import (
     small_loops,
     speed_text,
 )
-from anhyst.reports.model.headline import share
-from anhyst.reports.model.subject import Evidence, ModelSubject
+from anhyst.reports.model.subject import Evidence, ModelSubject, share
 from anhyst.support.figures import svg_text
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import (

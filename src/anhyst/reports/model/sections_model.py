@@ -20,8 +20,7 @@ from anhyst.reports.model.figures_over_schedule import (
     parameter_unit,
     running,
 )
-from anhyst.reports.model.headline import acceptance
-from anhyst.reports.model.subject import ModelSubject
+from anhyst.reports.model.subject import ModelSubject, acceptance
 from anhyst.support.figures import svg_text
 from anhyst.support.page import (
     GREEK,

@@ -17,7 +17,7 @@ from anhyst.model.left_over import left_of, left_over_text
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import Scale, name_of, scale_for
+from anhyst.support.page import MINUS, Note, Scale, name_of, scale_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,3 +167,31 @@ def own_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, st
         "the fit figures in the model file do not belong to its parameters, which were changed "
         "after the identification; the figures of this report were computed again"
     )
+
+
+def acceptance(subject: ModelSubject) -> Note:
+    """Report the outcome of the acceptance test, over the gap and over the drive."""
+    check, model = subject.acceptance, subject.model
+    if check.passed is not None:
+        text = _sentence(check.text(model.input.unit))
+        if check.passed:
+            return Note("good", "Acceptance test passed", text)
+        return Note("bad", "ACCEPTANCE TEST FAILED", text)
+    if model.schedule is None or not model.varying:
+        why = "the model does not run over a gap"
+    elif model.schedule.name != "gap":
+        why = f"it is for gaps, and this model runs over the {subject.over}"
+    else:
+        why = "the model file has no valid range that says how far to drive"
+    return Note("info", "Acceptance test", f"Does not apply: {why}.")
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:].replace(" -", f" {MINUS}") + "."
+
+
+def share(subject: ModelSubject, value: float) -> float | None:
+    """Part that a deviation is of the largest output."""
+    if subject.fit is None or subject.fit.largest_output <= 0.0:
+        return None
+    return value / subject.fit.largest_output

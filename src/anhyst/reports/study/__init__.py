@@ -1,1 +1,1 @@
-"""What the pages of all studies share."""
+"""What the pages and figures of all studies share."""

@@ -1,22 +1,24 @@
-"""A bearing and its controller in lock-step: whether they fit, scenarios, what became of a run."""
+"""A bearing behind its controller: whether they fit, how a setup is made, whether a run held."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from anhyst._core import FixedPosition, LoopController, Plant, Position, PositionF32
+from anhyst._core import FixedPosition, LoopController, Position, PositionF32
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.methods import PROBED
-from anhyst.control.controller_file import ControllerFile, ControllerTable, PairTable
+from anhyst.compensate.methods import MODELS, PROBED
+from anhyst.compensate.sources import Operating
+from anhyst.control.controller_file import ControllerFile, ControllerTable, PairTable, error_at_key
 from anhyst.control.position import PositionControl, ReferenceConverter
-from anhyst.rig.bearing.scenario import Script, land_time, lift_time, steps_up_and_down
+from anhyst.data import Loops
+from anhyst.model.actuator import Model
+from anhyst.rig.bearing.scenario import land_time, lift_time
 from anhyst.rig.body import BodyRig, step_ends
-from anhyst.rig.loop import ClosedLoop, Scenario
-from anhyst.rig.plant import current_loops, make_plant
+from anhyst.rig.fitting import IdentifiedMagnet, calibrated, fit_at
+from anhyst.rig.loop import Scenario, Setup
 from anhyst.rig.recording import (
     BREAKAWAY,
     COLUMNS,
@@ -30,8 +32,9 @@ from anhyst.rig.recording import (
     SignalBound,
     find_loss,
 )
-from anhyst.support.kinds import MethodName
-from anhyst.support.states import Command, Flag
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName, NumberFormat
+from anhyst.support.states import Flag
 from anhyst.support.toml_file import FileFault, faults_error
 
 LONGEST_RAMP_S = 60.0
@@ -82,7 +85,7 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     if not limits.gap_low_m < lowest:
         text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
         yield FileFault(("limits", "gap_low_m"), text, code="gaps-not-covered")
-    step = plant.gap_sensor.sensor().step
+    step = plant.gap_sensor.step
     if limits.step_m < step:
         text = f"the position sensor of {rig.path} has steps of {step:.4g} m; raise it"
         yield FileFault(("limits", "step_m"), text, code="step-too-fine")
@@ -132,44 +135,34 @@ def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileF
                 yield FileFault(("pair", key), text, code="differs-from-rig")
 
 
-@dataclass(frozen=True)
-class Setup:
-    """Everything one loop needs; goes to other processes."""
-
-    rig: BodyRig  # the plant
-    controller: ControllerTable  # gains, limits, lift-off
-    compensator: ForceController  # from force to current, as fitted; never run itself
-    own: tuple[ForceController, ...] = ()  # of each magnet, where they are not all the same
-
-    @property
-    def name(self) -> MethodName:
-        """Of its method."""
-        return self.compensator.method
-
-
 _CLASSES = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
 
 
-def make_position(setup: Setup) -> LoopController:
-    """Return the controller of a setup, just switched on, with compensators that remember nothing."""
-    number_format = setup.compensator.format
-    control = position_control(setup)
-    each = setup.own or (setup.compensator,) * len(setup.rig.magnets)
-    natives = [compensator.fresh().native for compensator in each]
-    controller: LoopController = _CLASSES[number_format](
-        control.gains(number_format), natives, dict(control.settings(number_format))
-    )
-    return controller
+@dataclass(frozen=True)
+class BearingSetup(Setup):
+    """All that a run of a bearing needs."""
+
+    recorded = COLUMNS
+    controller: ControllerTable  # gains, limits, lift-off
+
+    def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
+        """Return the controller, just switched on."""
+        number_format, control = self.compensator.format, position_control(self)
+        natives = [drive.native for drive in drives or self.fresh()]
+        controller: LoopController = _CLASSES[number_format](
+            control.gains(number_format), natives, dict(control.settings(number_format))
+        )
+        return controller
 
 
-def check_position(setup: Setup) -> None:
+def check_position(setup: BearingSetup) -> None:
     """Refuse a controller that does not fit its compensator or its number format."""
     control = position_control(setup)
     control.gains(setup.compensator.format)
     control.settings(setup.compensator.format)
 
 
-def position_control(setup: Setup) -> PositionControl:
+def position_control(setup: BearingSetup) -> PositionControl:
     """Return the controller of a setup in SI units."""
     amplifier, parameters = setup.rig.settings.amplifier, setup.compensator.parameters
     return setup.controller.position_control(
@@ -180,19 +173,103 @@ def position_control(setup: Setup) -> PositionControl:
     )
 
 
-class SimulatedLoop(ClosedLoop):
-    """A bearing from power on; scenarios follow each other."""
+def make_setup(
+    rig: BodyRig,
+    controller: ControllerTable,
+    magnet: IdentifiedMagnet,
+    variant: MethodName,
+    number_format: NumberFormat,
+) -> BearingSetup:
+    """Fit one variant to what is known, and to what motion taught of it, behind the controller."""
+    magnets = calibrated_magnets(rig, magnet, variant)
+    each = fit_magnets(rig, controller, magnets, variant, number_format)
+    chosen = controller.compensation.model_copy(
+        update={"variant": variant, "format": number_format}
+    )
+    behind = controller.model_copy(update={"compensation": chosen})
+    return BearingSetup(rig, each[0], behind, own=tuple(each) if len(each) > 1 else ())
 
-    def __init__(
-        self, setup: Setup, seed: int = 0, largest_first: bool = False, bearing: Plant | None = None
-    ) -> None:
-        rig = setup.rig
-        bearing = bearing or make_plant(rig, seed)
-        if largest_first:
-            for magnet in range(len(rig.magnets)):
-                for current in (rig.settings.amplifier.current_high_A, 0.0):
-                    bearing.hold(current, magnet)
-        super().__init__(bearing, make_position(setup), current_loops(rig), COLUMNS)
+
+def fit_magnets(
+    rig: BodyRig,
+    controller: ControllerTable,
+    magnets: Sequence[IdentifiedMagnet],
+    variant: MethodName,
+    number_format: NumberFormat,
+) -> list[ForceController]:
+    """Fit one variant to what is known of each magnet."""
+    where = operating_point(rig, controller, *(magnet.loops for magnet in magnets))
+    return fit_at(rig, where, magnets, variant, number_format)
+
+
+def calibrated_magnets(
+    rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName
+) -> list[IdentifiedMagnet]:
+    """Return what is known of each magnet by what motion taught of a variant, or of all at once.
+
+    The second magnet's gap is what is left of both: it is read too small by what the first one's is
+    read too large.
+    """
+    calibration = rig.learnt(variant)
+    if calibration is None or not calibration.taken:
+        return [magnet]
+    widths, zero = calibration.widths(len(rig.magnets)), calibration.value("gap_zero_m")
+    # one range of gaps for both of a pair
+    over = 2.0 * abs(zero) if len(widths) > 1 else 0.0
+    return [
+        calibrated(
+            magnet, calibration.value(f"scale_{number + 1}"), (zero, -zero)[number], wider, over
+        )
+        for number, wider in enumerate(widths)
+    ]
+
+
+def compiled_model(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName) -> Model:
+    """Return the model of which a block is compiled: with what motion taught of it."""
+    magnets = calibrated_magnets(rig, magnet, variant)
+    if len(magnets) > 1:
+        raise InputError(
+            f"{rig.path}: control.calibration: both magnets of a pair share one block, and each was "
+            "calibrated for itself; leave it out",
+            code="calibration-not-compiled",
+            key="control.calibration",
+        )
+    return magnets[0].model
+
+
+def make_setups(
+    rig: BodyRig,
+    controller: ControllerFile,
+    magnet: IdentifiedMagnet,
+    variants: tuple[MethodName, ...],
+) -> Mapping[MethodName, BearingSetup]:
+    """Fit several variants in the number format of a controller file."""
+    check_controller(controller, rig)
+    table = controller.settings
+    setups = {}
+    for variant in variants:
+        modelled = variant in MODELS and controller.model is not None
+        try:
+            setups[variant] = make_setup(rig, table, magnet, variant, table.compensation.format)
+        except InputError as error:
+            raise error.at(controller.model if modelled else rig.measured.text) from error
+        with error_at_key(controller):
+            check_position(setups[variant])
+    return setups
+
+
+def operating_point(rig: BodyRig, controller: ControllerTable, *loops: Loops) -> Operating:
+    """Return where a bearing works, over all loops: each magnet of a pair around its bias."""
+    pair = pair_of(rig)
+    measured = [gap for loop in loops for gap in loop.by_schedule() if gap is not None]
+    return Operating(
+        gap=rig.settings.gap_m,
+        force=rig.load if pair is None else pair.bias_force_N,
+        rate=controller.rate_Hz,
+        gap_range=controller.working_gaps(pair, (min(measured), max(measured))),
+        force_max=controller.force_max(pair),
+        current_max=controller.limits.current_high_A,
+    )
 
 
 def lost_at(rig: BodyRig, recording: Recording, since: int = 0) -> float | None:
@@ -218,7 +295,7 @@ _RESTLESS = 0.01
 class LevitationRun:
     """A run from power on until the armature lies again."""
 
-    setup: Setup
+    setup: BearingSetup
     recording: Recording  # lift-off, steps, load steps, landing
     steps: Scenario  # the first part of it: lift-off and steps
     landing: int  # tick of the command to land
@@ -299,43 +376,3 @@ class LevitationRun:
         if not len(landing) or state[-1] != READY or hit.any():
             return ["landing of the recording"]
         return []
-
-
-def parts_of_run(setup: Setup) -> tuple[Scenario, Scenario, int]:
-    """Return the run that a simulation records: lift-off and steps; then loads and a landing."""
-    rig = setup.rig
-    cases, load = rig.settings, rig.settings.load.force_N
-    steps = steps_up_and_down(rig, setup.controller, cases.gap_m, cases.step.heights_m)
-    script = Script(rig, float(steps.target[-1]))
-    for step in cases.load_steps_N:
-        script.set_load(load + step).hold(0.15).set_load(load).hold(0.15)
-    landing = steps.ticks + script.ticks
-    script.command(Command.LAND).hold(land_time(rig, setup.controller))
-    return steps, script.build(), landing
-
-
-def lost_blocks(figures: Mapping[str, Any]) -> list[str]:
-    """Name every block of ``figures.json`` in which its own variant lost levitation."""
-    own = figures["variant"]
-    lost = {}
-    for row in figures["steps"]:
-        if row["variant"] == own and row["lost"]:
-            lost[f"steps at {1e3 * row['gap_m']:g} mm"] = row["lost"]
-    for title, variants in _blocks(figures):
-        if variants[own]["lost"]:
-            lost[title] = variants[own]["lost"]
-    blocks = [f"{title} ({_runs(count)})" for title, count in lost.items()]
-    return blocks + (["sensitivity"] if figures["sensitivity"][own] is None else [])
-
-
-def _blocks(figures: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    yield "standstill", figures["standstill"]
-    for row in figures["trajectories"]:
-        yield f"{row['kind']} of {1e6 * row['amplitude_m']:g} um", row["variants"]
-    for row in figures["load_steps"]:
-        yield f"load step of {row['force_N']:g} N", row["variants"]
-    yield from figures["events"].items()
-
-
-def _runs(count: int) -> str:
-    return "1 run" if count == 1 else f"{count} runs"

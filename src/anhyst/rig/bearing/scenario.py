@@ -32,7 +32,7 @@ _SETTLE = 10.0  # times K_p/K_i, the time in which the integral takes over what 
 
 
 @dataclass
-class Script:
+class ScenarioBuilder:
     """Writes a scenario piece by piece."""
 
     rig: BodyRig  # for the rate, the load and its disturbances
@@ -54,12 +54,12 @@ class Script:
         """Return the ticks of a time."""
         return max(round(seconds * self.rig.settings.timing.rate_Hz), 1)
 
-    def command(self, command: int, ticks: int = 1) -> Script:
+    def command(self, command: int, ticks: int = 1) -> ScenarioBuilder:
         """Give a command from here on for some ticks."""
         self._marks += [(self.ticks + tick, command) for tick in range(ticks)]
         return self
 
-    def lift_off(self, controller: ControllerTable) -> Script:
+    def lift_off(self, controller: ControllerTable) -> ScenarioBuilder:
         """Power on, declare the iron demagnetised, lift off and settle.
 
         Commands come after the self-test, which counts ticks and no seconds.
@@ -71,29 +71,29 @@ class Script:
         self._lifted = self.ticks
         return self
 
-    def hold(self, seconds: float, inject: FloatArray | None = None) -> Script:
+    def hold(self, seconds: float, inject: FloatArray | None = None) -> ScenarioBuilder:
         """Let time pass, perhaps with something added to the sensor."""
         count = self.count(seconds) if inject is None else inject.size
         return self._add(np.full(count, self.gap), inject)
 
-    def step(self, gap: float, seconds: float) -> Script:
+    def step(self, gap: float, seconds: float) -> ScenarioBuilder:
         """Step the reference and let time pass."""
         begin, before, self.gap = self.ticks, self.gap, gap
         self.hold(seconds)
         self._steps.append(ReferenceStep(begin, self.ticks, before, gap))
         return self
 
-    def follow(self, target: FloatArray) -> Script:
+    def follow(self, target: FloatArray) -> ScenarioBuilder:
         """Let the reference follow a trajectory, m of gap."""
         self.gap = float(target[-1])
         return self._add(np.asarray(target, dtype=np.float64), None)
 
-    def set_load(self, force: float) -> Script:
+    def set_load(self, force: float) -> ScenarioBuilder:
         """Step the load, N."""
         self.load = force
         return self
 
-    def _add(self, target: FloatArray, inject: FloatArray | None) -> Script:
+    def _add(self, target: FloatArray, inject: FloatArray | None) -> ScenarioBuilder:
         assert self.load is not None
         self._target.append(target)
         self._load.append(np.full(target.size, self.load))
@@ -156,7 +156,7 @@ def steps_up_and_down(
 ) -> Scenario:
     """Lift off, then a step up and down of every height, half of it to either side of a gap."""
     hold = rig.settings.step.hold_s
-    script = Script(rig, gap, load).lift_off(controller)
+    script = ScenarioBuilder(rig, gap, load).lift_off(controller)
     for height in heights:
         lower, upper = step_ends(gap, height)
         script.follow(np.linspace(script.gap, lower, script.count(hold / 2.0))).hold(hold)
@@ -164,6 +164,18 @@ def steps_up_and_down(
     if rest > 0.0:
         script.hold(rest)
     return script.build()
+
+
+def parts_of_run(rig: BodyRig, controller: ControllerTable) -> tuple[Scenario, Scenario, int]:
+    """Return the run that a simulation records: lift-off and steps; then loads and a landing."""
+    cases, load = rig.settings, rig.settings.load.force_N
+    steps = steps_up_and_down(rig, controller, cases.gap_m, cases.step.heights_m)
+    script = ScenarioBuilder(rig, float(steps.target[-1]))
+    for step in cases.load_steps_N:
+        script.set_load(load + step).hold(0.15).set_load(load).hold(0.15)
+    landing = steps.ticks + script.ticks
+    script.command(Command.LAND).hold(land_time(rig, controller))
+    return steps, script.build(), landing
 
 
 def _disturbance(rig: BodyRig, what: DisturbanceTable, ticks: int, number: int) -> FloatArray:

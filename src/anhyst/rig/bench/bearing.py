@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from anhyst._core import POSITION_MAGNETS, BusController, Plant
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
-from anhyst.link.plant_bus import Q30, Q31, Exchange, Reading
-from anhyst.link.process import VIRTUAL_BOARDS, LibraryBoard
+from anhyst.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, Exchange, LibraryBoard, Reading
 from anhyst.link.wire import LinkPort
-from anhyst.rig.bearing.loop import Setup, position_control
+from anhyst.rig.bearing.loop import BearingSetup, position_control
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal, currents_of
 from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
@@ -174,7 +173,7 @@ class _Unplugged:
 class BearingBench(LockStepBench[BusController]):
     """A bearing and the firmware that levitates it, in lock-step.
 
-    The firmware runs in this process, or on one of :data:`anhyst.link.process.VIRTUAL_BOARDS` behind
+    The firmware runs in this process, or on one of :data:`anhyst.link.virtual_boards.VIRTUAL_BOARDS` behind
     a tap; its heartbeat counts ticks.
     """
 
@@ -186,7 +185,7 @@ class BearingBench(LockStepBench[BusController]):
 
     def __init__(
         self,
-        setup: Setup,
+        setup: BearingSetup,
         firmware: Path,
         seed: int = 0,
         board: str = "",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.link.frames import Body, Setting
-from anhyst.link.plant_bus import Q30, Q31
+from anhyst.link.virtual_boards import Q30, Q31
 from anhyst.rig.bench.protocol import Aim, Signal
 from anhyst.rig.bench.settings import (
     ControllerSettings,

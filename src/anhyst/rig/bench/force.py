@@ -1,24 +1,36 @@
-"""The virtual bench of a force rig: the actuator, and the firmware that drives it."""
+"""The virtual bench of a force rig: the actuator, and the firmware that drives it.
+
+An operator works at it, or a demand is run through it from power on.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
+from typing import Self
 
 import numpy as np
 
 from anhyst.link.client import ControllerLink
-from anhyst.link.plant_bus import Q30, Q31, PlantBus, Reading
-from anhyst.link.process import run_library
+from anhyst.link.streaming import Status
+from anhyst.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, PlantBus, Reading
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal
 from anhyst.rig.bench.settings import ControllerSettings, check_values, force_settings
-from anhyst.rig.force.bench import ActuatorStand, StandTick, on_bus
+from anhyst.rig.force.bench import (
+    ActuatorStand,
+    Demand,
+    StandTick,
+    bench_recording,
+    on_bus,
+)
 from anhyst.rig.force.file import Rig
-from anhyst.rig.force.programs import Program
-from anhyst.support.errors import InputError
+from anhyst.rig.force.programs import ONE, Program, Session
+from anhyst.rig.recording import Recording
+from anhyst.support.block_words import Scales
+from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray, sine
-from anhyst.support.states import Command, State
+from anhyst.support.states import Command, Fault, State
 
 _SPEED = 0.02
 _SPEED_MOST = 1.0
@@ -78,16 +90,38 @@ FORCE_COMMANDS = (
 """Of a controller of force."""
 
 
+class GivenMotion(Knobs):
+    """Leads the armature from gap to gap, m, once it may begin."""
+
+    def __init__(self, gap: FloatArray) -> None:
+        super().__init__()
+        self._gap, self._next, self.begun = gap.tolist(), 0, False
+
+    def move(self) -> float:
+        """Go on by a tick, and return the gap there, m."""
+        gap: float = self._gap[self._next]
+        if self.begun:
+            self._next = min(self._next + 1, len(self._gap) - 1)
+        return gap
+
+
 class StandPlant:
     """The actuator as the plant bus knows it."""
 
-    def __init__(self, rig: Rig, program: Program, seed: int) -> None:
-        self._scales = program.scales
-        low, high = self._scales.gap_low, self._scales.gap_high
-        self.armature = Armature(low, high, rig.settings.timing.rate_Hz)
+    def __init__(
+        self, stand: ActuatorStand, scales: Scales, armature: Armature | GivenMotion
+    ) -> None:
+        self._stand, self._scales = stand, scales
+        self.armature = armature
         self.gap = 0.0
-        self._stand = ActuatorStand(rig, [2, seed])
         self.at: StandTick
+
+    @classmethod
+    def free(cls, rig: Rig, program: Program, seed: int) -> Self:
+        """Return it with an armature that an operator moves."""
+        low, high = program.scales.gap_low, program.scales.gap_high
+        armature = Armature(low, high, rig.settings.timing.rate_Hz)
+        return cls(ActuatorStand(rig, [2, seed]), program.scales, armature)
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Go on by one tick."""
@@ -106,14 +140,21 @@ class ForceBench(LockStepBench[PlantBus]):
     signals = _SIGNALS
     commands = FORCE_COMMANDS
 
-    def __init__(self, rig: Rig, program: Program, seed: int = 0) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        program: Program,
+        plant: StandPlant | None = None,
+        board: str = "library",
+    ) -> None:
         self.rate = float(rig.settings.timing.rate_Hz)
-        self._scales = program.scales
-        self._stand = StandPlant(rig, program, seed)
+        self._program, self._scales = program, program.scales
+        self._stand = plant or StandPlant.free(rig, program, 0)
         self.aim = Aim("force", "demand", "N", 0.0, rig.settings.force.force_max_N, 0.0)
         self._open = ExitStack()
         try:
-            running = self._open.enter_context(run_library(program.firmware, self._stand))
+            started = VIRTUAL_BOARDS[board](program.firmware, self._stand)
+            running = self._open.enter_context(started)
             self._bus = running.bus
             self.link = self._open.enter_context(ControllerLink(running.link))
             self._heartbeat = Heartbeat(self.link)
@@ -164,7 +205,7 @@ class ForceBench(LockStepBench[PlantBus]):
     def demand(self, value: float) -> None:
         """Demand a force, N, up to the largest one of the rig; a run begins at zero."""
         check_demand(self.aim, value, self._state)
-        self.link.demand(min(round(value / self._scales.demand * Q31), int(Q31) - 1))
+        self.link.demand(self._program.demand_code(value))
         self._heartbeat.restart()
 
     def load(self, force: float) -> None:
@@ -206,3 +247,72 @@ def demand_refusal(state: State) -> str:
     if state is State.RUN:
         return ""
     return f"a force is demanded in the state run, not in {state.name.lower()}"
+
+
+_UP = 40
+"""Ticks after power on until the self-test must have passed."""
+_BETWEEN = 40
+"""Ticks from one look at a controller that gets ready to the next."""
+_LONGEST = 200_000
+"""Ticks of a start-up sequence after which something is wrong."""
+_RECORDED = ("command", "current", "force", "gap", "gap_read", "force_read", "current_read")
+"""Signals of the bench that a recording has."""
+
+
+def run_firmware(
+    rig: Rig,
+    program: Program,
+    stand: ActuatorStand,
+    gap: FloatArray,
+    demand: Demand,
+    board: str,
+    demagnetised: bool,
+) -> tuple[Recording, Session]:
+    """Run a demand through a firmware from power on: one command over the link at every tick."""
+    motion = GivenMotion(gap)
+    plant = StandPlant(stand, program.scales, motion)
+    with closing(ForceBench(rig, program, plant, board)) as bench:
+        start_up = _get_ready(bench, demagnetised)
+        bench.command(Command.RUN)
+        motion.begun = True
+        rows = []
+        for force in demand.force.tolist():
+            bench.demand(force)
+            rows.append(bench.advance(1))
+        if (status := bench.link.status()).state is not State.RUN:
+            text = f"the controller left its run for {_state(status)}"
+            raise NegativeResult(text, code="wrong-state")
+    run = np.concatenate(rows)
+    everything = np.concatenate([start_up, run])
+    return bench_recording(_columns(run, *_RECORDED), rig.dt), Session(
+        program.gap_codes(_columns(everything, "gap_read")[:, 0]),
+        np.rint(_columns(everything, "command")[:, 0] / program.scales.current * ONE).astype(
+            np.int64
+        ),
+        np.array([program.demand_code(force) for force in demand.force.tolist()]),
+        len(start_up),
+        demagnetised,
+    )
+
+
+def _columns(rows: FloatArray, *names: str) -> FloatArray:
+    signals = [signal.name for signal in _SIGNALS]
+    return rows[:, [1 + signals.index(name) for name in names]]
+
+
+def _get_ready(bench: ForceBench, demagnetised: bool) -> FloatArray:
+    """Take a controller from power on to ready, and return the rows until there."""
+    rows = [bench.advance(_UP)]
+    bench.command(Command.DEMAGNETISED if demagnetised else Command.CONDITION)
+    end = bench.tick + _LONGEST
+    while (status := bench.link.status()).state is not State.READY:
+        if status.state is State.FAULT or bench.tick > end:
+            text = f"the controller did not get ready: it is in {_state(status)}"
+            raise NegativeResult(text, code="wrong-state")
+        rows.append(bench.advance(_BETWEEN))
+    return np.concatenate(rows)
+
+
+def _state(controller: Status) -> str:
+    reason = "" if controller.fault is Fault.NONE else f", reason {controller.fault.name.lower()}"
+    return f"state {controller.state.name.lower()}{reason}"

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 from anhyst.compilation.a2l import HEARTBEAT_MS
 from anhyst.link.client import Refused
 from anhyst.link.frames import SETTINGS, Setting
-from anhyst.link.plant_bus import Q30, Q31
+from anhyst.link.virtual_boards import Q30, Q31
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
 

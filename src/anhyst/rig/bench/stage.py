@@ -29,7 +29,8 @@ from anhyst.rig.bench.protocol import (
 )
 from anhyst.rig.bench.settings import check_values, stage_parameters
 from anhyst.rig.drift import NO_DRIFT, draw_plant, drifted_plant
-from anhyst.rig.loop import ClosedLoop, Scenario
+from anhyst.rig.file import RigFile
+from anhyst.rig.loop import ClosedLoop
 from anhyst.rig.plant import current_loops
 from anhyst.rig.recording import CURRENTS, Loss, Recording, column, of_magnets, peak
 from anhyst.rig.stage.file import layout_of, lying, pulls, pushed_with, scan_direction
@@ -39,12 +40,11 @@ from anhyst.rig.stage.loop import (
     StageSetup,
     demand_columns,
     fed_wrench,
-    led,
-    make_loop_controller,
     of_axes,
     pid,
     read_noise,
     recorded,
+    scenario_along,
     stage_loss,
 )
 from anhyst.rig.stage.setpoint import (
@@ -104,30 +104,50 @@ class StageLap(NamedTuple):
     @property
     def method(self) -> MethodName:
         """The one that drove it."""
-        return self.setup.compensator.method
+        return self.setup.method
+
+
+def _signals(file: RigFile) -> tuple[Signal, ...]:
+    """Return what is measured of a body of one or several coordinates."""
+    if not file.several:
+        return (*STAGE_OWN[:4], *STAGE_READ.values(), *STAGE_OWN[4:])
+    each = of_axes_and_magnets(file.body.free, [magnet.name for magnet in file.placed])
+    forces = [
+        Signal("demand", "N", "force that the controller wants along the set-point"),
+        Signal("force", "N", "true force of the magnets"),
+    ]
+    along = [STAGE_OWN[0], STAGE_OWN[1], STAGE_OWN[3]]
+    flight = Signal("flight", "", "what its controller does: Phase of anhyst.support.states")
+    return (*along, *forces, *each, flight, *STAGE_OWN[4:])
 
 
 class StageBench(Bench):
     """A stage that follows its set-point over and over.
 
-    The variants are the one without memory and the
-    compensator, which its parameter ``compensation`` chooses by 0 and 1.
+    The variants are the one without memory and the compensator, which its parameter
+    ``compensation`` chooses by 0 and 1. A body of several coordinates has no load drive: its
+    parameters `push_` add to what is demanded of the magnets, at once. Its controller lifts it and
+    sets it down: idle it lies without a current, ready it is held.
     """
 
-    signals: tuple[Signal, ...] = (*STAGE_OWN[:4], *STAGE_READ.values(), *STAGE_OWN[4:])
-    commands: tuple[Command, ...] = STAGE_COMMANDS
     tick = 0
     lifted = 0  # tick on which it was lifted last from a rest without current
     _between = False  # whether it is lifted or set down
+    _order = Command.NONE  # to a controller of several coordinates, at the next tick
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
         rig = variants[0].setup.rig
         self.rig, self.rate = rig, 1.0 / rig.dt
-        self._magnets = len(rig.settings.magnets)
+        file, self._magnets = rig.settings, len(rig.settings.magnets)
+        self.signals = _signals(file)
+        self.commands = AXES_COMMANDS if file.several else STAGE_COMMANDS
         self.laps: deque[StageLap] = deque(maxlen=LAPS)
-        file, self._peak = rig.settings, max(rig.settings.scan.test_m_per_s2)
+        self._peak = max(file.scan.test_m_per_s2)
         left = file.tracking.force_max_N - file.body.mass_kg * self._peak
-        self.load_most = LOAD * max(left, 0.0)
+        self.load_most = 0.0 if file.several else LOAD * max(left, 0.0)
+        most_pushed = zip(file.body.free, pushed_with(file), strict=True) if file.several else ()
+        self._push_most = {f"push_{axis}": LOAD * force for axis, force in most_pushed}
+        self._push = dict.fromkeys(self._push_most, 0.0)  # in force
         # a step of the target by so much asks for the largest force at once
         most = file.tracking.force_max_N / pid(rig)["b0"]
         self.aim = Aim("position", "reference", "m", -most, most, 0.0)
@@ -145,9 +165,18 @@ class StageBench(Bench):
         self._rng = np.random.default_rng([rig.settings.seed, seed])
         self._state, self._fault, self._laps, self._lap = State.READY, Fault.NONE, 0, 0
         self._offset, self._load, self._side = 0.0, 0.0, 1.0
-        self._push: dict[str, float] = {}
+        self._flights = np.zeros(
+            0
+        )  # what a controller of several coordinates did at the last ticks
         self._move(1.0)
         self._renew()
+
+    @property
+    def body(self) -> Mapping[str, Any] | None:
+        """What a picture of a body of several coordinates is drawn from, SI."""
+        settings = self.rig.settings
+        several = settings.several
+        return {**layout_of(settings), "way": peak(self._way.place)} if several else None
 
     @property
     def _setup(self) -> StageSetup:
@@ -167,7 +196,9 @@ class StageBench(Bench):
         drift, noise = draw_plant(settings, settings.seed, number - 1) if number else (NO_DRIFT, 0)
         self._cable = drift.cable
         self._plant = drifted_plant(self.rig, drift, noise)
-        self._place_body(float(self._strayed(1, 0.0)[0]))
+        along, begin = scan_direction(settings), 0.0 if settings.several else self.rig.gap
+        stray = float(self._strayed(1, 0.0)[0])
+        self._plant.place((begin - stray * along).tolist(), [0.0] * along.size)
         self._course: Course | None = None
         self._at, self._place = 0, 0.0
         self._past = np.zeros(round(STRAY_LATE / self.rig.dt))  # accelerations
@@ -178,9 +209,6 @@ class StageBench(Bench):
         self._known = self.switched = self.tick + 1  # first tick with demagnetised iron
         self._control()
 
-    def _place_body(self, stray: float) -> None:
-        self._plant.place([self.rig.gap - stray], [0.0])
-
     def _control(self) -> None:
         """Put a controller in force that remembers what flowed; the integral of the loop goes on."""
         rig = self._setup.rig
@@ -188,11 +216,13 @@ class StageBench(Bench):
         setup = replace(self._setup, rig=replace(rig, settings=settings))
         # the loop keeps the drives alive
         drives = [self._remembering(setup, k) for k in range(self._magnets)]
-        controller = make_loop_controller(setup, drives)
+        controller = setup.make_controller(drives)
         self._loop = ClosedLoop(self._plant, controller, current_loops(setup.rig))
         if len(self._latest):
             wanted, fed = np.split(self._latest[:, 2 * self._magnets :], 2, axis=1)
             self._carried = np.array([np.mean(one) for one in (wanted - fed).T])
+        # a controller of several coordinates begins in flight
+        self._order = Command.IDLE if self._state is State.IDLE else Command.NONE
 
     def _remembering(self, setup: StageSetup, magnet: int) -> ForceController:
         """Return a compensator that has followed what flowed in a magnet."""
@@ -299,8 +329,11 @@ class StageBench(Bench):
 
     def _keep(self, flowed: FloatArray) -> None:
         """Keep what flowed for another law to follow, but at rest."""
-        if self._course is not None:
+        driven = bool(self._flowed) and self._flowed[-1][-1:, : self._magnets].any()
+        if self._course is not None or self._between:
             self._flowed.append(flowed)
+        elif self._state is State.IDLE and driven:
+            self._flowed.append(flowed[-1:])
 
     def _step(
         self, place: FloatArray, stray: FloatArray, forward: FloatArray
@@ -312,10 +345,17 @@ class StageBench(Bench):
         """
         rig, free = self.rig, self.rig.settings.body.free
         fed = fed_wrench(self._setup.believed, forward) + (list(self._push.values()) or 0.0)
-        scenario = led(rig, place, stray, fed + self._carried, self._offset)
-        scenario = self._happening(scenario, place)
+        scenario = scenario_along(rig, place, stray, fed + self._carried, self._offset)
+        scenario.command[0], self._order = self._order, Command.NONE
+        if not rig.settings.several:
+            load, noise = (
+                self._load - self._cable * place[:-1],
+                read_noise(rig, len(fed), self._rng),
+            )
+            scenario = replace(scenario, load=load, inject=noise)
         run = self._loop.run(scenario)
-        loss = stage_loss(rig, run, len(fed)) if self._is_held() else None
+        held = self._state is not State.IDLE and not self._between  # else it may lie on a stop
+        loss = stage_loss(rig, run, len(fed)) if held else None
         run = run.part(0, len(fed) if loss is None else loss.tick + 1)
         seen = dict(run.columns) | recorded(rig, run, scenario) | self._beside(run)
         wanted = [run[name] for name in of_axes("demand", free, WRENCH)]
@@ -324,25 +364,29 @@ class StageBench(Bench):
         of_loop = [seen[column(one.name, one.unit)] for one in self._of_loop]
         return of_loop, np.column_stack(flowed), loss
 
-    def _happening(self, scenario: Scenario, place: FloatArray) -> Scenario:
-        """Return a scenario with what happens beside what is led and fed."""
-        n = scenario.ticks
-        load, noise = self._load - self._cable * place[:n], read_noise(self.rig, n, self._rng)
-        return replace(scenario, load=load, inject=noise)
-
-    def _is_held(self) -> bool:
-        """Whether a body on a stop is a lost one."""
-        return True
-
     def _gaps_read(self, run: Recording) -> list[FloatArray]:
         """Return the gap of each magnet as the controller knows it."""
+        if self.rig.settings.several:
+            return [run[name] for name in of_magnets([("gap_read", "m")], 1, self._magnets)]
         gap = run["gap_read_m"]
         return [gap, (self.rig.settings.gap_total_m or 0.0) - gap]
 
     def _beside(self, run: Recording) -> dict[str, FloatArray]:
-        """Return what is read beside what is recorded."""
-        del run
-        return {}
+        """Return what is read of several coordinates beside what is recorded.
+
+        What each magnet pulls with, what all do along each coordinate, and the flight.
+        """
+        settings = self.rig.settings
+        if not settings.several:
+            return {}
+        free = settings.body.free
+        wrench = [run[name] for name in of_axes("wrench", free, WRENCH)]
+        read = dict(zip(demand_columns(free, "wrench"), wrench, strict=True))
+        self._flights = run["state"] % PHASES
+        if self._between and self._flights[-1] in (Phase.HOVER, Phase.REST):
+            self._between = False
+            self._state = State.READY if self._flights[-1] == Phase.HOVER else State.IDLE
+        return read | pulls(settings, run) | {"flight": self._flights}
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
@@ -351,7 +395,12 @@ class StageBench(Bench):
         return np.column_stack([numbers, *of_loop, self._states(n), *states])
 
     def _states(self, n: int) -> FloatArray:
-        return np.full(n, float(self._state))
+        if self._state is State.FAULT or not self.rig.settings.several:
+            return np.full(n, float(self._state))
+        states = np.full(n, float(State.RUN))
+        states[self._flights == Phase.REST] = State.IDLE
+        states[self._flights == Phase.HOVER] = self._state
+        return states
 
     def _lie(self, n: int) -> FloatArray:
         """Let the body lie on a stop without a current: a stage that was lost is not simulated."""
@@ -365,24 +414,43 @@ class StageBench(Bench):
 
     def _lying(self) -> dict[str, float]:
         """Return what is read of a body that lies on a stop, but for zeros."""
+        if self.rig.settings.several:
+            return lying(self.rig.settings, self._place)
         stop, place = self.rig.settings.body.stop_low_m, self._place
         position = place + stop - self.rig.gap
         values = {"reference": place, "position": position, "position_read": position}
         return values | {"error": place - position, "gap": stop, "gap_read": stop}
 
     def command(self, command: Command) -> None:
-        """Give a command. A stop brakes at once, whatever the state, and the body is held then."""
-        if command is Command.STOP:
+        """Give a command.
+
+        A stop brakes at once, whatever the state, and the body is held then; one that is lifted is
+        set down again.
+        """
+        if command is Command.STOP and self._between:
+            self._order = Command.LAND
+        elif command is Command.STOP:
             self._brake()
-            return
-        self._permit(command)
+        else:
+            self._permit(command)
+            self._obey(command)
+
+    def _obey(self, command: Command) -> None:
+        """Do what a command says that the state permits."""
         if command is Command.RUN:
             # the first leg leads back to where it all began
             side = -1.0 if self._place > 0.0 else 1.0
             self._state, self._side, self._offset = State.RUN, side, 0.0
-        else:
+        elif command is Command.CLEAR:
             self._state, self._fault = State.READY, Fault.NONE
             self._renew()
+        else:
+            if not self._between:
+                self._brake()
+            self._order, self._between = command, command is not Command.IDLE
+            self._state = State.RUN if self._between else State.IDLE
+            if command is Command.LIFT:
+                self._known = self.lifted = self.tick + 1
 
     def _permit(self, command: Command) -> None:
         now = Standing(self._state, False, True, False, True, True)
@@ -424,21 +492,33 @@ class StageBench(Bench):
         values = {**self._values, **self._staged}
         gains = self._gains[int(values["compensation"])]
         values = {**{f"gain_{name}": getattr(gains, name) for name in GAINS}, **values}
-        off, on = (one.compensator.method for one in self._setups)
-        return stage_parameters(values, (off, on), crossover)
+        off, on = (one.method for one in self._setups)
+        pushes = (
+            Parameter(name, WRENCH["_r" in name], -most, most, "at once, asked of the magnets", now)
+            for (name, most), now in zip(self._push_most.items(), self._push.values(), strict=True)
+        )
+        return (*stage_parameters(values, (off, on), crossover), *pushes)
 
     def apply(self, values: Mapping[str, float]) -> int:
-        """Put parameters in force together, on the tick on which the body next rests."""
+        """Put parameters in force, on the tick on which the body next rests, or pushes on the next."""
         check_values(values, self.parameters(), whole=("compensation", "plant"))
-        if self._state is State.FAULT:
-            raise InputError("the stage is lost: press clear first", code="wrong-state")
-        self._staged |= values
-        return self._due
+        pushed = {name: force for name, force in values.items() if name in self._push}
+        staged = {name: value for name, value in values.items() if name not in self._push}
+        due = self.tick + 1
+        if staged or not self._push:
+            if self._between:
+                raise InputError("the stage is lifted or set down: wait", code="wrong-state")
+            if self._state is State.FAULT:
+                raise InputError("the stage is lost: press clear first", code="wrong-state")
+            self._staged |= staged
+            due = self._due
+        self._push |= pushed
+        return due
 
     def correct(self, setup: StageSetup) -> int:
         """Put what was learnt of a method in force, on the tick on which the body next rests."""
-        methods = [one.compensator.method for one in self._setups]
-        self._corrected[methods.index(setup.compensator.method)] = setup
+        methods = [one.method for one in self._setups]
+        self._corrected[methods.index(setup.method)] = setup
         return self._due
 
     @property
@@ -448,125 +528,3 @@ class StageBench(Bench):
 
     def close(self) -> None:
         """Nothing runs beside it."""
-
-
-class AxesBench(StageBench):
-    """The same of a body of several coordinates.
-
-    There is no load drive: its parameters `push_` add to what is demanded of the magnets, at once.
-    Its controller lifts it and sets it down: idle it lies without a current, ready it is held.
-    """
-
-    commands = AXES_COMMANDS
-    _order = Command.NONE  # to the controller, at the next tick
-
-    def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
-        file = variants[0].setup.rig.settings
-        each = of_axes_and_magnets(file.body.free, [one.name for one in file.placed])
-        forces = [
-            Signal("demand", "N", "force that the controller wants along the set-point"),
-            Signal("force", "N", "true force of the magnets"),
-        ]
-        along = [STAGE_OWN[0], STAGE_OWN[1], STAGE_OWN[3]]
-        flight = Signal("flight", "", "what its controller does: Phase of anhyst.support.states")
-        self.signals = (*along, *forces, *each, flight, *STAGE_OWN[4:])
-        most = [LOAD * one for one in pushed_with(file)]
-        self._pushes = dict(zip([f"push_{axis}" for axis in file.body.free], most, strict=True))
-        self._flights = np.zeros(0)  # of the last ticks
-        super().__init__(variants, seed)
-        self._push = dict.fromkeys(self._pushes, 0.0)
-        self.load_most = 0.0
-
-    @property
-    def body(self) -> Mapping[str, Any]:
-        """What a picture of the body is drawn from, SI."""
-        return {**layout_of(self.rig.settings), "way": peak(self._way.place)}
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Return all that may be changed, with the values that are in force once the body rests."""
-        pushes = [
-            Parameter(name, WRENCH["_r" in name], -most, most, "at once, asked of the magnets", now)
-            for (name, most), now in zip(self._pushes.items(), self._push.values(), strict=True)
-        ]
-        return (*super().parameters(), *pushes)
-
-    def apply(self, values: Mapping[str, float]) -> int:
-        """Put parameters in force, on the tick on which the body next rests, or pushes on the next."""
-        others = {name: one for name, one in values.items() if name not in self._pushes}
-        check_values(values, self.parameters())
-        if others and self._between:
-            raise InputError("the stage is lifted or set down: wait", code="wrong-state")
-        due = super().apply(others) if others else self.tick + 1
-        self._push |= {name: one for name, one in values.items() if name in self._pushes}
-        return due
-
-    def command(self, command: Command) -> None:
-        """Give a command; a stop of a body that is lifted sets it down again."""
-        if command is Command.STOP and self._between:
-            self._order = Command.LAND
-        elif command in (Command.LIFT, Command.LAND, Command.IDLE):
-            self._permit(command)
-            if not self._between:
-                self._brake()
-            self._order, self._between = command, command is not Command.IDLE
-            self._state = State.RUN if self._between else State.IDLE
-            if command is Command.LIFT:
-                self._known = self.lifted = self.tick + 1
-        else:
-            super().command(command)
-
-    def _control(self) -> None:
-        super()._control()
-        # it begins in flight
-        self._order = Command.IDLE if self._state is State.IDLE else Command.NONE
-
-    def _keep(self, flowed: FloatArray) -> None:
-        driven = bool(self._flowed) and self._flowed[-1][-1:, : self._magnets].any()
-        if self._course is not None or self._between:
-            self._flowed.append(flowed)
-        elif self._state is State.IDLE and driven:
-            self._flowed.append(flowed[-1:])
-
-    def _states(self, n: int) -> FloatArray:
-        if self._state is State.FAULT:
-            return super()._states(n)
-        found = np.full(n, float(State.RUN))
-        found[self._flights == Phase.REST] = State.IDLE
-        found[self._flights == Phase.HOVER] = self._state
-        return found
-
-    def _place_body(self, stray: float) -> None:
-        along = scan_direction(self.rig.settings)
-        self._plant.place((-stray * along).tolist(), [0.0] * along.size)
-
-    def _happening(self, scenario: Scenario, place: FloatArray) -> Scenario:
-        del place
-        scenario.command[0], self._order = self._order, Command.NONE
-        return scenario
-
-    def _is_held(self) -> bool:
-        return self._state is not State.IDLE and not self._between
-
-    def _gaps_read(self, run: Recording) -> list[FloatArray]:
-        return [run[name] for name in of_magnets([("gap_read", "m")], 1, self._magnets)]
-
-    def _beside(self, run: Recording) -> dict[str, FloatArray]:
-        """Return what each magnet pulls with, what all do along each coordinate, and the flight."""
-        free = self.rig.settings.body.free
-        own = of_axes("wrench", free, WRENCH)
-        read = dict(zip(demand_columns(free, "wrench"), (run[name] for name in own), strict=True))
-        self._flights = run["state"] % PHASES
-        if self._between and self._flights[-1] in (Phase.HOVER, Phase.REST):
-            self._between = False
-            self._state = State.READY if self._flights[-1] == Phase.HOVER else State.IDLE
-        return read | pulls(self.rig.settings, run) | {"flight": self._flights}
-
-    def _lying(self) -> dict[str, float]:
-        """Return the same where weight pulls the body down, or at the low end of its way."""
-        return lying(self.rig.settings, self._place)
-
-
-def bench_of(variants: Sequence[StageVariant]) -> StageBench:
-    """Return the bench of a body of one or several coordinates."""
-    several = variants[0].setup.rig.settings.several
-    return AxesBench(variants) if several else StageBench(variants)

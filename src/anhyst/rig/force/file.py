@@ -196,34 +196,10 @@ class Rig:
 
     def instruments(self, seed: list[int], dt: float | None = None) -> Instruments:
         """Return the sensors."""
-        step = self.dt if dt is None else dt
-        current = self.settings.current_sensor
-        gap, force = self.settings.gap_sensor.sensor(), self.settings.force_sensor
-        own = [self.settings.seed, *seed]
-        return Instruments(
-            Sensor(
-                Converter.of_bits(current.low_A, current.high_A, current.adc_bits),
-                current.noise_A,
-                [*own, 0],
-                step,
-                current.offset_A,
-                bandwidth=current.bandwidth_Hz,
-            ),
-            Sensor(
-                Converter(gap.low, gap.high, gap.step),
-                gap.noise,
-                [*own, 1],
-                step,
-                bandwidth=gap.bandwidth,
-            ),
-            Sensor(
-                Converter.of_bits(force.low_N, force.high_N, force.adc_bits),
-                force.noise_N,
-                [*own, 2],
-                step,
-                bandwidth=force.bandwidth_Hz,
-            ),
-        )
+        file, own = self.settings, [self.settings.seed, *seed]
+        tables = (file.current_sensor, file.gap_sensor, file.force_sensor)
+        numbers = [table.numbers(self.dt if dt is None else dt) for table in tables]
+        return Instruments(*(Sensor(one, [*own, n]) for n, one in enumerate(numbers)))
 
 
 def read_rig(path: PathLike) -> Rig:

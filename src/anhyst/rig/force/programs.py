@@ -54,10 +54,15 @@ class Program:
         low, high = self.block.limits.current
         return [high, low] * self.cycles
 
-    def demand_codes(self, force: FloatArray) -> Codes:
+    def gap_codes(self, gap: FloatArray) -> Codes:
+        """Return gaps as its sensor read them, m, as the firmware takes them: q31 of the range."""
+        low, high = self.scales.gap_low, self.scales.gap_high
+        codes = np.rint((gap - low) / (high - low or 1.0) * (ONE >> 1)).astype(np.int64)
+        return np.minimum(2 * np.clip(codes, 0, ONE >> 1), ONE - 1)
+
+    def demand_code(self, force: float) -> int:
         """Force, N, as the link carries it: q31 of full scale."""
-        codes: Codes = np.rint(force / self.scales.demand * ONE).astype(np.int64)
-        return np.clip(codes, -ONE, ONE - 1)
+        return min(round(force / self.scales.demand * ONE), ONE - 1)
 
 
 @dataclass(frozen=True)
@@ -183,8 +188,8 @@ def _least_dead_band(model: Model, rig: Rig) -> float:
     """Half-width of the dead band, A/m, that the noise of the position sensor stays within."""
     if not model.needs_schedule:
         return 0.0
-    sensor, still = rig.settings.gap_sensor.sensor(), model.at_rest
-    noise = math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
+    sensor, still = rig.settings.gap_sensor, model.at_rest
+    noise = math.hypot(sensor.noise_m, sensor.step / math.sqrt(12.0))
     force_max = rig.settings.force.force_max_N
     largest = 0.0
     for gap in model.nodes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Self
 
@@ -40,8 +40,8 @@ class Converter:
 class Lag:
     """A first-order low-pass, exact for an input that is held between ticks."""
 
-    def __init__(self, bandwidth: float, dt: float) -> None:
-        self._share = passed(2.0 * math.pi * bandwidth * dt)
+    def __init__(self, share: float) -> None:
+        self._share = share  # of a step that it passes in a tick
         self._value: float | None = None
 
     def __call__(self, value: float) -> float:
@@ -52,25 +52,17 @@ class Lag:
 
 
 class Sensor:
-    """A sensor: bandwidth, offset, noise, converter, in this order."""
+    """A sensor of the plant: gain, bandwidth, offset, noise, converter, in this order."""
 
-    def __init__(
-        self,
-        converter: Converter,
-        noise: float,
-        seed: int | list[int],
-        dt: float,
-        offset: float = 0.0,
-        bandwidth: float = math.inf,
-    ) -> None:
-        self.converter = converter
-        self._offset = offset
-        self._noise = _normal(noise, seed)
-        self._lag = Lag(bandwidth, dt)
+    def __init__(self, numbers: Mapping[str, float], seed: int | list[int]) -> None:
+        self.converter = Converter(numbers["low"], numbers["high"], numbers["step"])
+        self._gain, self._offset = numbers["gain"], numbers["offset"]
+        self._noise = _normal(numbers["noise"], seed)
+        self._lag = Lag(numbers["share"])
 
     def read(self, value: float) -> float:
         """Return what the sensor says at this tick."""
-        return self.converter(self._lag(value) + self._offset + next(self._noise))
+        return self.converter(self._lag(self._gain * value) + self._offset + next(self._noise))
 
 
 def _normal(sigma: float, seed: int | list[int]) -> Iterator[float]:

@@ -130,16 +130,16 @@ def head_rows(file: RigFile) -> FloatArray:
 
 
 def seen_from(file: RigFile, poses: FloatArray, targets: FloatArray) -> FloatArray:
-    """Return the poses that heads tell, a row a tick, taken to the place where the body is.
+    """Return the poses that heads read, a row a tick, taken to the place where the body is.
 
     On the ground they see what a turn moves there: p + target x th, as in the core's ``axes.h``.
     """
     if not file.heads_stand:
         return poses
-    axes, way, told = axes_of(file), np.zeros((len(poses), 6)), np.zeros((len(poses), 6))
-    way[:, axes], told[:, axes] = targets, poses
-    told[:, :3] -= np.cross(way[:, :3], told[:, 3:])
-    return np.ascontiguousarray(told[:, axes])
+    axes, at, seen = axes_of(file), np.zeros((len(poses), 6)), np.zeros((len(poses), 6))
+    at[:, axes], seen[:, axes] = targets, poses
+    seen[:, :3] -= np.cross(at[:, :3], seen[:, 3:])
+    return np.ascontiguousarray(seen[:, axes])
 
 
 def layout_of(file: RigFile) -> dict[str, Any]:
@@ -193,11 +193,11 @@ def pulls(file: RigFile, run: Recording) -> dict[str, FloatArray]:
 
 
 def without(file: RigFile) -> FloatArray:
-    """Return for each head what the others tell of the pose, zeros where they do not."""
+    """Return for each head how the others give the pose, zeros where they do not determine it."""
     rows = head_rows(file)
     left = [np.delete(rows, head, axis=0) for head in range(len(rows))]
-    told = [np.linalg.pinv(one) * (np.linalg.matrix_rank(one) == rows.shape[1]) for one in left]
-    return np.array([np.insert(one, head, 0.0, axis=1) for head, one in enumerate(told)])
+    inverses = [np.linalg.pinv(one) * (np.linalg.matrix_rank(one) == rows.shape[1]) for one in left]
+    return np.array([np.insert(one, head, 0.0, axis=1) for head, one in enumerate(inverses)])
 
 
 def _jump(file: RigFile) -> FloatArray:

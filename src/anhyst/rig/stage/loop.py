@@ -14,6 +14,7 @@ from anhyst._core import (
     FixedAxes,
     FixedTracking,
     LoopController,
+    Plant,
     Tracking,
     TrackingAxes,
     TrackingAxesF32,
@@ -32,8 +33,7 @@ from anhyst.rig.calibration import CENTRE, CalibratedMethod, ParameterName
 from anhyst.rig.drift import NO_DRIFT, Drift, drifted_plant
 from anhyst.rig.file import RigFile
 from anhyst.rig.fitting import IdentifiedMagnet, calibrated, fit_at, identify_rippling
-from anhyst.rig.loop import ClosedLoop, Scenario
-from anhyst.rig.plant import current_loops
+from anhyst.rig.loop import Scenario, Setup, SimulatedLoop
 from anhyst.rig.recording import (
     CURRENTS,
     OUT_OF_PROPORTION,
@@ -86,16 +86,13 @@ class Feedforward:
 
 
 @dataclass(frozen=True)
-class StageSetup:
-    """Everything one run needs; goes to other processes."""
+class StageSetup(Setup):
+    """All that a run of a stage of one or several coordinates needs."""
 
-    rig: BodyRig  # the plant
-    compensator: ForceController  # from force to current, as fitted; never run itself
     # number format of PID and allocation; f64 goes with any compensator, f32 with f32 and fixed
     law: NumberFormat = "f64"
     drift: Drift = NO_DRIFT  # by which the plant is not what was calibrated
     correction: FloatArray | None = None  # of every magnet, as the core has it; not in fixed point
-    own: tuple[ForceController, ...] = ()  # of every magnet, where they are not all the same
     # what was found of the body: what is fed forward is for its mass and centre of mass
     body: Mapping[ParameterName, float] = field(default_factory=dict)
     cable: float = 0.0  # N/m, and against such a cable
@@ -105,14 +102,18 @@ class StageSetup:
         """The stage as its controller believes it to be."""
         return believed(self.rig, self.body) if self.body else self.rig
 
-    @property
-    def each(self) -> tuple[ForceController, ...]:
-        """The compensator of every magnet, as fitted."""
-        return self.own or (self.compensator,) * len(self.rig.settings.placed)
+    def make_plant(self, seed: int) -> Plant:
+        """Return the plant, drifted, at rest where it works, its iron demagnetised."""
+        plant = drifted_plant(self.rig, self.drift, seed)
+        if not self.rig.settings.several:
+            plant.place([self.rig.gap], [0.0])
+        return plant
 
-    def fresh(self) -> list[ForceController]:
-        """Return a force controller for every magnet, demagnetised."""
-        return [one.fresh() for one in self.each]
+    def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
+        """Return PIDs and allocation over force controllers, in their formats."""
+        drives = drives or self.fresh()
+        several = self.rig.settings.several
+        return axes_controller(self, drives) if several else _axis_controller(self, drives)
 
 
 def pid(rig: BodyRig) -> dict[str, float]:
@@ -177,7 +178,9 @@ def track(
     place, forward = motion.at(time)[0], feed(setup, motion, gains)
     if learnt is not None:
         forward = forward + learnt
-    scenario = led(rig, place, stray(rig, motion, time), fed_wrench(setup.believed, forward))
+    scenario = scenario_along(
+        rig, place, stray(rig, motion, time), fed_wrench(setup.believed, forward)
+    )
     if not rig.settings.several:
         noise = np.random.default_rng([rig.settings.seed, seed])
         # The body is off its reference by too little for the cable to feel it.
@@ -186,10 +189,10 @@ def track(
     return follow(setup, scenario, seed)
 
 
-def led(
-    rig: BodyRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, beside: float = 0.0
+def scenario_along(
+    rig: BodyRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, offset: float = 0.0
 ) -> Scenario:
-    """Return what a stage is given that is led along its set-point, and is to be so far beside it, m.
+    """Return the scenario of a stage that moves along its set-point, or an offset beside it, m.
 
     Places and stray of the long stroke, m, have a value more than the wrench has rows. The magnets
     ride on the frame, position heads do not.
@@ -197,7 +200,7 @@ def led(
     file, n = rig.settings, len(wrench)
     along, begin = scan_direction(file), 0.0 if file.several else rig.gap
     frame = np.outer(place - begin + stray, along)
-    return Scenario(np.outer(place[:n] + beside, along), feed=wrench, frame=frame)
+    return Scenario(np.outer(place[:n] + offset, along), feed=wrench, frame=frame)
 
 
 def read_noise(rig: BodyRig, ticks: int, rng: np.random.Generator) -> FloatArray:
@@ -205,17 +208,9 @@ def read_noise(rig: BodyRig, ticks: int, rng: np.random.Generator) -> FloatArray
     return rng.normal(0.0, rig.settings.position_sensor.noise_m, ticks)
 
 
-def stage_loop(setup: StageSetup, seed: int = 0) -> ClosedLoop:
-    """Return a stage at rest where it works, its iron demagnetised, and its controller."""
-    rig, plant = setup.rig, drifted_plant(setup.rig, setup.drift, seed)
-    if not rig.settings.several:
-        plant.place([rig.gap], [0.0])
-    return ClosedLoop(plant, make_loop_controller(setup), current_loops(rig))
-
-
 def follow(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
     """Go through a scenario from rest."""
-    rig, run = setup.rig, stage_loop(setup, seed).run(scenario)
+    rig, run = setup.rig, SimulatedLoop(setup, seed).run(scenario)
     return Recording(recorded(rig, run, scenario), stage_loss(rig, run, scenario.ticks))
 
 
@@ -357,15 +352,12 @@ def bias(rig: BodyRig, method: str) -> float:
     return 0.5 * rig.settings.tracking.force_max_N if method in AT_BIAS else rig.idle
 
 
-def make_controller(
-    setup: StageSetup, drives: Sequence[ForceController] = ()
+def _axis_controller(
+    setup: StageSetup, drives: Sequence[ForceController]
 ) -> Tracking | FixedTracking:
-    """Return PID, allocation and force controllers in their formats.
-
-    The drives, one a magnet, may remember something; demagnetised ones if left out.
-    """
+    """Return PID and allocation of one coordinate over force controllers."""
     rig = setup.rig
-    magnets = [one.native for one in drives or setup.fresh()]
+    magnets = [one.native for one in drives]
     settings = controller_settings(setup)
     if setup.law == "fixed":
         return FixedTracking(magnets, fixed_pid(setup).words, in_codes(settings))
@@ -374,17 +366,6 @@ def make_controller(
     if setup.correction is not None:
         controller.correct(setup.correction)
     return controller
-
-
-def make_loop_controller(
-    setup: StageSetup, drives: Sequence[ForceController] = ()
-) -> LoopController:
-    """Return the controller of a body of one or several coordinates.
-
-    The drives, one a magnet, may remember something; demagnetised ones if left out.
-    """
-    several = setup.rig.settings.several
-    return axes_controller(setup, drives) if several else make_controller(setup, drives)
 
 
 def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
@@ -449,7 +430,7 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
     amplifier, scales, stops = rig.settings.amplifier, compensator.scales, rig.settings.body
     low, high = amplifier.current_low_A, amplifier.current_high_A
     allocation = usual_allocation(rig.settings)
-    if compensator.method in AT_BIAS and allocation is Allocation.CLASS_AB:
+    if setup.method in AT_BIAS and allocation is Allocation.CLASS_AB:
         allocation = Allocation.BY_HALVES
     return {
         "error_full": 0.5 * (stops.stop_high_m - stops.stop_low_m),
@@ -461,7 +442,7 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "gap_high": scales.gap_high,
         "gap_total": rig.settings.gap_total_m or 0.0,
         "allocation": allocation,
-        "idle": bias(rig, compensator.method),
+        "idle": bias(rig, setup.method),
         "current_low": low,
         "current_high": high,
         "current_step": (high - low) / ((1 << amplifier.dac_bits) - 1),

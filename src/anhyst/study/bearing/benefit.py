@@ -13,8 +13,7 @@ import numpy as np
 from anhyst.compensate import methods
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.verdict import judge, reversal_share
-from anhyst.rig.bearing.loop import check_controller
-from anhyst.rig.bearing.make_setup import make_setup
+from anhyst.rig.bearing.loop import check_controller, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import with_iron
 from anhyst.rig.fitting import identify_magnet
@@ -22,7 +21,7 @@ from anhyst.rig.iron_table import NamedCells
 from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
-from anhyst.study.engine.verdict import Interval, Quotient, mean_interval, quotient
+from anhyst.study.engine.table import Interval, Quotient, mean_interval, quotient
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray

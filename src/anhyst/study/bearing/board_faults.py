@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 from anhyst.link.client import Refused
 from anhyst.link.frames import PlantSample
-from anhyst.link.plant_bus import Q30, Q31
-from anhyst.rig.bearing.loop import Setup
+from anhyst.link.virtual_boards import Q30, Q31
+from anhyst.rig.bearing.loop import BearingSetup
 from anhyst.rig.bearing.scenario import LEAST_LIFT_S
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.support.block_head import regenerate
@@ -200,7 +200,7 @@ def injections() -> Iterator[Injection]:
 class FaultRuns:
     """Lifts, hovers, does something bad and watches, again and again in one session."""
 
-    def __init__(self, setup: Setup, running: BearingBench) -> None:
+    def __init__(self, setup: BearingSetup, running: BearingBench) -> None:
         self.setup = setup
         self.running = running
         self._gap = setup.rig.settings.gap_m

@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtr
 
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.bearing.loop import BearingSetup, lost_at
+from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import TrajectoryCase
-from anhyst.rig.loop import DROP, ReferenceStep, Scenario
+from anhyst.rig.loop import DROP, ReferenceStep, Scenario, SimulatedLoop
 from anhyst.rig.recording import RISE, Recording, peak, rms
 from anhyst.study.bearing.responses import position_resolution, recovery_time
 from anhyst.study.engine.table import CaseFigures
@@ -151,7 +151,7 @@ LEAST_BAND_M = 50e-9
 class ExperimentTrial:
     """One experiment with a noise of its own."""
 
-    setup: Setup
+    setup: BearingSetup
     seed: int
     what: TrajectoryCase | Event | float | None = None
 
@@ -190,7 +190,7 @@ class ExperimentFigures(CaseFigures):
 
 def of_all(
     work: Callable[[ExperimentTrial], ExperimentOutcome | None],
-    setups: Mapping[MethodName, Setup],
+    setups: Mapping[MethodName, BearingSetup],
     seeds: Sequence[int],
     what: TrajectoryCase | Event | float | None,
     progress: Progress | None = None,
@@ -252,7 +252,7 @@ class Experiments:
 
 def try_all(
     rig: BodyRig,
-    setups: Mapping[MethodName, Setup],
+    setups: Mapping[MethodName, BearingSetup],
     seeds: Sequence[int],
     parts: Iterator[Progress],
 ) -> Experiments:
@@ -272,14 +272,14 @@ def try_all(
     )
 
 
-def standing(setup: Setup) -> tuple[Scenario, int]:
+def standing(setup: BearingSetup) -> tuple[Scenario, int]:
     """Return a scenario of hanging still, and the tick from which on that is judged."""
     script = _lifted(setup)
     begin = script.ticks
     return script.hold(STANDSTILL_S).build(), begin
 
 
-def following(setup: Setup, shape: TrajectoryCase) -> tuple[Scenario, int]:
+def following(setup: BearingSetup, shape: TrajectoryCase) -> tuple[Scenario, int]:
     """Return a scenario of two periods of a trajectory, and the tick where the second begins."""
     rig = setup.rig
     period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
@@ -290,7 +290,7 @@ def following(setup: Setup, shape: TrajectoryCase) -> tuple[Scenario, int]:
     return script.build(), script.ticks - period
 
 
-def loaded(setup: Setup, force: float) -> tuple[Scenario, int]:
+def loaded(setup: BearingSetup, force: float) -> tuple[Scenario, int]:
     """Return a scenario in which the load steps by so many newtons, and at which tick."""
     script = _lifted(setup)
     begin = script.ticks
@@ -399,7 +399,7 @@ def excess_band(rig: BodyRig, excess: FloatArray) -> float:
 
 
 def _excess(
-    setup: Setup,
+    setup: BearingSetup,
     usual: tuple[Recording, bool],
     unusual: tuple[Recording, bool],
     begins: Callable[[Recording], int],
@@ -418,7 +418,7 @@ def _excess(
     return ExperimentOutcome({"excess_peak_m": peak(excess), "excess_s": seconds})
 
 
-def _stepped(setup: Setup) -> Scenario:
+def _stepped(setup: BearingSetup) -> Scenario:
     script = _lifted(setup)
     room = script.gap - setup.rig.settings.body.stop_low_m
     return script.step(script.gap - min(DROP_STEP_M, room / 2.0), RECOVERY_S).build()
@@ -435,8 +435,8 @@ def _leaves_rest(recording: Recording) -> int:
     return int(np.argmax(recording["state"] == RISE))
 
 
-def _lifted(setup: Setup) -> Script:
-    return Script(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
+def _lifted(setup: BearingSetup) -> ScenarioBuilder:
+    return ScenarioBuilder(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
 
 
 def _part(trial: ExperimentTrial, scenario: Scenario, begin: int) -> Recording | None:

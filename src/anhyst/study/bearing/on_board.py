@@ -15,13 +15,14 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.control.controller_file import ControllerFile
 from anhyst.link.firmware import build, check_compiler
-from anhyst.link.process import find_qemu
+from anhyst.link.virtual_boards import find_qemu
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run, position_control
-from anhyst.rig.bearing.make_setup import compiled_model, make_setups
+from anhyst.rig.bearing.loop import BearingSetup, compiled_model, make_setups, position_control
+from anhyst.rig.bearing.scenario import parts_of_run
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.body import BodyRig
 from anhyst.rig.fitting import IdentifiedMagnet
+from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, injections
 from anhyst.study.bearing.operating import make_ready, read_files
@@ -171,10 +172,10 @@ def run_board(
 
 
 def _run_twice(
-    setup: Setup, firmware: Path, board: str, progress: Progress
+    setup: BearingSetup, firmware: Path, board: str, progress: Progress
 ) -> tuple[Recording, Recording]:
     """Run what a simulation records, simulated and with the firmware."""
-    *parts, _ = parts_of_run(setup)
+    *parts, _ = parts_of_run(setup.rig, setup.controller)
     loop = SimulatedLoop(setup)
     simulated = Recording.joined([loop.run(part) for part in parts])
     with closing(BearingBench(setup, firmware, board=board)) as running:
@@ -189,7 +190,7 @@ def build_firmware(
     knowledge: IdentifiedMagnet,
     board: str,
     folder: Path,
-) -> tuple[Setup, Path]:
+) -> tuple[BearingSetup, Path]:
     """Compile what a rig is simulated with, and build a firmware around it."""
     model = folder / "model.toml"
     table = controller.settings

@@ -18,7 +18,7 @@ from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import Model, read_model
-from anhyst.rig.bearing.loop import Setup, check_controller
+from anhyst.rig.bearing.loop import BearingSetup, check_controller
 from anhyst.rig.body import BodyRig, check_load, check_rate, read_bearing
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.from_loops import complete_rig
@@ -92,7 +92,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     return OperatingPoint(gap, wanted, current, float(force[_CURRENTS - 1]), slopes, point)
 
 
-def has_constants(setup: Setup) -> bool:
+def has_constants(setup: BearingSetup) -> bool:
     """Whether the drive of a setup is made of constants, so that its loop is linear by itself.
 
     What any other drive does to small movements, at the static slopes or at the much smaller ones
@@ -130,7 +130,7 @@ def _check_probe(rig: BodyRig) -> None:
         )
 
 
-def linear_loop(setup: Setup, at: OperatingPoint) -> linear.LinearLoop:
+def linear_loop(setup: BearingSetup, at: OperatingPoint) -> linear.LinearLoop:
     """Return the loop of a setup for small movements.
 
     Constants are those of the drive where it has any; a constant ratio cancels no negative
@@ -138,9 +138,9 @@ def linear_loop(setup: Setup, at: OperatingPoint) -> linear.LinearLoop:
     """
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
-    sensor = rig.settings.gap_sensor.sensor()
+    sensor = rig.settings.gap_sensor
     magnets = float(len(rig.magnets))
-    late = timing.delay_ticks + (amplifier.delay_s + sensor.delay) * timing.rate_Hz
+    late = timing.delay_ticks + (amplifier.delay_s + sensor.delay_s) * timing.rate_Hz
     numbers = setup.compensator.parameters.numbers
     k_i, k_s = at.point.k_i, at.point.k_s
     if has_constants(setup):
@@ -149,7 +149,7 @@ def linear_loop(setup: Setup, at: OperatingPoint) -> linear.LinearLoop:
     return linear.LinearLoop(
         point=at.point,
         amplifier=_amplifier(rig, magnets),
-        chain=linear.Chain(timing.rate_Hz, late, sensor.bandwidth),
+        chain=linear.Chain(timing.rate_Hz, late, sensor.bandwidth_Hz),
         controller=setup.controller.pidd2(),
         compensation=linear.Compensation(k_i, k_s),
     )

@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.scenario import Script, steps_up_and_down
+from anhyst.rig.bearing.loop import BearingSetup, lost_at
+from anhyst.rig.bearing.scenario import ScenarioBuilder, steps_up_and_down
 from anhyst.rig.body import BodyRig
-from anhyst.rig.loop import ReferenceStep
+from anhyst.rig.loop import ReferenceStep, SimulatedLoop
 from anhyst.rig.recording import Recording, peak, rms, settled_from
 from anhyst.study.bearing.linear import Zone, zone
 from anhyst.study.engine.table import CaseFigures
@@ -252,7 +252,7 @@ _LARGEST = ("overshoot_percent", "noise_percent")
 class StepRun:
     """One run of steps: a variant at a gap with a noise of its own."""
 
-    setup: Setup
+    setup: BearingSetup
     gap: float
     heights: tuple[float, ...]
     load: float
@@ -291,8 +291,8 @@ class StepCell(CaseFigures):
 
 def position_resolution(rig: BodyRig) -> float:
     """Return what the position sensor of a rig cannot resolve, rms of noise and steps, m."""
-    sensor = rig.settings.gap_sensor.sensor()
-    return math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
+    sensor = rig.settings.gap_sensor
+    return math.hypot(sensor.noise_m, sensor.step / math.sqrt(12.0))
 
 
 def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
@@ -322,7 +322,7 @@ def _judge(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResul
 
 
 def compare(
-    setups: Sequence[Setup],
+    setups: Sequence[BearingSetup],
     gaps: Sequence[float],
     heights: Sequence[float],
     loads: Sequence[float],
@@ -348,11 +348,15 @@ def compare(
 
 
 def _sum_up(
-    setup: Setup, gap: float, load: float, height: float, runs: Sequence[Sequence[StepResult]]
+    setup: BearingSetup,
+    gap: float,
+    load: float,
+    height: float,
+    runs: Sequence[Sequence[StepResult]],
 ) -> StepCell:
     return StepCell.over(
         [merged(steps, height) for steps in runs],
-        variant=setup.compensator.method,
+        variant=setup.method,
         gap=gap,
         height=height,
         load=load,
@@ -382,15 +386,15 @@ class _LostError(Exception):
 
 
 def sweep(
-    setup: Setup, gap: float, load: float, frequencies: FloatArray, seed: int
+    setup: BearingSetup, gap: float, load: float, frequencies: FloatArray, seed: int
 ) -> Sensitivity | None:
     """Measure the sensitivity of a loop by a swept sine."""
     rig = setup.rig
     loop = SimulatedLoop(setup, seed)
-    loop.run(Script(rig, gap, load).lift_off(setup.controller).build())
+    loop.run(ScenarioBuilder(rig, gap, load).lift_off(setup.controller).build())
 
     def run(inject: FloatArray) -> Recording:
-        recording = loop.run(Script(rig, gap, load).hold(0.0, inject).build())
+        recording = loop.run(ScenarioBuilder(rig, gap, load).hold(0.0, inject).build())
         if len(recording) < inject.size or lost_at(rig, recording) is not None:
             raise _LostError
         return recording

@@ -12,13 +12,12 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
 from anhyst.model.compilable import has_layers
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.loop import LevitationRun, Setup, SimulatedLoop, lost_blocks, parts_of_run
-from anhyst.rig.bearing.make_setup import calibrated_magnets, make_setups
-from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.bearing.loop import BearingSetup, LevitationRun, calibrated_magnets, make_setups
+from anhyst.rig.bearing.scenario import parts_of_run, steps_up_and_down
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.fitting import IdentifiedMagnet, check_plant
-from anhyst.rig.loop import Scenario
+from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing import experiments, linear
 from anhyst.study.bearing.operating import (
@@ -37,8 +36,7 @@ from anhyst.study.bearing.responses import (
     sweep,
 )
 from anhyst.study.bearing.verdict import grouped, judge_steps
-from anhyst.study.engine.table import FIGURES, StudyResult, keep_lost
-from anhyst.study.engine.verdict import Judgement
+from anhyst.study.engine.table import FIGURES, Judgement, StudyResult, keep_lost
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, in_parts
@@ -64,7 +62,7 @@ class Simulation(StudyResult):
     controller : ControllerFile
     knowledge : IdentifiedMagnet
         Loops and model.
-    setups : mapping of str to Setup
+    setups : mapping of str to BearingSetup
         By variant.
     at : OperatingPoint
     recording : Recording
@@ -90,7 +88,7 @@ class Simulation(StudyResult):
     rig: BodyRig
     controller: ControllerFile
     knowledge: IdentifiedMagnet
-    setups: Mapping[MethodName, Setup]
+    setups: Mapping[MethodName, BearingSetup]
     at: OperatingPoint
     recording: Recording
     shown: Mapping[MethodName, Recording]
@@ -209,7 +207,7 @@ def explore(
     setups, left_out = _beside(mine, controller, knowledge)
     simulation = _compare(controller, knowledge, setups, ready.at, run.recording, parts)
     simulation.figures["left_out"] = left_out
-    simulation.figures["lost_in"] = [*run.lost_later(), *lost_blocks(simulation.figures)]
+    simulation.figures["lost_in"] = [*run.lost_later(), *_lost_blocks(simulation.figures)]
     return simulation
 
 
@@ -239,17 +237,17 @@ def _model_file(out: PathLike) -> Path:
 
 
 def _beside(
-    mine: Setup, controller: ControllerFile, knowledge: IdentifiedMagnet
-) -> tuple[dict[MethodName, Setup], dict[MethodName, str]]:
+    mine: BearingSetup, controller: ControllerFile, knowledge: IdentifiedMagnet
+) -> tuple[dict[MethodName, BearingSetup], dict[MethodName, str]]:
     """Fit what is compared with a setup; report what cannot be made, such as a law without a loop."""
-    setups: dict[MethodName, Setup] = {}
+    setups: dict[MethodName, BearingSetup] = {}
     left_out: dict[MethodName, str] = {}
     late: tuple[MethodName, ...] = ("at-rest",) if has_layers(knowledge.model) else ()
-    for name in (*compared(mine.rig, mine.name), *late):
+    for name in (*compared(mine.rig, mine.method), *late):
         try:
             setups |= (
                 {name: mine}
-                if name == mine.name
+                if name == mine.method
                 else make_setups(mine.rig, controller, knowledge, (name,))
             )
         except InputError as error:
@@ -260,7 +258,7 @@ def _beside(
 def _compare(
     controller: ControllerFile,
     knowledge: IdentifiedMagnet,
-    setups: Mapping[MethodName, Setup],
+    setups: Mapping[MethodName, BearingSetup],
     at: OperatingPoint,
     recording: Recording,
     parts: Iterator[Progress],
@@ -347,9 +345,9 @@ def compared(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
     return tuple(dict.fromkeys([*methods, own]))
 
 
-def _whole_run(setup: Setup) -> LevitationRun:
+def _whole_run(setup: BearingSetup) -> LevitationRun:
     """Lift off, step, load, land."""
-    steps, after, landing = parts_of_run(setup)
+    steps, after, landing = parts_of_run(setup.rig, setup.controller)
     loop = SimulatedLoop(setup)
     parts = [loop.run(steps)]
     if len(parts[0]) == steps.ticks:
@@ -371,3 +369,30 @@ def _point(at: OperatingPoint) -> dict[str, Any]:
         "inductance_H": at.point.inductance,
         "unstable_pole_Hz": at.point.pole_at_current,
     }
+
+
+def _lost_blocks(figures: Mapping[str, Any]) -> list[str]:
+    """Name every block of ``figures.json`` in which its own variant lost levitation."""
+    own = figures["variant"]
+    lost = {}
+    for row in figures["steps"]:
+        if row["variant"] == own and row["lost"]:
+            lost[f"steps at {1e3 * row['gap_m']:g} mm"] = row["lost"]
+    for title, variants in _blocks(figures):
+        if variants[own]["lost"]:
+            lost[title] = variants[own]["lost"]
+    blocks = [f"{title} ({_runs(count)})" for title, count in lost.items()]
+    return blocks + (["sensitivity"] if figures["sensitivity"][own] is None else [])
+
+
+def _blocks(figures: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    yield "standstill", figures["standstill"]
+    for row in figures["trajectories"]:
+        yield f"{row['kind']} of {1e6 * row['amplitude_m']:g} um", row["variants"]
+    for row in figures["load_steps"]:
+        yield f"load step of {row['force_N']:g} N", row["variants"]
+    yield from figures["events"].items()
+
+
+def _runs(count: int) -> str:
+    return "1 run" if count == 1 else f"{count} runs"

@@ -18,8 +18,15 @@ import numpy as np
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.rig.drift import Drift, draw_plant
 from anhyst.rig.file import RigFile
-from anhyst.study.engine.table import Metric, StudyResult
-from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge, mean_interval, strongest
+from anhyst.study.engine.table import (
+    ComparedFigure,
+    Judgement,
+    Metric,
+    StudyResult,
+    judge,
+    mean_interval,
+    strongest,
+)
 from anhyst.support.atomic import PathLike, plain
 from anhyst.support.errors import Interrupted, NegativeResult
 from anhyst.support.jobs import Progress, each

@@ -134,12 +134,12 @@ def judge(task: FleetTask) -> dict[str, Any]:
         made_from["sha256"] = task.member.digest()
         if (known := _known(task.folder / RESULT, made_from)) is not None:
             return known
-        found = _judged(task)
+        outcome = _judged(task)
     except (InputError, NegativeResult) as error:
-        found = {"error": str(error)}
+        outcome = {"error": str(error)}
     except Exception as fault:
-        found = {"error": f"a fault of anhyst: {type(fault).__name__}: {fault}"}
-    result = {"name": task.member.name, **found, "made_from": made_from}
+        outcome = {"error": f"a fault of anhyst: {type(fault).__name__}: {fault}"}
+    result = {"name": task.member.name, **outcome, "made_from": made_from}
     task.folder.mkdir(parents=True, exist_ok=True)
     write_json(task.folder / RESULT, result)
     return dict(json.loads(json_text(result)))
@@ -258,20 +258,24 @@ def decide(
         return FleetChoice(settings)
     if (known := _known_choice(members, settings, out / CHOICE)) is not None:
         return known
-    found: dict[str, IdentifyResult] = {}
+    identifications: dict[str, IdentifyResult] = {}
     asked: list[Member] = []
-    while len(found) < PILOTS and len(asked) < len(members):
-        following = members[len(asked) : len(asked) + PILOTS - len(found)]
+    while len(identifications) < PILOTS and len(asked) < len(members):
+        following = members[len(asked) : len(asked) + PILOTS - len(identifications)]
         asked += following
         tasks = [
             FleetTask(member, settings, out, (settings.law, settings.gap_map))
             for member in following
         ]
         results = all_of(_choice_of, tasks, jobs=jobs)
-        found |= {m.name: r for m, r in zip(following, results, strict=True) if r is not None}
-    if not found:
+        identifications |= {
+            m.name: r for m, r in zip(following, results, strict=True) if r is not None
+        }
+    if not identifications:
         return FleetChoice(settings)
-    chosen = {name: (member.model.law, member.model.gap_map) for name, member in found.items()}
+    chosen = {
+        name: (member.model.law, member.model.gap_map) for name, member in identifications.items()
+    }
     most = Counter(chosen.values()).most_common(1)[0][0]
     pilots = tuple(name for name, own in chosen.items() if own == most)
     law, gap_map = most[0], "auto" if most[1] == "none" else most[1]
@@ -283,7 +287,9 @@ def decide(
     }
     write_json(out / CHOICE, kept)
     return FleetChoice(
-        replace(settings, law=law, gap_map=gap_map), pilots, {name: found[name] for name in pilots}
+        replace(settings, law=law, gap_map=gap_map),
+        pilots,
+        {name: identifications[name] for name in pilots},
     )
 
 

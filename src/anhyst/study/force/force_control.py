@@ -14,7 +14,7 @@ from anhyst.compensate.force_controller import Compensator
 from anhyst.data import Loops
 from anhyst.data.table import check_format, read_columns
 from anhyst.link.firmware import check_compiler
-from anhyst.link.process import find_qemu
+from anhyst.link.virtual_boards import find_qemu
 from anhyst.model.actuator import Model
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.force.bench import Demand, triangle, with_lead_in
@@ -22,9 +22,8 @@ from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.programs import Program, find_model, loops_at, loops_of_rig, prepare
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.recording import Recording
-from anhyst.study.engine.table import FIGURES, StudyResult
-from anhyst.study.engine.verdict import TITLES as VERDICTS
-from anhyst.study.engine.verdict import Judgement
+from anhyst.study.engine.table import FIGURES, Judgement, StudyResult
+from anhyst.study.engine.table import TITLES as VERDICTS
 from anhyst.study.force.trials import (
     Controllers,
     ForceOutcome,

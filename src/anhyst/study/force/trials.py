@@ -12,18 +12,18 @@ import numpy as np
 from anhyst.compensate.force_controller import Compensator
 from anhyst.compensate.methods import MODELS
 from anhyst.data.verdict import WHERE_IT_PAYS
+from anhyst.rig.bench.force import run_firmware
 from anhyst.rig.force.bench import (
-    ActuatorBench,
+    ActuatorStand,
     Demand,
     moving_gap,
     read_gaps,
-    run_firmware,
     run_open_loop,
 )
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, ticks_that_differ
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
-from anhyst.study.engine.verdict import ComparedFigure, judge
+from anhyst.study.engine.table import ComparedFigure, judge
 from anhyst.support.numeric import FloatArray
 
 Stage = Literal["end", "positions", "moving"]
@@ -115,22 +115,25 @@ def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOut
     simulated: dict[str, FloatArray] = {}
     differing: dict[str, int] = {}
 
-    def bench() -> ActuatorBench:
-        return ActuatorBench(rig, gap, seed, unknown_past=not demagnetised)
+    def stand() -> ActuatorStand:
+        fresh = ActuatorStand(rig, seed)
+        if not demagnetised:
+            fresh.give_past(gap[0])
+        return fresh
 
     for program in controllers.programs:
         recording, session = run_firmware(
-            program, bench(), trial.demand, controllers.board, demagnetised
+            rig, program, stand(), gap, trial.demand, controllers.board, demagnetised
         )
         recordings[program.name] = recording
         differing[program.name] = ticks_that_differ(program, session)
         simulated[program.name] = _expected(program, recording, demagnetised)
     known = read_gaps(rig, gap, seed)
     for name, baseline in controllers.baselines.items():
-        stand = bench()
+        driven = stand()
         if not demagnetised:
-            stand.condition(controllers.conditioning)
-        recordings[name] = run_open_loop(stand, baseline.run(trial.demand.force, known))
+            driven.condition(controllers.conditioning, gap[0])
+        recordings[name] = run_open_loop(driven, gap, baseline.run(trial.demand.force, known))
     return ForceOutcome(trial, recordings, simulated, differing)
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.loop import Setup
+from anhyst.rig.bearing.loop import BearingSetup
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.protocol import Bench, Signal, Subscription
 from anhyst.rig.bench.stage import LAPS, StageBench, StageLap
@@ -337,13 +337,13 @@ class BearingLearner(BenchLearner):
 
     def __init__(
         self,
-        setup: Setup,
+        setup: BearingSetup,
         known: IdentifiedMagnet,
         compiled: Callable[[Model], Sequence[int]],
         bench: BearingBench,
     ) -> None:
         super().__init__(bench)
-        self._setup, self._bench, self._method = setup, bench, setup.name
+        self._setup, self._bench, self._method = setup, bench, setup.method
         self._known, self._compiled = known, compiled  # to a block for the running board
         self._columns = {one: _place(bench.signals, one) for one in _OF_BEARING}
         self._law: BearingLaw | None = None

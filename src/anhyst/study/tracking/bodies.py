@@ -23,8 +23,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerTable
-from anhyst.rig.bearing.loop import pair_of
-from anhyst.rig.bearing.make_setup import fit_magnets
+from anhyst.rig.bearing.loop import fit_magnets, pair_of
 from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE, ParameterName
 from anhyst.rig.fitting import IdentifiedMagnet, calibrated
@@ -234,8 +233,8 @@ class BearingMotion(Motion):
     @property
     def noise(self) -> float:
         """Standard deviation of that force from noise and steps of the gap sensor, N."""
-        sensor = self.rig.settings.gap_sensor.sensor()
-        read = math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
+        sensor = self.rig.settings.gap_sensor
+        read = math.hypot(sensor.noise_m, sensor.step / math.sqrt(12.0))
         return self.rig.settings.body.mass_kg * read * self.passed
 
     @cached_property

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.compensate.force_controller import Io
-from anhyst.compilation.manifest import VERSION
-from anhyst.compilation.output import Compiled, check_folder, write_folder
+from anhyst.compilation.manifest import VERSION, check_folder, write_folder
+from anhyst.compilation.output import Compiled, compile_actuator
 from anhyst.compilation.play import CompiledPlay
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
-from anhyst.compilation.verb import compile_actuator
 from anhyst.control.fixed_axes import codes
 from anhyst.model.actuator import Model
 from anhyst.rig.body import BodyRig
+from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.recording import Loss, column, of_magnets
 from anhyst.rig.stage.file import (
     least_of,
@@ -41,9 +41,8 @@ from anhyst.rig.stage.loop import (
     feed,
     fixed_words,
     identify_stage,
-    led,
     make_stage,
-    stage_loop,
+    scenario_along,
     stage_loss,
     track,
 )
@@ -92,14 +91,14 @@ class CompiledStage(Result):
 
     def facts(self) -> dict[str, str]:
         """Return where it is and what it is."""
-        told, stage = self.manifest, self.manifest["stage"]
+        manifest, stage = self.manifest, self.manifest["stage"]
         about = f"{len(stage['free'])} coordinates, {stage['magnets']} magnets"
         return {
             "folder": str(self.out),
-            "kind": told["kind"],
-            "signals": told["io"],
+            "kind": manifest["kind"],
+            "signals": manifest["io"],
             "force to current": stage["force_to_current"],
-            "rate": f"{told['rate_Hz']:g} Hz",
+            "rate": f"{manifest['rate_Hz']:g} Hz",
             "stage": f"{about}, {stage['heads']} heads",
         }
 
@@ -314,8 +313,8 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
         commands[-COMMAND_ROWS * ahead] = command
     for row in np.vstack([given, commands]).T.tolist():
         gap, read = row[end : end + magnets], row[end + magnets : -1]
-        told = controller.tick(row[:begin], row[begin:end], gap, read, int(row[-1]))
-        answers.append([*told[0], *told[1], *told[2:]])
+        answer = controller.tick(row[:begin], row[begin:end], gap, read, int(row[-1]))
+        answers.append([*answer[0], *answer[1], *answer[2:]])
     signals = [*given, commands, *np.array(answers).T]
     return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
 
@@ -341,8 +340,8 @@ def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
     rows = min(rows, ticks_of(rig, motion))
     time = instants(rig, rows + 1)
     wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
-    scenario = led(rig, motion.at(time)[0], stray(rig, motion, time), wrench)
-    target, run = scenario.target, stage_loop(setup).run(scenario)
+    scenario = scenario_along(rig, motion.at(time)[0], stray(rig, motion, time), wrench)
+    target, run = scenario.target, SimulatedLoop(setup).run(scenario)
     _refuse_lost(rig, stage_loss(rig, run, rows))
     magnets, heads = len(file.placed), len(file.position_sensors)
     read = [run[column("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]

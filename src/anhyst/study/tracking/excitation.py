@@ -104,22 +104,22 @@ def fly(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
 
 def design(learner: Learner, setup: StageSetup) -> Legs:
     """Return the legs that show as many numbers as any do, and of these the shortest."""
-    told = list[list[tuple[str, SetPoint, FloatArray] | None]]()
+    shown = list[list[tuple[str, SetPoint, FloatArray] | None]]()
     for axis, motions in legs_of(setup.rig).items():
-        rows = [learner.told(fly(setup, {axis: leg})) for leg in motions]
-        told.append([None, *((axis, *one) for one in zip(motions, rows, strict=True))])
+        rows = [learner.information(fly(setup, {axis: leg})) for leg in motions]
+        shown.append([None, *((axis, *one) for one in zip(motions, rows, strict=True))])
 
     def order(legs: Sequence[tuple[str, SetPoint, FloatArray]]) -> tuple[int, float]:
         left = np.array([*learner.left(*(rows for _, _, rows in legs)).values()])
         return -int((left <= learner.law.seen).sum()), sum(leg.duration for _, leg, _ in legs)
 
-    best = min(([one for one in some if one] for some in product(*told)), key=order)
+    best = min(([leg for leg in legs if leg] for legs in product(*shown)), key=order)
     return {axis: leg for axis, leg, _ in best}
 
 
 @dataclass(frozen=True)
-class Told:
-    """What a flight of the stage as it should be tells."""
+class Information:
+    """What a flight of the stage as it should be shows of its numbers."""
 
     duration_s: float
     condition: float  # number of the information on what it shows, scaled by the priors
@@ -137,14 +137,14 @@ class CalibratingMove:
         What each coordinate follows, one after another.
     run : Recording
         Of the virtual stage, as ``anhyst calibrate`` takes it.
-    move, work : Told
+    move, work : Information
         What is left of each number after it and after the rig file's own training set-point.
     """
 
     legs: Legs
     run: Recording
-    move: Told
-    work: Told
+    move: Information
+    work: Information
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as what is printed as JSON."""
@@ -178,15 +178,15 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
         why = "[spread] states nothing, or the loop is lost" if run is None else f"lost {run.lost}"
         raise NegativeResult(f"{rig.path}: no move shows anything: {why}", code="nothing-shown")
 
-    def told(run: Recording) -> Told:
-        rows = learner.told(run)
+    def information(run: Recording) -> Information:
+        rows = learner.information(run)
         left = dict.fromkeys((name for name, one in learner.priors.items() if one), 1.0)
         left |= learner.left(rows)
         hidden = [name for name, one in left.items() if one > learner.law.seen]
-        return Told(float(run["t_s"][-1]), learner.condition(rows), left, hidden)
+        return Information(float(run["t_s"][-1]), learner.condition(rows), left, hidden)
 
     work = track(setup, motion_of(scan, scan.train_m_per_s2), Feedforward(), 1)
-    return CalibratingMove(legs, run, told(run), told(work))
+    return CalibratingMove(legs, run, information(run), information(work))
 
 
 def excite_to_calibrate(

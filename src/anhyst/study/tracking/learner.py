@@ -146,8 +146,8 @@ class Learner:
         spread = np.linalg.solve(root.T, (fresh[:, :-1] * held).T)
         return self._trust * math.sqrt(float((spread**2).sum(axis=0).mean()))
 
-    def told(self, run: Recording) -> FloatArray:
-        """Return rows of what a run says of the numbers around the estimate; none of a lost one."""
+    def information(self, run: Recording) -> FloatArray:
+        """Return what a run shows of the numbers around the estimate, in rows; none of a lost one."""
         motion = self.law.motion(run.columns)
         if run.loss is not None or not motion.compared.size:
             return self._rows[:0]
@@ -336,7 +336,7 @@ def at_work(
     setup: StageSetup, magnet: IdentifiedMagnet, gains: Feedforward, seed: int
 ) -> Learner | None:
     """Let a stage that calibrates itself follow the training set-point; None where it does not."""
-    rig, method = setup.rig, setup.compensator.method
+    rig, method = setup.rig, setup.method
     if not rig.settings.tracking.calibrate or method not in MOVED:
         return None
     learner = Learner(law_of(rig, magnet, method), FORGET_S)

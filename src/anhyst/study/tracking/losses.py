@@ -13,7 +13,7 @@ import numpy as np
 
 from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import LossCase
-from anhyst.rig.loop import FAILS, HEAD_FAULTS, SHORT
+from anhyst.rig.loop import FAILS, HEAD_FAULTS, SHORT, SimulatedLoop
 from anhyst.rig.recording import Recording, column, peak
 from anhyst.rig.stage.file import (
     error_columns,
@@ -28,10 +28,9 @@ from anhyst.rig.stage.loop import (
     StageSetup,
     fed_wrench,
     feed,
-    led,
     of_axes,
     recorded,
-    stage_loop,
+    scenario_along,
     stop_of,
 )
 from anhyst.rig.stage.setpoint import STRAY_LATE, braking, instants, motion_of, strayed, ticks_of
@@ -292,12 +291,14 @@ class Losses:
         delay = round(STRAY_LATE / rig.dt)
         late = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
         stray = strayed(rig, late / max(rig.settings.scan.test_m_per_s2), instants(rig, n + 1))
-        scenario = led(rig, plan.place, stray, fed_wrench(self.setup.believed, plan.forward))
+        scenario = scenario_along(
+            rig, plan.place, stray, fed_wrench(self.setup.believed, plan.forward)
+        )
         for at, which in fails.items():
             scenario.command[at:] = which
         for at, which in (commands or {}).items():
             scenario.command[at] |= which
-        run = stage_loop(self.setup, self.seed).run(scenario)
+        run = SimulatedLoop(self.setup, self.seed).run(scenario)
         return Recording(dict(run.columns) | recorded(rig, run, scenario))
 
     def _touches(self, run: Recording) -> tuple[float, float]:

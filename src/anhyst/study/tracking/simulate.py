@@ -30,13 +30,16 @@ from anhyst.rig.stage.loop import (
     track,
 )
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.engine.table import FIGURES, CaseFigures, StudyResult, keep_lost
-from anhyst.study.engine.verdict import (
+from anhyst.study.engine.table import (
+    FIGURES,
+    CaseFigures,
     ComparedFigure,
     Interval,
     Judgement,
+    StudyResult,
     compare,
     judge,
+    keep_lost,
     weigh,
 )
 from anhyst.study.tracking.learner import Learner, at_work

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, make_position
+from anhyst.rig.bearing.loop import BearingSetup
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import changed
+from anhyst.rig.loop import SimulatedLoop
 from anhyst.study.bearing.linear import CurrentLoop
 from anhyst.study.bearing.responses import (
     Sensitivity,
@@ -30,7 +31,7 @@ from anhyst.study.bearing.responses import (
     sweep,
 )
 from anhyst.study.tuning.aims import TITLES, Aims, Figures
-from anhyst.study.tuning.screen import FIRMNESS, Screen, make_screen, refine
+from anhyst.study.tuning.search import FIRMNESS, Screen, make_screen, refine
 from anhyst.study.tuning.trial import Check, Condition, GainSpace, Limit, what_helps
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
@@ -55,13 +56,13 @@ def default_conditions(rig: BodyRig) -> tuple[Condition, ...]:
 class BearingLoop:
     """A variant behind the controller of a bearing."""
 
-    setup: Setup
+    setup: BearingSetup
     conditions: tuple[Condition, ...]
 
     @property
     def variant(self) -> MethodName:
         """The kind of compensation."""
-        return self.setup.compensator.method
+        return self.setup.method
 
     @property
     def space(self) -> GainSpace:
@@ -82,7 +83,7 @@ class BearingLoop:
 
     def make(self) -> None:
         """Make the controller; InputError where fixed point cannot hold its gains."""
-        make_position(self.setup)
+        self.setup.make_controller()
 
     def figures(
         self, condition: Condition, aims: Aims, ceiling: float, seed: int
@@ -93,14 +94,14 @@ class BearingLoop:
         steps, lost = run_steps(StepRun(setup, condition.gap, heights, condition.load, seed))
         if lost is not None:
             return None
-        found = of_steps(steps)
-        if aims.cost(found) > ceiling:
-            return found  # a sine cannot make it better
+        outcome = of_steps(steps)
+        if aims.cost(outcome) > ceiling:
+            return outcome  # a sine cannot make it better
         tried = search_frequencies(setup.rig)
         measured = sweep(setup, condition.gap, condition.load, tried, seed)
         if measured is None:
             return None
-        return replace(found, peak_sensitivity=peak_of(measured))
+        return replace(outcome, peak_sensitivity=peak_of(measured))
 
     def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return what finds the places that linear loops like best.
@@ -135,12 +136,12 @@ class BearingLoop:
         cells = compare([setup], gaps, heights, loads, list(seeds), jobs=jobs)
         measured = all_of(partial(_sweep, setup), list(conditions), jobs=jobs)
         figures, peaks = {}, {}
-        for condition, found in zip(conditions, measured, strict=True):
+        for condition, response in zip(conditions, measured, strict=True):
             mine = [
                 cell for cell in cells if (cell.gap, cell.load) == (condition.gap, condition.load)
             ]
-            figures[condition] = _figures(mine, found)
-            peaks[condition] = math.inf if found is None else found.peak_frequency
+            figures[condition] = _figures(mine, response)
+            peaks[condition] = math.inf if response is None else response.peak_frequency
         worst = {
             name: max(kept, key=lambda each: each.figures[name].mean)
             for name in TITLES
@@ -242,7 +243,7 @@ def peak_of(measured: Sensitivity) -> float:
     return math.exp(middle - (right - left) ** 2 / (8.0 * bend)) if bend < 0.0 else measured.peak
 
 
-def _sweep(setup: Setup, condition: Condition) -> Sensitivity | None:
+def _sweep(setup: BearingSetup, condition: Condition) -> Sensitivity | None:
     return sweep(setup, condition.gap, condition.load, check_frequencies(setup.rig), 0)
 
 
@@ -258,7 +259,7 @@ _AT = 0.995  # of what there is: counts as all of it
 _NOISES, _BAND = 3.0, 0.02  # standard deviations; of the smallest step
 
 
-def _noise(setup: Setup, reached: Check) -> list[Limit]:
+def _noise(setup: BearingSetup, reached: Check) -> list[Limit]:
     """Noise of the sensor, where it fills much of the band in which a small step must stay."""
     height = min(setup.rig.settings.step.heights_m)
     rest = reached.worst.standstill_rms_m
@@ -276,7 +277,7 @@ def _noise(setup: Setup, reached: Check) -> list[Limit]:
 
 
 def _used_up(
-    setup: Setup, conditions: Sequence[Condition], seed: int, jobs: int | None
+    setup: BearingSetup, conditions: Sequence[Condition], seed: int, jobs: int | None
 ) -> list[Limit]:
     """Report what the steps use up: the force that is allowed, the supply, the current."""
     work = partial(_usage, setup, seed)
@@ -303,7 +304,7 @@ def _used_up(
     return found
 
 
-def _usage(setup: Setup, seed: int, condition: Condition) -> Mapping[str, float]:
+def _usage(setup: BearingSetup, seed: int, condition: Condition) -> Mapping[str, float]:
     """Return for how long of a step each thing is used up, s."""
     rig, limits = setup.rig, setup.controller.limits
     heights = rig.settings.step.heights_m

@@ -13,13 +13,13 @@ import numpy as np
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import draw_plant
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.loop import Feedforward, StageSetup, make_loop_controller, track
+from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.engine.verdict import mean_interval
+from anhyst.study.engine.table import mean_interval
 from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.simulate import SMALL, find_gains, standing
 from anhyst.study.tuning.aims import MISSED, Aims, StageFigures
-from anhyst.study.tuning.screen import refine
+from anhyst.study.tuning.search import refine
 from anhyst.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
@@ -133,9 +133,9 @@ class LinearStage:
     def costs(self, space: StageSpace, aims: Aims, places: FloatArray) -> FloatArray:
         """Return what places of the box cost: those that keep the peak what they leave."""
         rows = [space.numbers(place) for place in places]
-        found = self.look({name: np.array([row[name] for row in rows]) for name in space.axes})
-        over = np.clip(found.peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
-        return np.where(over > 0.0, MISSED + over, found.average)
+        measured = self.look({name: np.array([row[name] for row in rows]) for name in space.axes})
+        over = np.clip(measured.peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
+        return np.where(over > 0.0, MISSED + over, measured.average)
 
 
 def linear_stage(rig: BodyRig) -> LinearStage:
@@ -162,7 +162,7 @@ class StageLoop:
     @property
     def variant(self) -> MethodName:
         """The kind of compensation."""
-        return self.setup.compensator.method
+        return self.setup.method
 
     @property
     def space(self) -> StageSpace:
@@ -188,49 +188,51 @@ class StageLoop:
 
     def make(self) -> None:
         """Make the controller; InputError where fixed point cannot hold its gains."""
-        make_loop_controller(self.setup)
+        self.setup.make_controller()
 
     def margin(self) -> tuple[float, float]:
         """Return the peak of the sensitivity of the linear loop, and its frequency, Hz."""
-        found = self.linear.look({name: np.array([one]) for name, one in self.gains().items()})
-        return float(found.peak[0]), float(found.at[0])
+        measured = self.linear.look({name: np.array([one]) for name, one in self.gains().items()})
+        return float(measured.peak[0]), float(measured.at[0])
 
     def figures(
         self, condition: StageCondition, aims: Aims, ceiling: float, seed: int
     ) -> StageFigures | None:
         """Follow a set-point, or stand still; None if the loop was lost."""
-        found = StageFigures(peak_sensitivity=self.margin()[0])
-        if math.isinf(found.peak_sensitivity):
+        outcome = StageFigures(peak_sensitivity=self.margin()[0])
+        if math.isinf(outcome.peak_sensitivity):
             return None
-        if aims.cost(found) > ceiling:
-            return found  # no motion can make it better
-        return self._moved(condition, self.feedforward, seed, found)
+        if aims.cost(outcome) > ceiling:
+            return outcome  # no motion can make it better
+        return self._moved(condition, self.feedforward, seed, outcome)
 
     def _moved(
         self,
         condition: StageCondition,
         feedforward: Feedforward,
         seed: int,
-        found: StageFigures,
+        figures: StageFigures,
     ) -> StageFigures | None:
         if condition == STILL:
             rest = standing(self.setup, feedforward, seed)["error_m"]
-            return None if math.isinf(rest) else replace(found, standstill_rms_m=rest)
+            return None if math.isinf(rest) else replace(figures, standstill_rms_m=rest)
         motion = self._motion(condition)
-        return self._judged(track(self.setup, motion, feedforward, seed), motion, found)
+        return self._judged(track(self.setup, motion, feedforward, seed), motion, figures)
 
     def _motion(self, condition: StageCondition) -> SetPoint:
         scan = self.setup.rig.settings.scan
         peaks = scan.test_m_per_s2 if condition == UNSEEN else scan.train_m_per_s2
         return motion_of(scan, [SMALL * one for one in peaks] if condition == GENTLE else peaks)
 
-    def _judged(self, run: Recording, motion: SetPoint, found: StageFigures) -> StageFigures | None:
+    def _judged(
+        self, run: Recording, motion: SetPoint, figures: StageFigures
+    ) -> StageFigures | None:
         measures = measure(run, motion, self.setup.rig.settings.scan.slit_s)
         if measures.lost:
             return None
         currents = [name for name in run.columns if name.startswith("current_")]
         return replace(
-            found,
+            figures,
             average_m=measures.average_m,
             error_peak_m=measures.peak_m,
             settling_time_s=measures.settling_50_s,
@@ -259,12 +261,12 @@ class StageLoop:
             (STILL, 1),
             *((None, p) for p in plants),
         ]
-        found = all_of(partial(self._checked, feedforward), tasks, jobs=jobs)
+        judged = all_of(partial(self._checked, feedforward), tasks, jobs=jobs)
         count = len(seeds)
-        drawn = found[count + 2 :]
-        whole = all(one is not None for one in [*found[:count], *drawn])
-        unseen, widths = _means(found[:count]) if whole else (StageFigures.lost(), {})
-        others = [one or StageFigures.lost() for one in found[count : count + 2]]
+        drawn = judged[count + 2 :]
+        whole = all(one is not None for one in [*judged[:count], *drawn])
+        unseen, widths = _means(judged[:count]) if whole else (StageFigures.lost(), {})
+        others = [one or StageFigures.lost() for one in judged[count : count + 2]]
         figures = dict(zip((UNSEEN, GENTLE, STILL), (unseen, *others), strict=True))
         return Check(
             figures=figures,
@@ -287,30 +289,30 @@ class StageLoop:
         self, feedforward: Feedforward, task: tuple[StageCondition | None, int]
     ) -> StageFigures | None:
         condition, number = task
-        found = StageFigures(peak_sensitivity=self.margin()[0])
+        figures = StageFigures(peak_sensitivity=self.margin()[0])
         if condition is not None:
-            return self._moved(condition, feedforward, number, found)
+            return self._moved(condition, feedforward, number, figures)
         rig = self.setup.rig
         drift, noise = draw_plant(rig.settings, rig.settings.seed, number)
         motion = self._motion(UNSEEN)
         drifted = replace(self.setup, drift=drift)
-        return self._judged(track(drifted, motion, feedforward, noise), motion, found)
+        return self._judged(track(drifted, motion, feedforward, noise), motion, figures)
 
     def limits(self, aims: Aims, reached: Check, seed: int, jobs: int | None = None) -> list[Limit]:
         """Report what limits gains that were checked: aims, force, and what would help."""
         if not math.isfinite(reached.worst.cost):
             return [Limit("average_m", "not every noise seed and drawn plant was held")]
-        found = reached.near(aims)
+        near = reached.near(aims)
         motion, file = self._motion(UNSEEN), self.setup.rig.settings
         demand = np.abs(track(self.setup, motion, self.feedforward, seed)["demand_N"]).max()
         most = file.tracking.force_max_N
         if not file.several and demand >= _AT * most:
             text = f"the demand reaches {demand:.3g} N of {most:g} N on the test set-point"
-            found.append(Limit("force", text))
+            near.append(Limit("force", text))
         if (crossover := file.tracking.crossover_Hz) >= _NEAR * self.most:
             text = f"the crossover of {crossover:.4g} Hz takes what is allowed, {self.most:g} Hz"
-            found.append(Limit("crossover", text))
-        return [*found, *self._would_help(aims, seed, jobs)]
+            near.append(Limit("crossover", text))
+        return [*near, *self._would_help(aims, seed, jobs)]
 
     def _would_help(self, aims: Aims, seed: int, jobs: int | None) -> list[Limit]:
         """Tune linear loops again with one thing eased at a time."""

@@ -52,13 +52,13 @@ class Box:
 
     def numbers(self, place: FloatArray) -> dict[str, float]:
         """Return the numbers at a place of the unit box."""
-        found = {}
+        values = {}
         for (name, axis), part in zip(self.axes.items(), place.tolist(), strict=True):
             if axis.ratio:
-                found[name] = axis.low * (axis.high / axis.low) ** part
+                values[name] = axis.low * (axis.high / axis.low) ** part
             else:
-                found[name] = axis.low + (axis.high - axis.low) * part
-        return found
+                values[name] = axis.low + (axis.high - axis.low) * part
+        return values
 
 
 @dataclass(frozen=True)
@@ -298,12 +298,12 @@ def run_trial(trial: GainTrial) -> GainOutcome:
         trial.loop.make()
     except InputError:  # gains that fixed point cannot hold
         return GainOutcome(LOST + len(trial.conditions), figures, complete=False)
-    for place, condition in enumerate(trial.conditions):
-        found = trial.loop.figures(condition, trial.aims, trial.ceiling, trial.seed)
-        if found is None:
-            return GainOutcome(LOST + len(trial.conditions) - place, figures, complete=False)
-        figures[condition] = found
+    for index, condition in enumerate(trial.conditions):
+        result = trial.loop.figures(condition, trial.aims, trial.ceiling, trial.seed)
+        if result is None:
+            return GainOutcome(LOST + len(trial.conditions) - index, figures, complete=False)
+        figures[condition] = result
         cost = trial.aims.cost(worst_of(figures.values()))
-        if cost > trial.ceiling and place + 1 < len(trial.conditions):
+        if cost > trial.ceiling and index + 1 < len(trial.conditions):
             return GainOutcome(cost, figures, complete=False)
     return GainOutcome(cost, figures, complete=True)

@@ -14,7 +14,7 @@ from typing import Any
 
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
-from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.loop import make_setups
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.fitting import check_plant
@@ -166,8 +166,8 @@ def tune(
         seconds=time.perf_counter() - begin,
         cpu_seconds=_processor_time() - used,
     )
-    for name, place in result.written.items():
-        subject.write(tuned[name], place, file_note(tuned[name], result))
+    for name, path in result.written.items():
+        subject.write(tuned[name], path, file_note(tuned[name], result))
     write_results(result, Path(out))
     return result
 
@@ -190,7 +190,7 @@ class _Subject(ABC):
         """Read what is known, and make variants; some may not be possible."""
 
     @abstractmethod
-    def write(self, tuned: Tuned, place: Path, note: str) -> None:
+    def write(self, tuned: Tuned, path: Path, note: str) -> None:
         """Write what a simulation takes."""
 
     def places(self, folder: Path, names: Sequence[MethodName]) -> dict[MethodName, Path]:
@@ -230,11 +230,11 @@ class _Bearing(_Subject):
         conditions = default_conditions(ready.rig)
         return {name: BearingLoop(setup, conditions) for name, setup in setups.items()}
 
-    def write(self, tuned: Tuned, place: Path, note: str) -> None:
+    def write(self, tuned: Tuned, path: Path, note: str) -> None:
         assert isinstance(tuned.found.loop, BearingLoop)
-        settings = _portable(tuned.found.loop.setup.controller, self.controller, place.parent)
+        settings = _portable(tuned.found.loop.setup.controller, self.controller, path.parent)
         named = settings.model_copy(update={"name": f"tuned, {tuned.variant}"})
-        write_controller(place, named, note)
+        write_controller(path, named, note)
 
 
 class _Stage(_Subject):
@@ -265,16 +265,16 @@ class _Stage(_Subject):
         made, _ = make_variants(self.rig, identify_stage(self.rig), names)
         scan = self.rig.settings.scan
         work = partial(find_gains, motion=motion_of(scan, scan.train_m_per_s2))
-        found = all_of(work, list(made.values()), jobs=jobs)
+        feedforwards = all_of(work, list(made.values()), jobs=jobs)
         return {
             name: StageLoop(setup, gains, self.most)
-            for (name, setup), gains in zip(made.items(), found, strict=True)
+            for (name, setup), gains in zip(made.items(), feedforwards, strict=True)
         }
 
-    def write(self, tuned: Tuned, place: Path, note: str) -> None:
+    def write(self, tuned: Tuned, path: Path, note: str) -> None:
         gains = tuned.found.loop.gains().items()
         changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
-        rewrite_rig(self.rig.path, place, changes, note)
+        rewrite_rig(self.rig.path, path, changes, note)
 
 
 @dataclass(frozen=True)
@@ -291,14 +291,14 @@ class _Task:
     ) -> tuple[dict[MethodName, Tuned], bool]:
         """Tune one after the other; ctrl-C ends it and keeps what there is."""
         tuned: dict[MethodName, Tuned] = {}
-        for place, (name, loop) in enumerate(loops.items()):
-            part = _part(progress, place, len(loops))
+        for index, (name, loop) in enumerate(loops.items()):
+            part = _part(progress, index, len(loops))
             search = GainSearch(loop, self.aims, self.budget, self.seed, part, self.jobs)
             try:
-                found = search.run()
-                reached = found.check
+                gains = search.run()
+                reached = gains.check
                 limits = (
-                    found.loop.limits(self.aims, reached, self.seed, self.jobs) if reached else []
+                    gains.loop.limits(self.aims, reached, self.seed, self.jobs) if reached else []
                 )
                 if part is not None:
                     part(1, 1)
@@ -306,8 +306,8 @@ class _Task:
                 if not tuned:
                     raise Interrupted("too early for any gains, nothing written") from None
                 return tuned, True
-            tuned[name] = Tuned(name, found, tuple(limits), self.aims)
-            if found.interrupted:
+            tuned[name] = Tuned(name, gains, tuple(limits), self.aims)
+            if gains.interrupted:
                 return tuned, True
         return tuned, False
 
@@ -323,13 +323,13 @@ def _portable(
     return settings.model_copy(update={"compensation": compensation})
 
 
-def _part(progress: Progress | None, place: int, count: int) -> Progress | None:
+def _part(progress: Progress | None, index: int, count: int) -> Progress | None:
     """Return the progress of one variant as a part of the whole."""
     if progress is None:
         return None
 
     def update(done: float, total: float) -> None:
-        progress(place + done / total, count)
+        progress(index + done / total, count)
 
     return update
 
