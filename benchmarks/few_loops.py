@@ -129,7 +129,7 @@ def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
 def _judged(all_of_it: Contest, loops: Loops, tests: Sequence[drawn.Test]) -> Tried:
     missed = {}
     for one in all_of_it.entrants:
-        model = model_of(all_of_it.fits[one].found, loops)
+        model = model_of(all_of_it.fits[one].lean, loops)
         off = [deviation(model, test) for test in tests if test.kind in {"other", "unseen"}]
         missed[one] = float(np.sqrt(np.mean(np.concatenate(off) ** 2))) / largest_output(loops)
     chosen = {}

@@ -11,7 +11,7 @@ from anhyst import _core
 from anhyst.compensate.block import Conditioning, DemandLimits, TableSizes
 from anhyst.compensate.floating import RealBlock, RealIo, build_real
 from anhyst.compensate.force_controller import FixedTwin, ForceController, RealTwin
-from anhyst.compensate.methods import full_inverse
+from anhyst.compensate.methods import compile_inverse
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.model.actuator import Model
@@ -207,7 +207,7 @@ def test_the_simplified_law_refuses_layers() -> None:
 def test_a_force_controller_of_a_magnet_follows_its_layers(number_format: NumberFormat) -> None:
     model = magnet(LAYERS["three and sheets"])
     where = Operating(4e-4, 60.0, RATE, GAPS, 200.0, 6.0)
-    made = full_inverse(Sources(where, model=model), number_format)
+    made = compile_inverse("full", Sources(where, model=model), number_format)
     demand, gap = ramps(6, 1200)
     current = ForceController("full", number_format, made).run(demand, gap)
     assert np.abs(force_of(model, current, gap) - demand).max() < 4e-3 * TOP

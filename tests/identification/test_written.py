@@ -25,7 +25,7 @@ from anhyst.laws import LAWS
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.fit_record import CHOSEN, CandidateFit, FitFigures
 from anhyst.model.parameters import GapMap
-from anhyst.model.predict_file import run_file
+from anhyst.model.predict_file import predict
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
@@ -120,7 +120,7 @@ def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
     model = written(dipole, tmp_path)
     loop = loops.loops[0]
     write_csv(tmp_path / "drive.csv", {"I_A": loop.input, "B_T": loop.output})
-    run = run_file(model, "predict", tmp_path / "drive.csv", tmp_path / "found.csv")
+    run = predict(model, tmp_path / "drive.csv", tmp_path / "found.csv")
     assert run.deviation is not None
     assert run.history == str(loop.history)
     assert run.deviation.rms == pytest.approx(fit_of(model).rms, rel=1e-9)
@@ -225,7 +225,7 @@ def test_settled_loops_run_one_after_the_other_are_reported_as_predicted(
     loops = read_loops(tmp_path / "loops.csv", history="settled")
     assert any(loop.history.turning_points for loop in loops.loops)
     model = written(identify(loops, law="play-cells"), tmp_path)
-    run = run_file(model, "predict", tmp_path / "loops.csv", tmp_path / "found.csv")
+    run = predict(model, tmp_path / "loops.csv", tmp_path / "found.csv")
     assert run.deviation is not None
     assert run.runs == len(cycles)
     assert run.deviation.rms == pytest.approx(fit_of(model).rms, rel=1e-9)

@@ -13,7 +13,7 @@ from anhyst.data.history import History
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import Parameter
-from anhyst.model.predict_file import run_file
+from anhyst.model.predict_file import invert, predict
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
@@ -52,7 +52,7 @@ def test_columns_are_repeated_and_the_answer_added(tmp_path: Path) -> None:
     drive = write(
         tmp_path / "drive.csv", "I [mA],gap_mm,note", 1e3 * CYCLE, 0.4 + 0 * CYCLE, ["x"] * 59
     )
-    summary = run_file(MODEL, "predict", drive, tmp_path / "force.csv")
+    summary = predict(MODEL, drive, tmp_path / "force.csv")
     table = read(tmp_path / "force.csv")
     assert list(table) == ["I [mA]", "gap_mm", "note", "F_N", "valid"]
     assert numbers(table["I [mA]"]) == pytest.approx(1e3 * CYCLE, rel=1e-15)
@@ -66,10 +66,8 @@ def test_columns_are_repeated_and_the_answer_added(tmp_path: Path) -> None:
 def test_inverse_of_a_file_gives_the_drive_back(tmp_path: Path) -> None:
     gap = 0.4 + 0.1 * np.sin(np.arange(59.0))
     drive = write(tmp_path / "drive.csv", "I_A,gap_mm", CYCLE, gap)
-    run_file(MODEL, "predict", drive, tmp_path / "force.csv")
-    summary = run_file(
-        MODEL, "invert", tmp_path / "force.csv", tmp_path / "current.csv", columns={"I_A": ""}
-    )
+    predict(MODEL, drive, tmp_path / "force.csv")
+    summary = invert(MODEL, tmp_path / "force.csv", tmp_path / "current.csv", columns={"I_A": ""})
     table = read(tmp_path / "current.csv")
     assert summary.column == "I_model_A"  # the file has an I_A already
     assert np.abs(numbers(table["I_model_A"]) - CYCLE).max() < 1e-6
@@ -79,7 +77,7 @@ def test_every_labelled_loop_is_a_run_of_its_own(tmp_path: Path) -> None:
     two = np.concatenate([CYCLE, 0.5 * CYCLE])
     label = ["major"] * 59 + ["inner"] * 59
     drive = write(tmp_path / "drive.csv", "I_A,gap_m,loop", two, 4e-4 + 0 * two, label)
-    summary = run_file(MODEL, "predict", drive, tmp_path / "force.csv")
+    summary = predict(MODEL, drive, tmp_path / "force.csv")
     force = numbers(read(tmp_path / "force.csv")["F_N"])
     assert summary.runs == 2
     alone = [MODEL.predict(part, 4e-4).output for part in (CYCLE, 0.5 * CYCLE)]
@@ -91,7 +89,7 @@ def test_rows_of_a_loop_need_not_stand_together(tmp_path: Path) -> None:
     drive = write(
         tmp_path / "d.csv", "I_A,gap_m,loop", two, 4e-4 + 0 * two, ["a", "b"] * CYCLE.size
     )
-    run_file(MODEL, "predict", drive, tmp_path / "f.csv")
+    predict(MODEL, drive, tmp_path / "f.csv")
     force = numbers(read(tmp_path / "f.csv")["F_N"])
     assert np.array_equal(force[1::2], MODEL.predict(0.5 * CYCLE, 4e-4).output)
 
@@ -99,7 +97,7 @@ def test_rows_of_a_loop_need_not_stand_together(tmp_path: Path) -> None:
 def test_a_label_at_two_gaps_is_two_runs(tmp_path: Path) -> None:
     two, gap = np.tile(CYCLE, 2), np.repeat([3e-4, 5e-4], CYCLE.size)
     drive = write(tmp_path / "drive.csv", "I_A,gap_m,loop", two, gap, ["major"] * two.size)
-    assert run_file(MODEL, "predict", drive, tmp_path / "force.csv").runs == 2
+    assert predict(MODEL, drive, tmp_path / "force.csv").runs == 2
     force = numbers(read(tmp_path / "force.csv")["F_N"])
     alone = [MODEL.predict(CYCLE, one).output for one in (3e-4, 5e-4)]
     assert np.array_equal(force, np.concatenate(alone))
@@ -108,7 +106,7 @@ def test_a_label_at_two_gaps_is_two_runs(tmp_path: Path) -> None:
 def test_a_gap_that_steps_within_one_run_keeps_the_state(tmp_path: Path) -> None:
     two, gap = np.tile(CYCLE, 2), np.repeat([3e-4, 5e-4], CYCLE.size)
     drive = write(tmp_path / "drive.csv", "I_A,gap_m", two, gap)
-    assert run_file(MODEL, "predict", drive, tmp_path / "force.csv").runs == 1
+    assert predict(MODEL, drive, tmp_path / "force.csv").runs == 1
     force = numbers(read(tmp_path / "force.csv")["F_N"])
     assert np.array_equal(force, MODEL.predict(two, gap).output)
 
@@ -117,12 +115,12 @@ def test_settled_cycles_at_several_gaps_settle_by_themselves(tmp_path: Path) -> 
     two, gap = np.tile(CYCLE, 2), np.repeat([3e-4, 5e-4], CYCLE.size)
     drive = write(tmp_path / "drive.csv", "I_A,gap_m", two, gap)
     settled = replace(MODEL, history=History("settled"))
-    summary = run_file(settled, "predict", drive, tmp_path / "force.csv")
+    summary = predict(settled, drive, tmp_path / "force.csv")
     assert (summary.runs, summary.history) == (2, "settled")
     force = numbers(read(tmp_path / "force.csv")["F_N"])
     alone = [MODEL.predict(CYCLE, one, history="settled").output for one in (3e-4, 5e-4)]
     assert np.array_equal(force, np.concatenate(alone))
-    again = run_file(settled, "predict", drive, tmp_path / "f.csv", history="conditioned:0,2,0")
+    again = predict(settled, drive, tmp_path / "f.csv", history="conditioned:0,2,0")
     assert again.history == "conditioned:0,2,0"
 
 
@@ -146,7 +144,7 @@ def test_cycles_that_a_file_shows_one_within_the_other_remember_those_before(
     rows = [np.concatenate(drives), np.repeat(gaps, CYCLE.size), np.repeat([0, 1, 2], CYCLE.size)]
     rows += [0.01 * np.arange(force.size), force] if seen else []
     drive = write(tmp_path / "d.csv", "I_A,gap_m,loop" + ",t_s,F_N" * seen, *rows)
-    summary = run_file(model, "predict", drive, tmp_path / "f.csv")
+    summary = predict(model, drive, tmp_path / "f.csv")
     off = numbers(read(tmp_path / "f.csv")["F_model_N" if seen else "F_N"]) - force
     assert bool(np.abs(off).max() < 1e-9 * force.max()) is seen
     assert bool(np.abs(off).max() > 1e-3 * force.max()) is not seen
@@ -156,7 +154,7 @@ def test_cycles_that_a_file_shows_one_within_the_other_remember_those_before(
 def test_a_measured_output_is_kept_and_compared(tmp_path: Path) -> None:
     force = MODEL.predict(CYCLE, 4e-4).output
     drive = write(tmp_path / "d.csv", "I_A,F_N,gap_m", CYCLE, force + 0.5, 4e-4 + 0 * CYCLE)
-    summary = run_file(MODEL, "predict", drive, tmp_path / "f.csv")
+    summary = predict(MODEL, drive, tmp_path / "f.csv")
     table = read(tmp_path / "f.csv")
     assert list(table) == ["I_A", "F_N", "gap_m", "F_model_N", "valid"]
     assert summary.deviation is not None
@@ -168,7 +166,7 @@ def test_a_measured_output_is_kept_and_compared(tmp_path: Path) -> None:
 def test_rows_outside_the_valid_range_are_flagged_in_the_file(tmp_path: Path) -> None:
     gap = np.where(CYCLE > 1.5, 7e-4, 5e-4)
     drive = write(tmp_path / "d.csv", "I_A,gap_m", CYCLE, gap)
-    summary = run_file(MODEL, "predict", drive, tmp_path / "f.csv")
+    summary = predict(MODEL, drive, tmp_path / "f.csv")
     valid = read(tmp_path / "f.csv")["valid"]
     assert valid == ["0" if one else "1" for one in CYCLE > 1.5]
     assert summary.outside == (CYCLE > 1.5).sum()
@@ -186,10 +184,10 @@ def test_rows_outside_the_valid_range_are_flagged_in_the_file(tmp_path: Path) ->
 def test_a_missing_column_is_named(tmp_path: Path, header: str, reason: str) -> None:
     drive = write(tmp_path / "d.csv", header, CYCLE, 4e-4 + 0 * CYCLE)
     with refused(reason):
-        run_file(MODEL, "predict", drive, tmp_path / "f.csv")
+        predict(MODEL, drive, tmp_path / "f.csv")
     assert not (tmp_path / "f.csv").exists()
 
 
 def test_a_place_that_cannot_be_written_is_reported_before_anything_is_read(tmp_path: Path) -> None:
     with refused("cannot-be-written: f.csv"):
-        run_file(MODEL, "predict", tmp_path / "missing.csv", tmp_path / "none" / "f.csv")
+        predict(MODEL, tmp_path / "missing.csv", tmp_path / "none" / "f.csv")

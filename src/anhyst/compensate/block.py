@@ -108,7 +108,7 @@ class Block:
 
 
 def as_word(value: float, unit: float, name: str) -> int:
-    """Round a number to a word in which `one` counts as 1.0."""
+    """Round a number to a word in which `unit` is 1.0."""
     word = round(value * unit)
     word = 32767 if word == 32768 else word  # 1.0 is the largest number of its format
     if not -32767 <= word <= 32767:
@@ -167,15 +167,15 @@ class Packer:
         at = WORDS[self.kind][name]
         self._head[at : at + 2] = single_words(value)
 
-    def table(self, name: str, values: FloatArray, one: float, least: int = -32767) -> None:
-        """Put a table of numbers, or rows of one, in which `one` counts as 1.0."""
-        words = np.rint(np.asarray(values) * one).astype(np.int64)
+    def table(self, name: str, values: FloatArray, unit: float, least: int = -32767) -> None:
+        """Put a table of numbers, or rows of one, in which the word `unit` is 1.0."""
+        words = np.rint(np.asarray(values) * unit).astype(np.int64)
         words = np.maximum(words, least)
         if np.abs(words).max() > 32767 or np.abs(np.diff(words)).max(initial=0) > 32767:
             largest = float(np.abs(values).max())
             raise InputError(
                 f"table {name.lower()}: {largest:.3g} does not fit into its 16 bits, which end at "
-                f"{32767 / one:.3g}; narrow the model's [valid], or correct its parameters",
+                f"{32767 / unit:.3g}; narrow the model's [valid], or correct its parameters",
                 code="too-large-for-fixed-point",
             )
         self._tables[name] = words.ravel()
@@ -189,21 +189,21 @@ class Packer:
             ("SCALE_GAP_HIGH", scales.gap_high),
         ):
             self.set_single(name, value)
-        places: dict[str, tuple[int, int]] = {}
+        tables: dict[str, tuple[int, int]] = {}
         parts = [self._head]
         end = LEAST_WORDS
         for name, values in self._tables.items():
             same = next(
-                (n for n, v in self._tables.items() if n in places and np.array_equal(v, values)),
+                (n for n, v in self._tables.items() if n in tables and np.array_equal(v, values)),
                 None,
             )
             if same is None:
-                places[name] = (end, values.size)
+                tables[name] = (end, values.size)
                 parts.append(values)
                 end += values.size
             else:
-                places[name] = places[same]
-            self.set(name, places[name][0])
+                tables[name] = tables[same]
+            self.set(name, tables[name][0])
         if end > MOST_WORDS:
             raise InputError(
                 f"the parameter block needs {2 * end} bytes, a controller takes {2 * MOST_WORDS}; "
@@ -217,7 +217,7 @@ class Packer:
         kept = np.concatenate([unsigned[:at], unsigned[at + 2 :]])
         crc = zlib.crc32(kept.tobytes())
         unsigned[at : at + 2] = [crc & 0xFFFF, crc >> 16]
-        return Block(self.kind, unsigned.view("<i2").astype(np.int16), scales, limits, places)
+        return Block(self.kind, unsigned.view("<i2").astype(np.int16), scales, limits, tables)
 
 
 FullKind = Literal["full", "cells"]

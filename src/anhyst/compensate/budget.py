@@ -60,7 +60,7 @@ class BudgetPart:
 
 @dataclass(frozen=True)
 class Budget:
-    """What was measured."""
+    """Measured error budget of a compensator."""
 
     largest: float  # output to which per cent refer
     unit: str  # of the output
@@ -259,11 +259,11 @@ def _late(model: Model, demand: FloatArray, gap: FloatArray) -> FloatArray:
     error = np.zeros(gap.size)
     none = np.zeros(1)
     for now in range(gap.size - 2):
-        here, then = slice(now, now + 1), slice(now + 2, now + 3)
-        drive, _, state, _, _ = iron.inverse(flux[here], circuit.rho[here], none, state)
+        before, then = slice(now, now + 1), slice(now + 2, now + 3)
+        drive, _, state, _, _ = iron.inverse(flux[before], circuit.rho[before], none, state)
         # The same current at the gap of two ticks later, where its turns count otherwise.
-        later = drive * circuit.turns[then] / circuit.turns[here]
-        later = later + circuit.turns[then] * (circuit.in_0[here] - circuit.in_0[then])
+        later = drive * circuit.turns[then] / circuit.turns[before]
+        later = later + circuit.turns[then] * (circuit.in_0[before] - circuit.in_0[then])
         reached, *_ = iron.forward(later, circuit.rho[then], none, state)
         output = circuit.c_out[then] * reached**model.power + circuit.out_0[then]
         error[then] = output - demand[then]
@@ -320,7 +320,7 @@ def _against_drift(plan: Plan) -> str:
 
 
 def drift_refusal(plan: Plan, budget: Budget) -> NegativeResult:
-    """Return what is said where the wanted accuracy is not kept by an output that is held."""
+    """Return the message where an output between ticks breaks the wanted accuracy."""
     return NegativeResult(
         f"accuracy: {why_drifting(plan, budget)}; nothing was written",
         code="model-drifts",
@@ -340,7 +340,7 @@ def is_reached(budget: Budget) -> bool:
 
 
 def refusal(budget: Budget, better: str) -> NegativeResult:
-    """Return what is said where it is not: which part of the budget breaks it, and what to change."""
+    """Return the message for an accuracy not kept: which part of the budget breaks it, what to change."""
     assert budget.wanted is not None
     reached, part = budget.compiled.worst or 0.0, culprit(budget)
     advice = f"compile with {better}" if better else REASON[part.name]
@@ -362,7 +362,7 @@ def percent(budget: Budget, value: float) -> float:
 
 
 def as_dict(budget: Budget) -> dict[str, Any]:
-    """Return a budget as it stands in ``budget.json``."""
+    """Return a budget as written to ``budget.json``."""
 
     def row(part: BudgetPart) -> dict[str, Any]:
         return {

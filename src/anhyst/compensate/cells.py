@@ -69,7 +69,7 @@ class RowGrid:
 
     @property
     def fields(self) -> FloatArray:
-        """Fields of the entries, in parts of the largest one."""
+        """Fields of the entries, as fractions of the largest one."""
         beyond = np.linspace(self.inner, 1.0, self.wide + 1)[1:]
         side = np.concatenate([np.linspace(0.0, self.inner, self.narrow + 1)[1:], beyond])
         return np.concatenate([-side[::-1], [0.0], side])
@@ -77,7 +77,7 @@ class RowGrid:
 
 @dataclass(frozen=True)
 class CellRows:
-    """What a compensator of the law of cells looks up; fields in A/m."""
+    """Tables of a compensator of the law of cells; fields in A/m."""
 
     reach: float  # largest field
     thresholds: FloatArray  # half-widths of the plays that have one, rising; shape (n,)
@@ -88,7 +88,7 @@ class CellRows:
 
 
 def curves(weights: CellWeights, plays: FloatArray) -> FloatArray:
-    """Return what each cell gives where its play stands, A/m."""
+    """Return the output of each cell over its play, A/m."""
     part = plays[:, None, :] / weights.widths[:, None]
     tanh = weights.shape == "tanh"
     curve = np.tanh(part) if tanh else langevin(part.ravel())[0].reshape(part.shape)
@@ -124,7 +124,7 @@ def _field_at(
 
 
 def fewer(weights: CellWeights, cells: int, reach: float) -> CellWeights:
-    """Return weights with so many thresholds above 0 at most, all below the largest field.
+    """Return weights with a limited number of thresholds above 0, all below the largest field.
 
     What is beyond is never moved. Neighbours are put together, in the mean of their weights, where
     that moves the thresholds least.
@@ -134,14 +134,14 @@ def fewer(weights: CellWeights, cells: int, reach: float) -> CellWeights:
     kept = [(weights.thresholds[i], weights.weights[i]) for i in moved]
     while len(kept) > cells:
         share = np.array([row.sum() for _, row in kept])
-        places = np.array([place for place, _ in kept])
-        cost = share[1:] * share[:-1] / (share[1:] + share[:-1]) * np.diff(places) ** 2
+        levels = np.array([level for level, _ in kept])
+        cost = share[1:] * share[:-1] / (share[1:] + share[:-1]) * np.diff(levels) ** 2
         at = int(np.argmin(cost))
         both = slice(at, at + 2)
-        threshold = float(np.average(places[both], weights=share[both]))
+        threshold = float(np.average(levels[both], weights=share[both]))
         kept[both] = [(threshold, kept[at][1] + kept[at + 1][1])]
     return CellWeights(
-        np.array([0.0, *(place for place, _ in kept)]),
+        np.array([0.0, *(level for level, _ in kept)]),
         weights.widths,
         np.vstack([weights.weights[0], *(row for _, row in kept)]),
         weights.shape,

@@ -84,7 +84,7 @@ class CurrentMap:
 
 
 def table_words(values: FloatArray, unit: float, name: str) -> NDArray[np.int16]:
-    """Return the entries of a table in which `one` counts as 1.0 as 16-bit words."""
+    """Return a table as 16-bit words in which `unit` is 1.0."""
     words = [[as_word(value / unit, 2.0**15, name) for value in row] for row in values.tolist()]
     return np.array(words, dtype=np.int16)
 
@@ -214,7 +214,7 @@ class PlayMap:
 
     @property
     def scales(self) -> Scales:
-        """Those of the map."""
+        """Full scales of the map."""
         return self.map.scales
 
     @property
@@ -237,7 +237,7 @@ class PlayMap:
         return replace(self, half=half, radius=(1.0 + part) * self.radius)
 
     def half_words(self) -> NDArray[np.int16]:
-        """Half-widths as fixed point takes them, beside the words of the map."""
+        """Return half-widths in fixed point, limited by the words of the map."""
         around = self.map.words().astype(np.float64)
         half = table_words(self.half, self.scales.current, "half-width")
         least = np.minimum(half, _LARGEST_WORD - np.abs(around))
@@ -327,10 +327,10 @@ def expected_forces(play: PlayMap, loop: Loop) -> FloatArray:
     native, history = play.native("f64"), loop.history
     assert loop.schedule is not None
     gaps = loop.schedule.tolist()
-    places = history.schedule or (None,) * len(history.turning_points)
+    schedule = history.schedule or (None,) * len(history.turning_points)
     before = [
         (current, gaps[0] if gap is None else gap)
-        for current, gap in zip(history.turning_points, places, strict=True)
+        for current, gap in zip(history.turning_points, schedule, strict=True)
     ]
     record = list(zip(loop.input.tolist(), gaps, strict=True))
     for current, gap in (*before, *(record if history.kind == "settled" else ())):
@@ -402,8 +402,8 @@ class SingleValued(Memoryless):
         if self.nodes.size == 1:
             return np.broadcast_to(self.table[0], (size, self.force.size))
         at = self.nodes[0] if gap is None else gap
-        place = np.clip(np.broadcast_to(at, size), self.nodes[0], self.nodes[-1])
-        return np.asarray(PchipInterpolator(self.nodes, self.table, axis=0)(place))
+        within = np.clip(np.broadcast_to(at, size), self.nodes[0], self.nodes[-1])
+        return np.asarray(PchipInterpolator(self.nodes, self.table, axis=0)(within))
 
 
 def fit_ratio(loops: Loops, force_max: float) -> ConstantRatio:

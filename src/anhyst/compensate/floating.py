@@ -56,7 +56,7 @@ class RealBlock:
 
     @property
     def entries(self) -> int:
-        """How many numbers stand in tables."""
+        """Number of table entries."""
         return self.gaps.size + sum(table.size for table in self.tables.values())
 
     @cached_property
@@ -134,18 +134,18 @@ Law = tuple[dict[str, float], Arms, dict[str, FloatArray]]
 
 def _full(model: Model, limits: DemandLimits, at: FloatArray, sizes: TableSizes) -> Law:
     law = normal(model, at)
-    found = full_tables(law, limits, sizes)
+    full = full_tables(law, limits, sizes)
     numbers = {
         "air": law.air,
         "reversible": law.c,
         "play": law.play,
         "octaves": 1.0 / (law.kappa * np.log(2.0)),
-        "reach": found.reach,
+        "reach": full.reach,
         "iterations": sizes.iterations,
         "curve_segments": 2**sizes.curve_segments,
         "inverse_segments": 2**sizes.inverse_segments,
     }
-    tables = {"curve": found.curve, "branch": found.branch, "inverse": found.inverse}
+    tables = {"curve": full.curve, "branch": full.branch, "inverse": full.inverse}
     return numbers, (law.bias, law.flux_arm, law.field_arm), tables
 
 

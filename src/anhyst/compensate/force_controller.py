@@ -50,9 +50,9 @@ class Compensator(ABC):
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Solve and commit sample by sample."""
         demands = np.array(demand, dtype=np.float64, ndmin=1)
-        places = np.broadcast_to(np.asarray(gap), demands.shape).tolist()
+        gaps = np.broadcast_to(np.asarray(gap), demands.shape).tolist()
         currents = []
-        for now, at in zip(demands.tolist(), places, strict=True):
+        for now, at in zip(demands.tolist(), gaps, strict=True):
             current = self.solve(now, at)
             self.commit(current, at)
             currents.append(current)
@@ -71,7 +71,7 @@ _NO_FLUX = -(2**31)
 
 
 class MethodParameters(Protocol):
-    """What a method found, of which a controller is made."""
+    """The parameters of a method, of which a force controller is made."""
 
     @property
     def scales(self) -> Scales:

@@ -107,7 +107,7 @@ def _free_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArray
 
 @dataclass(frozen=True)
 class FullTables:
-    """What a compensator of the full law looks up; fields in units of ``a``."""
+    """Tables of a compensator of the full law; fields in units of ``a``."""
 
     reach: float  # largest field
     curve: FloatArray  # anhysteretic curve over fields from 0 to the largest; shape (2**n + 1,)

@@ -113,8 +113,8 @@ def _vibration(part: float) -> Movement:
 
 
 def _walk(random: np.random.Generator, ticks: int) -> tuple[FloatArray, FloatArray]:
-    way = np.cumsum(random.standard_normal(ticks)) / np.sqrt(ticks)
-    bridge = 2.0 * WALK * (way - way[-1] * np.arange(1, ticks + 1) / ticks)
+    walk = np.cumsum(random.standard_normal(ticks)) / np.sqrt(ticks)
+    bridge = 2.0 * WALK * (walk - walk[-1] * np.arange(1, ticks + 1) / ticks)
     return np.zeros(ticks), np.clip(bridge, -3.0 * WALK, 3.0 * WALK)
 
 
@@ -173,7 +173,7 @@ class _Pair:
 
     @property
     def memory(self) -> tuple[FloatArray, FloatArray]:
-        """What compensator and model remember."""
+        """Memory of compensator and model."""
         return np.array(self.twin.memory, dtype=np.float64), self.state.copy()
 
     def is_back(self, earlier: tuple[FloatArray, FloatArray]) -> bool:

@@ -46,7 +46,7 @@ class Path:
 
 @dataclass(frozen=True)
 class Reach:
-    """What currents within their limits give at each gap."""
+    """Range of the output at each gap, for currents within their limits."""
 
     gaps: FloatArray  # scheduling variable, SI; shape (g,)
     # smallest demand that is asked for, and largest, in units of the output; shape (g,)
@@ -89,8 +89,10 @@ def paths(
     """Return everything that a compensator is measured on."""
     reach = find_reach(model, scales, limits)
     collected = []
-    for name, (title, part, place) in _shapes(model.needs_schedule, seed, 1500 * length).items():
-        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * place
+    for name, (title, part, gap_share) in _shapes(
+        model.needs_schedule, seed, 1500 * length
+    ).items():
+        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * gap_share
         shown = title if model.needs_schedule else title.removesuffix(", gap at rest")
         demand = reach.demand(part, gap, lifted)
         collected.append(Path(name, shown, demand, gap if model.needs_schedule else None))
@@ -190,15 +192,15 @@ def _jumps(random: np.random.Generator, size: int) -> FloatArray:
 
 def _walk(random: np.random.Generator, size: int) -> FloatArray:
     """Return small random steps on top of each other, turning back at the ends; 0..1."""
-    way = random.random() + np.cumsum(random.normal(0.0, STEP, size))
-    return np.abs((way + 1.0) % 2.0 - 1.0)
+    walk = random.random() + np.cumsum(random.normal(0.0, STEP, size))
+    return np.abs((walk + 1.0) % 2.0 - 1.0)
 
 
 def _at_rest(random: np.random.Generator, size: int, length: int) -> FloatArray:
-    """Return places over the gap that rest for so many samples, both ends among them; 0..1."""
-    places = random.random(-(-size // length))
-    places[:2] = 0.0, 1.0
-    return np.repeat(places, length)[:size]
+    """Return fractions 0..1 of the gap range, each held for ``length`` samples, both ends included."""
+    levels = random.random(-(-size // length))
+    levels[:2] = 0.0, 1.0
+    return np.repeat(levels, length)[:size]
 
 
 LOSS_EVERY = 4

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
@@ -86,7 +86,7 @@ class HysteresisInverse:
 
     @property
     def scales(self) -> Scales:
-        """Those of the block."""
+        """Full scales of the block."""
         return self.block.scales
 
     @property
@@ -105,23 +105,13 @@ class HysteresisInverse:
         return _core.ForceController.compensator(_core.Parameters(*parts))
 
 
-def full_inverse(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
-    """Compile the full law."""
-    return _compile_inverse("full", sources, number_format)
-
-
-def full_inverse_at_rest(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
+def full_at_rest(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
     """Compile the full law as if its iron were thin: without what answers late."""
     model = None if sources.model is None else sources.model.at_rest
-    return _compile_inverse("full", replace(sources, model=model), number_format)
+    return compile_inverse("full", replace(sources, model=model), number_format)
 
 
-def simplified_inverse(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
-    """Compile the simplified law."""
-    return _compile_inverse("simplified", sources, number_format)
-
-
-def _compile_inverse(
+def compile_inverse(
     kind: Literal["full", "simplified"], sources: Sources, number_format: NumberFormat
 ) -> HysteresisInverse:
     """Compile as for a controller; floats of thin iron that pulls take the tables of fixed point."""
@@ -157,7 +147,7 @@ class FluxGains:
 
     @property
     def row(self) -> FloatArray:
-        """As ``anhyst_flux_loop`` has them."""
+        """The gains in the order of ``anhyst_flux_loop``."""
         return np.array([self.proportional, self.integral, self.back, self.smoothing])
 
 
@@ -256,7 +246,7 @@ class FluxFeedback:
 
     @property
     def scales(self) -> Scales:
-        """Those of the map."""
+        """Full scales of the map."""
         return self.map.scales
 
     @property
@@ -274,8 +264,8 @@ class FluxFeedback:
         table, loop = self.map, self.loop
         if number_format == "fixed":
             return _core.FixedForceController.flux(table.words(), *loop.words(), *table.codes())
-        given = table.entries, loop.wanted, loop.gains.row
-        return REAL[number_format].flux(*given, *table.real())
+        tables = table.entries, loop.wanted, loop.gains.row
+        return REAL[number_format].flux(*tables, *table.real())
 
 
 def flux_feedback(sources: Sources, _: NumberFormat) -> FluxFeedback:
@@ -301,7 +291,7 @@ class FusedInverse:
 
     @property
     def scales(self) -> Scales:
-        """Those of the inverse."""
+        """Full scales of the inverse."""
         return self.inverse.scales
 
     @property
@@ -311,7 +301,7 @@ class FusedInverse:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Those of both."""
+        """Numbers of the inverse and of the flux loop."""
         return self.inverse.numbers | self.loop.numbers
 
     def native(self, number_format: NumberFormat) -> Native:
@@ -328,7 +318,7 @@ class FusedInverse:
 
 def fused_inverse(sources: Sources, number_format: NumberFormat) -> FusedInverse:
     """Compile the full law, and design the flux loop around it."""
-    inverse, where = full_inverse(sources, number_format), sources.operating
+    inverse, where = compile_inverse("full", sources, number_format), sources.operating
     low = -where.both_ways * inverse.scales.demand
     loop = _flux_loop(sources, sources.surface(), inverse.scales)
     return FusedInverse(inverse, loop, where.currents, low)
@@ -356,9 +346,11 @@ METHODS: Mapping[MethodName, Method] = {
     "linearised": Method("two constants, k_i and k_s", "baseline", linearised_map),
     "single-valued": Method("best current without memory", "baseline", single_valued_map),
     "play": Method("map with one play", "baseline", one_play),
-    "simplified": Method("simplified hysteresis compensator", "model", simplified_inverse),
-    "at-rest": Method("full hysteresis compensator, at rest", "model", full_inverse_at_rest),
-    "full": Method("full hysteresis compensator", "model", full_inverse),
+    "simplified": Method(
+        "simplified hysteresis compensator", "model", partial(compile_inverse, "simplified")
+    ),
+    "at-rest": Method("full hysteresis compensator, at rest", "model", full_at_rest),
+    "full": Method("full hysteresis compensator", "model", partial(compile_inverse, "full")),
     "flux": Method("measured flux density", "sensor", flux_feedback, probed=True),
     "fused": Method(
         "full, and measured flux density",

@@ -70,7 +70,7 @@ def plan_start(
 
 
 def left_after(model: Model, scales: Scales, limits: DemandLimits, cycles: int) -> float:
-    """Return how far outputs of different starts are apart after so many cycles, at any gap."""
+    """Return the spread of outputs from different starts after a number of cycles, at any gap."""
     low, high = limits.current
     corners = [low, high] * cycles + [low]
     corners += [low + part * (high - low) for part in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
@@ -112,7 +112,7 @@ RATES = (1.0, 1e6)
 
 @dataclass(frozen=True, slots=True)
 class CompileRequest:
-    """What a user wants compiled."""
+    """Options of a compilation, as the user gives them."""
 
     kind: Kind  # ``"full"`` or ``"simplified"`` (``"euler"`` is the baseline of the benchmarks)
     io: Io  # format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``
@@ -170,7 +170,7 @@ class Plan:
 
     @property
     def name(self) -> str:
-        """What the actuator is called in C: its files and all their names begin with it."""
+        """Name of the actuator in C: the prefix of its files and identifiers."""
         return self.request.name or c_name(self.model.name)
 
     @property

@@ -96,7 +96,7 @@ class Builder:
 
     @property
     def block_kind(self) -> Kind:
-        """Of the blocks: the full compensator of a model is that of its law."""
+        """Kind of the blocks: the full compensator of a model is that of its law."""
         return full_kind(self.model) if self.kind == "full" else self.kind
 
     @cached_property
@@ -218,7 +218,7 @@ class BlockSearch:
 
     def _excess(self, runs: Runs) -> float:
         """Return what sizes and format cost on the worst path, beyond what the law is off."""
-        return max(here - law for here, law in zip(worst_of(runs), self._law, strict=True))
+        return max(own - law for own, law in zip(worst_of(runs), self._law, strict=True))
 
     @cached_property
     def _finest(self) -> Runs:
@@ -228,7 +228,7 @@ class BlockSearch:
 
     @cached_property
     def _law(self) -> list[float]:
-        """What the law of this kind itself is off on each path; 0 for the full one."""
+        """Model error of the law alone on each path; 0 for the full law."""
         if self.builder.kind == "full":
             return [0.0] * (len(self.paths) + 1)
         return worst_of(self._finest)
@@ -246,13 +246,13 @@ class BlockSearch:
 
         def cost(sizes: TableSizes) -> float:
             runs = against_demand(b.model, b.exact(sizes), "f64", self.paths)[1]
-            here, finest = ([run.output for run, _ in each[:-1]] for each in (runs, self._finest))
-            return max(self._excess(runs), apart(self.paths, here, finest).worst - free, 0.0)
+            own, finest = ([run.output for run, _ in each[:-1]] for each in (runs, self._finest))
+            return max(self._excess(runs), apart(self.paths, own, finest).worst - free, 0.0)
 
         return [(n, cost(replace(FINE, gap_segments=n))) for n in range(LAW_SEGMENTS + 1)]
 
     def _alone(self, sizes: TableSizes) -> float:
-        """Return what the tables of the law cost, at gaps that stand in the tables over it."""
+        """Return the error of the law's tables alone, at gaps that are nodes of the gap tables."""
         b, block = self.builder, self.builder.exact(sizes)
         if b.kind == "full":
             at = snapped(self.paths, b.model, b.scales, sizes)
@@ -261,7 +261,7 @@ class BlockSearch:
         return apart(at, outputs(b.model, block, "f64", at), fine).worst
 
     def _fine_tables(self, gap_segments: int) -> tuple[list[Path], list[FloatArray]]:
-        """Return paths at gaps that stand in the tables over it, and outputs of fine tables there."""
+        """Return paths at gaps that are nodes of the gap tables, and outputs of fine tables there."""
         if gap_segments not in self._fine:
             b, sizes = self.builder, replace(FINE, gap_segments=gap_segments)
             at = snapped(self.paths, b.model, b.scales, sizes)

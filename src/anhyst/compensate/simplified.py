@@ -293,8 +293,8 @@ def fit_closed_form(
     """Fit the simplified law to a model over its working range, in force."""
     refuse_uncompilable(model)
     sizes = sizes or TableSizes()
-    places = np.unique(at)
-    groups = [_tasks(model, float(gap), limits) for gap in places]
+    gaps = np.unique(at)
+    groups = [_tasks(model, float(gap), limits) for gap in gaps]
     if not all(np.all(np.isfinite(task.weight)) for tasks in groups for task in tasks):
         raise InputError(
             "[valid]: demands within these limits do not move the flux, so there is nothing a "
@@ -307,7 +307,7 @@ def fit_closed_form(
     if room > 0.0 and model.power == 2:
         straight = [
             _straighten(model, float(gap), tasks, (rate, nu), room, sizes)
-            for gap, tasks in zip(places, groups, strict=True)
+            for gap, tasks in zip(gaps, groups, strict=True)
         ]
         offset = np.array([offset_of_gap for offset_of_gap, _ in straight])
         groups = [tasks for _, tasks in straight]
@@ -322,7 +322,7 @@ def fit_closed_form(
         )
     bias, flux_arm, lag_arm = arms.T
     worst, mean = float(errors.max()), float(errors.mean())
-    return ClosedForm(rate, nu, places, bias, flux_arm, lag_arm, worst, mean, offset)
+    return ClosedForm(rate, nu, gaps, bias, flux_arm, lag_arm, worst, mean, offset)
 
 
 def _fitted(

@@ -69,9 +69,11 @@ class FluxCalibration:
             return np.asarray(rest + slope * force)
         constants = []
         for node in nodes.tolist():
-            here = (self.gap == node) & (self.force > 0.0)
-            root = np.sqrt(self.force[here])
-            constant = float(root @ self.flux_density[here] / (root @ root)) if here.any() else 0.0
+            at_node = (self.gap == node) & (self.force > 0.0)
+            root = np.sqrt(self.force[at_node])
+            constant = (
+                float(root @ self.flux_density[at_node] / (root @ root)) if at_node.any() else 0.0
+            )
             if not constant > 0.0:
                 raise InputError(
                     f"flux calibration: at gap {node:g} m no flux density grows with the force",
@@ -81,8 +83,8 @@ class FluxCalibration:
         return np.asarray(np.interp(gap, nodes, constants)[:, None] * np.sqrt(force)[None, :])
 
     def _at(self, gap: float) -> tuple[FloatArray, FloatArray]:
-        here = self.gap == gap
-        return self.force[here], self.flux_density[here]
+        at_gap = self.gap == gap
+        return self.force[at_gap], self.flux_density[at_gap]
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ class Operating:
 
 @dataclass(frozen=True)
 class Sources:
-    """What is known of a magnet; a method takes what it needs."""
+    """What is known of a magnet; each method uses what it needs."""
 
     operating: Operating  # operating point and limits
     loops: Loops | None = None  # current to force; needed by every method without a model
@@ -199,7 +201,7 @@ def _drive(turns: Sequence[float], most: float) -> FloatArray:
 
 
 def drive_ramps(turns: Sequence[float], samples: int) -> list[FloatArray]:
-    """Return the way from each turn to the next, without its end; so many samples for 1."""
+    """Return the ramps from each turn to the next, without their ends; samples per unit of travel."""
     return [
         np.linspace(first, last, max(2, round(samples * abs(last - first))), endpoint=False)
         for first, last in pairwise(turns)

@@ -193,7 +193,7 @@ class ControllerTable(Table):
     pair: PairTable | None = None
 
     def pidd2_gains(self) -> Gains:
-        """Return the gains, designed or as they stand."""
+        """Return the gains, designed or as given in the file."""
         if self.gains is not None:
             gains = self.gains
             return Gains(

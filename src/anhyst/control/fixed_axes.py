@@ -31,7 +31,7 @@ Drive = ForceController | ForceControllerF32 | FixedForceController
 
 
 class Drives(NamedTuple):
-    """How drives stand, SI."""
+    """Lines of action of the drives, SI."""
 
     pull: FloatArray  # wrench of 1 N of each, a row a drive
     against: Sequence[int]  # for each that which pulls against it, itself where it is alone

@@ -37,7 +37,7 @@ class FullScales:
 
 @dataclass(frozen=True)
 class FixedPidd2:
-    """Gains as the words of ``anhyst_pidd2_gains_q31``, and what they stand for."""
+    """Gains as the words of ``anhyst_pidd2_gains_q31``, and their values."""
 
     # mantissa and shift of every factor, in the order of the structure
     factors: Mapping[str, tuple[int, int]]
@@ -49,13 +49,13 @@ class FixedPidd2:
 
     @property
     def words(self) -> NDArray[np.int32]:
-        """All members of the structure but the reserved one, in its order, shape (19,)."""
+        """All members of the structure except the reserved one, in order, shape (19,)."""
         flat = [number for factor in self.factors.values() for number in factor]
         return np.array([*flat, self.unweighted, self.low, self.high], dtype=np.int32)
 
     @property
     def per_tick(self) -> FloatArray:
-        """The gains that the words stand for, exactly, as :attr:`Pidd2.per_tick`."""
+        """The exact gains of the words, as :attr:`Pidd2.per_tick`."""
         value = {name: m / 65536.0 * 2.0**s for name, (m, s) in self.factors.items()}
         units = _units(self.scales)
         row = [value[name] / units[name] for name in _ORDER]

@@ -201,11 +201,11 @@ def _thinned(loop: Loop, most: int) -> Loop:
     fixed = np.zeros(loop.n, bool)
     for part in parts:
         rows = part.rows
-        way = np.zeros(part.stop - part.start)
+        travelled = np.zeros(part.stop - part.start)
         for values, size in ((loop.input[rows], span), (loop.output[rows], height)):
             sign = 1.0 if values[-1] >= values[0] else -1.0
-            way += np.maximum.accumulate(sign * (values - values[0])) / size
-        progress[rows] = progress[part.start] + way
+            travelled += np.maximum.accumulate(sign * (values - values[0])) / size
+        progress[rows] = progress[part.start] + travelled
         fixed[[part.start, part.stop - 1]] = True
     room = max(1, most - 2 * len(parts) - 1)
     bins = np.minimum((progress / progress[-1] * room).astype(np.intp), room - 1)

@@ -121,7 +121,7 @@ def _missed(loop: Loop, parts: list[Branch], first: Branch) -> float | None:
 
 
 def _straight_to(inputs: FloatArray, outputs: FloatArray, level: float) -> float:
-    """Output at an input level, along the straight line through a few samples beside it."""
+    """Return the output at an input level, from a straight line through the nearest samples."""
     span = float(np.ptp(inputs))
     if span == 0.0:
         return float(outputs.mean())

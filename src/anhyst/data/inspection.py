@@ -59,7 +59,7 @@ class LoopFigures:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Inspection(Result):
-    """What was understood of a set of loops.
+    """What was read and recognised in a set of loops.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Inspection(Result):
         }
 
     def facts(self) -> dict[str, str]:
-        """Return the verdict and what it rests on."""
+        """Return the verdict and the figures behind it."""
         verdict, drive, answer = self.verdict, self.input, self.output
         return {
             "worth a hysteresis model": verdict.level,
@@ -135,18 +135,18 @@ class Inspection(Result):
         return columns_of(self.as_dict()["loops"])
 
     def draw(self, ax: Axes) -> None:
-        """Draw what the best single-valued curve leaves of each loop, beside the noise."""
+        """Draw the error of the best single-valued curve on each loop, next to the noise."""
         scale, label = length_scale(self.output)
-        places = np.arange(len(self.loops))
+        positions = np.arange(len(self.loops))
         for offset, name, text in (
             (-0.27, "single_worst", "single-valued curve, worst"),
             (0.0, "single_mean", "single-valued curve, mean"),
             (0.27, "noise", "noise, rms"),
         ):
             heights = [scale * getattr(loop, name) for loop in self.loops]
-            ax.bar(places + offset, heights, 0.25, label=text)
+            ax.bar(positions + offset, heights, 0.25, label=text)
         names = [loop.label for loop in self.loops]
-        ax.set_xticks(places, names, rotation=60.0, ha="right", fontsize="small")
+        ax.set_xticks(positions, names, rotation=60.0, ha="right", fontsize="small")
         ax.set_xlabel("loop")
         ax.set_ylabel(label)
 

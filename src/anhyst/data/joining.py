@@ -32,7 +32,7 @@ class LoopPart:
     ``labelled`` says whether the source itself distinguishes them.
     """
 
-    place: str
+    source_name: str
     loops: tuple[Loop, ...]
     input: Quantity
     output: Quantity
@@ -58,7 +58,8 @@ def join(parts: Sequence[LoopPart]) -> Loops:
         for loop in part.loops:
             twin = kept.add(loop, part)
             if twin is not None:
-                notes.append(f"{part.place}: loop '{loop.label}' is the one in {twin}: left out")
+                name = part.source_name
+                notes.append(f"{name}: loop '{loop.label}' is the one in {twin}: left out")
     sources = tuple(part.source for part in parts if part.source is not None)
     return Loops(kept.named(), first.input, first.output, first.schedule, sources, tuple(notes))
 
@@ -69,8 +70,8 @@ def _must_agree(first: LoopPart, part: LoopPart) -> None:
         if mine != theirs:
             texts = [quantity.column if quantity else "none" for quantity in (mine, theirs)]
             raise InputError(
-                f"{part.place}: its {role} is {texts[1]} but that of {first.place} is {texts[0]}; "
-                "files read together must hold the same quantities",
+                f"{part.source_name}: its {role} is {texts[1]} but that of {first.source_name} is "
+                f"{texts[0]}; files read together must hold the same quantities",
                 code="quantities-differ",
             )
 
@@ -115,14 +116,14 @@ class _Kept:
         for entry in self.entries:
             if entry.known:
                 alike[entry.loop.label, entry.value].append(entry)
-        paths = {name: PurePath(name) for name in [entry.part.place for entry in self.entries]}
+        paths = {name: PurePath(name) for name in (e.part.source_name for e in self.entries)}
         stems = Counter(path.stem for path in paths.values())
         names = {
             name: path.stem if stems[path.stem] == 1 else str(path.with_suffix(""))
             for name, path in paths.items()
         }
         labels = {
-            id(entry): _own_label(entry, group[0], names[entry.part.place])
+            id(entry): _own_label(entry, group[0], names[entry.part.source_name])
             for group in alike.values()
             if len(group) > 1
             for entry in group
@@ -133,7 +134,7 @@ class _Kept:
         )
 
     def _snap(self, loop: Loop) -> Loop:
-        """Give a scheduling value that differs from an earlier one by rounding only that value."""
+        """Replace a scheduling value by an earlier one that differs only by rounding."""
         value = loop.schedule_value
         if value is None or value in self.values:
             return loop
@@ -150,9 +151,9 @@ def _own_label(entry: _Entry, first: _Entry, name: str) -> str:
         return name
     if entry.value is None and entry is not first:
         raise InputError(
-            f"{entry.part.place}: loop '{entry.loop.label}' is also in {first.part.place}, with "
-            "other data; leave one out, give each its label, or say what differs: a gap, a "
-            "temperature",
+            f"{entry.part.source_name}: loop '{entry.loop.label}' is also in "
+            f"{first.part.source_name}, with other data; leave one out, give each its label, or "
+            "say what differs: a gap, a temperature",
             code="loop-twice",
             key=entry.loop.label,
         )
@@ -163,20 +164,20 @@ def _judge_same(entry: _Entry, other: _Entry) -> str | None:
     """Name the file of a loop with the same data, if it may be left out for that."""
     if entry.value != other.value:
         raise InputError(
-            f"{entry.part.place}: holds the same data at {entry.value:g} as {other.part.place} at "
-            f"{other.value:g}; one of the two is mislabelled",
+            f"{entry.part.source_name}: holds the same data at {entry.value:g} as "
+            f"{other.part.source_name} at {other.value:g}; one of the two is mislabelled",
             code="same-data-twice",
         )
-    return other.part.place if entry.part is not other.part else None
+    return other.part.source_name if entry.part is not other.part else None
+
+
+def _same_data(first: Loop, second: Loop) -> bool:
+    return np.array_equal(first.input, second.input) and np.array_equal(first.output, second.output)
 
 
 def _glance(loop: Loop) -> tuple[float, ...]:
     ends = [0, loop.n // 3, loop.n // 2, loop.n - 1]
     return (float(loop.n), *loop.input[ends].tolist(), *loop.output[ends].tolist())
-
-
-def _same_data(first: Loop, two: Loop) -> bool:
-    return np.array_equal(first.input, two.input) and np.array_equal(first.output, two.output)
 
 
 IN_ONE_RUN = (
@@ -200,7 +201,7 @@ _Curve = tuple[FloatArray, FloatArray]
 
 
 def one_after_another(loops: Sequence[Loop], *, over_gaps: bool = False) -> list[Loop]:
-    """Give settled loops of one record what was run before them.
+    """Complete the history of settled loops of one record with the loops run before them.
 
     Where a loop shares an end with a larger one before it at the same scheduling value, the branch
     from there says whether the iron remembers that one: it is then a part of the larger one's.
@@ -229,8 +230,13 @@ def one_after_another(loops: Sequence[Loop], *, over_gaps: bool = False) -> list
 
 
 def _order(loops: Sequence[Loop]) -> list[int]:
-    """Places of the loops by time; none where it does not show which was run when."""
-    if any(loop.history != SETTLED or loop.time is None or _moves(loop) for loop in loops):
+    """Return the indices of the loops by time; none where the order of the runs is not known."""
+    if any(
+        loop.history != SETTLED
+        or loop.time is None
+        or (loop.schedule is not None and loop.schedule_value is None)
+        for loop in loops
+    ):
         return []
     clocks = [loop.time for loop in loops if loop.time is not None]
     order = sorted(range(len(loops)), key=lambda index: float(clocks[index][0]))
@@ -238,19 +244,15 @@ def _order(loops: Sequence[Loop]) -> list[int]:
     return order if known else []
 
 
-def _moves(loop: Loop) -> bool:
-    return loop.schedule is not None and loop.schedule_value is None
-
-
 def _after(earlier: Sequence[Loop], loop: Loop) -> History:
     points: list[float] = []
-    places: list[float | None] = []
+    schedule: list[float | None] = []
     for other in earlier:
         turns = turning_points(other.input, _TURN * float(np.ptp(other.input)))
         points += other.input[turns].tolist()
-        here = other.schedule_value == loop.schedule_value
-        places += [None if here else other.schedule_value] * turns.size
-    return History("settled", tuple(points), tuple(places))
+        same_gap = other.schedule_value == loop.schedule_value
+        schedule += [None if same_gap else other.schedule_value] * turns.size
+    return History("settled", tuple(points), tuple(schedule))
 
 
 def _is_inside(loop: Loop, larger: Loop) -> bool | None:
@@ -260,18 +262,19 @@ def _is_inside(loop: Loop, larger: Loop) -> bool | None:
         return None
     verdicts = []
     for rising in (True, False):
-        one, two, back = _curve(loop, rising), _curve(larger, rising), _curve(larger, not rising)
-        if one is None or two is None or back is None:
+        inner, outer = _curve(loop, rising), _curve(larger, rising)
+        back = _curve(larger, not rising)
+        if inner is None or outer is None or back is None:
             continue
         end = 0 if rising else -1
-        if abs(one[0][end] - two[0][end]) > _NEAR * span:
+        if abs(inner[0][end] - outer[0][end]) > _NEAR * span:
             continue
-        inside = (one[0] >= two[0][0]) & (one[0] <= two[0][-1])
+        inside = (inner[0] >= outer[0][0]) & (inner[0] <= outer[0][-1])
         if np.count_nonzero(inside) < _FEWEST:
             continue
-        size, answer = one[0][inside], one[1][inside]
-        apart = float(np.mean(answer - np.interp(size, *two)))
-        height = abs(float(np.mean(np.interp(size, *back) - np.interp(size, *two))))
+        size, answer = inner[0][inside], inner[1][inside]
+        apart = float(np.mean(answer - np.interp(size, *outer)))
+        height = abs(float(np.mean(np.interp(size, *back) - np.interp(size, *outer))))
         steep = float(np.ptp(answer) / np.ptp(size))
         scatter = np.hypot(noise(loop.output), steep * noise(loop.input))
         error = float(scatter) * (2.0 / size.size) ** 0.5
@@ -280,7 +283,7 @@ def _is_inside(loop: Loop, larger: Loop) -> bool | None:
 
 
 def _curve(loop: Loop, rising: bool) -> _Curve | None:
-    """Input, ascending, and output of the longest branch one way."""
+    """Return input, ascending, and output of the longest rising or falling branch."""
     parts = [part for part in branches(loop.input) if part.rising == rising]
     if not parts:
         return None

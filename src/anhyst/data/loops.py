@@ -243,10 +243,10 @@ class Loops(Result):
         InputError
             If a value has no loop.
         """
-        places = [values] if isinstance(values, int | float) else list(values)
+        wanted = [values] if isinstance(values, int | float) else list(values)
         scale = max((abs(value) for value in self.schedule_values), default=0.0)
         kept: set[float] = set()
-        for value in places:
+        for value in wanted:
             near = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
             if not near:
                 have = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"

@@ -35,8 +35,8 @@ def turning_points(values: FloatArray, threshold: float) -> NDArray[np.intp]:
         elif direction >= 0 and heights[high] - height > threshold:
             kept.append(high)
             direction, low = -1, index
-    places = np.unique(np.array([*kept, len(heights) - 1], dtype=np.intp))
-    return extremes[places]
+    selected = np.unique(np.array([*kept, len(heights) - 1], dtype=np.intp))
+    return extremes[selected]
 
 
 def reversal_count(values: FloatArray, threshold: float) -> int:
@@ -78,10 +78,10 @@ def thinned(drive: FloatArray, most: int) -> NDArray[np.intp]:
     """Places of at most about `most` samples spread evenly over the way, and of every reversal."""
     if drive.size <= most:
         return np.arange(drive.size)
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
-    places = np.searchsorted(way, np.linspace(0.0, way[-1], most))
+    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
+    nearest = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], most))
     turns = turning_points(drive, 0.02 * float(np.ptp(drive)))
-    return np.union1d(np.clip(places, 0, drive.size - 1), turns)
+    return np.union1d(np.clip(nearest, 0, drive.size - 1), turns)
 
 
 _WOBBLE = 0.05
@@ -92,7 +92,7 @@ _ALIKE = 0.03
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """Samples ``start`` to ``stop`` (exclusive) of a loop, over which the input goes one way."""
+    """Samples ``start`` to ``stop`` (exclusive) of a loop, over which the input is monotonic."""
 
     start: int
     stop: int

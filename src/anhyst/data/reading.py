@@ -48,7 +48,7 @@ _ALONE = "1"
 class _Columns:
     """Columns of one source in SI units, not yet cut into loops; ``where`` puts a row into words."""
 
-    place: str
+    source_name: str
     input: FloatArray
     output: FloatArray
     schedule: FloatArray | None
@@ -128,12 +128,12 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     files: list[Path] = []
     for path in map(Path, listed):
         if path.is_dir():
-            here = sorted(f for f in path.iterdir() if f.suffix.lower() in FORMATS)
-            if not here:
+            data_files = sorted(f for f in path.iterdir() if f.suffix.lower() in FORMATS)
+            if not data_files:
                 raise InputError(
                     f"{path}: this folder holds no {', '.join(FORMATS)} file", code="no-files"
                 )
-            files += here
+            files += data_files
         else:
             files.append(path)
     if not files:
@@ -157,20 +157,20 @@ def _read_file(
 def _read_table(
     table: OpenTable, name: str, description: FileDescription, progress: Progress | None
 ) -> LoopPart:
-    """Read a table; ``name`` is that of its loop where it is all there is to call it by."""
-    place = table.place
+    """Read a table; ``name`` labels its loop where the table has no label of its own."""
+    source_name = table.source_name
     headers = map_headers(table, description.columns)
     head = table.first_rows(SHORTEST)
     words = [index for row in head[:1] for index, field in enumerate(row) if not is_number(field)]
-    roles = find_roles(place, headers, description, words)
+    roles = find_roles(source_name, headers, description, words)
     numbers = [roles.input, roles.output]
     numbers += [index for index in (roles.time, roles.schedule) if index is not None]
-    chosen = {name: find_column(place, headers, name) for name in description.select}
+    chosen = {name: find_column(source_name, headers, name) for name in description.select}
     asked = {index: [row[index] for row in head] for index in _unlabelled(roles)}
     asked = {index: first for index, first in asked.items() if may_label(headers[index], first)}
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
     raw = table.read(numbers, sorted(texts), progress)
-    keep = _selection(place, description, {name: raw.texts[i] for name, i in chosen.items()})
+    keep = _selection(source_name, description, {name: raw.texts[i] for name, i in chosen.items()})
 
     def where(row: int) -> str:
         return table.where(row if keep is None else int(keep[row]))
@@ -194,7 +194,7 @@ def _read_table(
         return column if keep is None else Texts(column.values, column.codes[keep])
 
     idle = {index: text(index) for index in asked}
-    roles = roles.with_label(find_label(place, headers, idle, drive, answer, schedule))
+    roles = roles.with_label(find_label(source_name, headers, idle, drive, answer, schedule))
     if roles.label is None:
         # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
         # there is to distinguish them by.
@@ -202,8 +202,8 @@ def _read_table(
         labels = Texts((roles.fixed_label or own,), np.zeros(drive.size, np.int32))
     else:
         labels = text(roles.label)
-    columns = _Columns(place, drive, answer, schedule, values(roles.time), labels, where)
-    source = Source(place, raw.sha256, dict(description.columns)) if raw.sha256 else None
+    columns = _Columns(source_name, drive, answer, schedule, values(roles.time), labels, where)
+    source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
     return _cut(columns, headers, roles, description, source, raw.notes)
 
 
@@ -212,7 +212,9 @@ def _unlabelled(roles: Roles) -> tuple[int, ...]:
     return roles.idle if roles.label is None and roles.fixed_label is None else ()
 
 
-def _selection(place: str, description: FileDescription, columns: dict[str, Texts]) -> Rows | None:
+def _selection(
+    source_name: str, description: FileDescription, columns: dict[str, Texts]
+) -> Rows | None:
     """Rows whose columns hold one of the selected values; ``None`` for all."""
     if not columns:
         return None
@@ -230,7 +232,7 @@ def _selection(place: str, description: FileDescription, columns: dict[str, Text
     if rows.size == 0:
         asked = ", ".join(f"{name} = {list(values)}" for name, values in description.select.items())
         raise InputError(
-            f"{place}: no row has {asked}; correct the selection", code="selection-empty"
+            f"{source_name}: no row has {asked}; correct the selection", code="selection-empty"
         )
     return rows
 
@@ -275,20 +277,20 @@ def _cut(
         loops.append(loop if stated is None else replace(loop, history=stated))
         unstated += [index] if stated is None else []
     return LoopPart(
-        columns.place,
+        columns.source_name,
         tuple(loops),
         drive,
         answer,
         quantity,
         source,
-        tuple(f"{columns.place}: {text}" for text in remarks),
+        tuple(f"{columns.source_name}: {text}" for text in remarks),
         frozenset(unstated),
         labelled=roles.label is not None or roles.fixed_label is not None,
     )
 
 
 def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
-    """Give the loops whose history nobody stated the one that their data propose, with a note."""
+    """Fill in histories that were not stated with those that the data suggest, and note it."""
     loops = [loop for part in parts for index, loop in enumerate(part.loops) if index in part.open]
     proposals = iter(propose_histories(loops, even=are_even(loops, parts[0].output)))
     completed = []
@@ -301,12 +303,12 @@ def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
             value = loop.schedule_value
             at = f" at {part.schedule.show(value)}" if part.schedule and value is not None else ""
             notes.append(
-                f"{part.place}: history of loop '{loop.label}'{at} taken as {history}: {reason}"
+                f"{part.source_name}: history of loop '{loop.label}'{at} taken as {history}: {reason}"
             )
         is_gap = part.schedule is not None and part.schedule.name == "gap"
         ordered = one_after_another(judged, over_gaps=is_gap)
         if any(loop.history.kind == "settled" and loop.history.turning_points for loop in ordered):
-            notes.append(f"{part.place}: {IN_ONE_RUN}")
+            notes.append(f"{part.source_name}: {IN_ONE_RUN}")
         completed.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
     return completed
 
@@ -333,7 +335,7 @@ def _blocks(columns: _Columns) -> list[Rows]:
             blocks += _by_value(columns, columns.schedule[rows], rows)
         if len(blocks) > _MOST_LOOPS:
             raise InputError(
-                f"{columns.place}: holds more than {_MOST_LOOPS} loops; is the column 'loop' a "
+                f"{columns.source_name}: holds more than {_MOST_LOOPS} loops; is the column 'loop' a "
                 "counter of rows? Leave it out: map it to ''",
                 code="too-many-loops",
                 key="loop",
@@ -373,7 +375,7 @@ def _by_value(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
 
 
 def _loop(columns: _Columns, rows: Rows) -> Loop:
-    """Make one loop, its history still to be said."""
+    """Make one loop, without its history."""
     label = columns.labels.values[columns.labels.codes[rows[0]]]
 
     def part(values: FloatArray | None) -> FloatArray | None:
@@ -402,6 +404,6 @@ def _loop(columns: _Columns, rows: Rows) -> Loop:
     assert drive is not None
     assert answer is not None
     try:
-        return Loop(label, drive, answer, part(columns.schedule), time, source=columns.place)
+        return Loop(label, drive, answer, part(columns.schedule), time, source=columns.source_name)
     except InputError as error:
-        raise error.at(columns.place) from None
+        raise error.at(columns.source_name) from None

@@ -59,19 +59,22 @@ class Roles:
 
 
 def find_roles(
-    place: str, headers: Sequence[Header], description: FileDescription, skip: Collection[int] = ()
+    source: str,
+    headers: Sequence[Header],
+    description: FileDescription,
+    skip: Collection[int] = (),
 ) -> Roles:
     """Decide what each column is."""
-    drive, answer = _pair(place, headers, skip)
-    time = _only(place, headers, "time")
-    label = _label(place, headers, description)
+    drive, answer = _pair(source, headers, skip)
+    time = _only(source, headers, "time")
+    label = _label(source, headers, description)
     fixed_label = _fixed_label(description.constants)
     if label is not None and fixed_label is not None:
         raise InputError(
-            f"{place}: the loop label is both a column and a constant; keep one",
+            f"{source}: the loop label is both a column and a constant; keep one",
             code="column-and-constant",
         )
-    schedule, fixed, quantity = _schedule(place, headers, description)
+    schedule, fixed, quantity = _schedule(source, headers, description)
     used = {drive, answer, time, label, schedule}
     idle = tuple(
         index
@@ -82,13 +85,13 @@ def find_roles(
     return Roles(drive, answer, time, label, fixed_label, schedule, fixed, quantity, chosen, idle)
 
 
-def find_column(place: str, headers: Sequence[Header], name: str) -> int:
-    """Index of a column by the header as it stands in the file."""
+def find_column(source: str, headers: Sequence[Header], name: str) -> int:
+    """Return the index of a column by its header in the file."""
     for index, header in enumerate(headers):
         if header.text == name:
             return index
     raise InputError(
-        f"{place}: has no column '{name}' ({_have(headers)})", code="no-such-column", key=name
+        f"{source}: has no column '{name}' ({_have(headers)})", code="no-such-column", key=name
     )
 
 
@@ -123,9 +126,9 @@ def with_file_name(path: Path, description: FileDescription) -> FileDescription:
     return replace(description, constants=constants)
 
 
-def _pair(place: str, headers: Sequence[Header], skip: Collection[int]) -> tuple[int, int]:
+def _pair(source: str, headers: Sequence[Header], skip: Collection[int]) -> tuple[int, int]:
     """Find input and output; what is missing is asked for together."""
-    pair = [_first(place, headers, names) for names in (INPUTS, tuple(OUTPUT_MAPS))]
+    pair = [_first(source, headers, names) for names in (INPUTS, tuple(OUTPUT_MAPS))]
     drive, answer = pair
     if drive is not None and answer is not None:
         return drive, answer
@@ -136,18 +139,18 @@ def _pair(place: str, headers: Sequence[Header], skip: Collection[int]) -> tuple
     if drive is None:
         what, examples = ("an input", _INPUT_EXAMPLES)
     raise InputError(
-        f"{place}: has no column for {what} ({_have(headers)}); name it {examples}"
+        f"{source}: has no column for {what} ({_have(headers)}); name it {examples}"
         f"{mapping(headers, *missing, skip=skip)}",
         code="column-missing",
     )
 
 
-def _first(place: str, headers: Sequence[Header], names: Sequence[str]) -> int | None:
-    indices = (_only(place, headers, name) for name in names)
+def _first(source: str, headers: Sequence[Header], names: Sequence[str]) -> int | None:
+    indices = (_only(source, headers, name) for name in names)
     return next((index for index in indices if index is not None), None)
 
 
-def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
+def _only(source: str, headers: Sequence[Header], name: str) -> int | None:
     """Index of the one usable column of a quantity; ``None`` if the table has none."""
     indices = [
         i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name
@@ -157,28 +160,28 @@ def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
         texts = " and ".join(f"'{headers[index].text}'" for index in healthy)
         leave = f'--columns "{headers[healthy[1]].text}="'
         raise InputError(
-            f"{place}: columns {texts} are both {name}; leave one out: {leave}",
+            f"{source}: columns {texts} are both {name}; leave one out: {leave}",
             code="column-twice",
             key=name,
         )
     if indices and not healthy:
         header = headers[indices[0]]
         raise InputError(
-            f"{place}: column '{header.text}': {header.problem}{map_one(header)}",
+            f"{source}: column '{header.text}': {header.problem}{map_one(header)}",
             code="bad-header",
             key=header.text,
         )
     return healthy[0] if healthy else None
 
 
-def _label(place: str, headers: Sequence[Header], description: FileDescription) -> int | None:
+def _label(source: str, headers: Sequence[Header], description: FileDescription) -> int | None:
     if description.loop is not None:
-        return find_column(place, headers, description.loop)
+        return find_column(source, headers, description.loop)
     indices = [index for index, header in enumerate(headers) if header.is_label]
     if len(indices) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in indices)
         raise InputError(
-            f"{place}: columns {texts} both label loops; leave one out", code="column-twice"
+            f"{source}: columns {texts} both label loops; leave one out", code="column-twice"
         )
     return indices[0] if indices else None
 
@@ -191,7 +194,7 @@ def _fixed_label(constants: Mapping[str, float | str]) -> str | None:
 
 
 def _fixed_values(
-    place: str, constants: Mapping[str, float | str]
+    source: str, constants: Mapping[str, float | str]
 ) -> dict[str, tuple[Quantity, float]]:
     """Constants of the whole file in SI units, by the name of their quantity."""
     values: dict[str, tuple[Quantity, float]] = {}
@@ -201,13 +204,15 @@ def _fixed_values(
             continue
         if header.problem:
             raise InputError(
-                f"{place}: constant '{key}': {header.problem}", code="bad-constant", key=key
+                f"{source}: constant '{key}': {header.problem}", code="bad-constant", key=key
             )
         try:
             number = float(value)
         except ValueError:
             raise InputError(
-                f"{place}: constant '{key}': '{value}' is no number", code="bad-constant", key=key
+                f"{source}: constant '{key}': '{value}' is no number",
+                code="bad-constant",
+                key=key,
             ) from None
         if header.unit:
             number = header.unit.value_to_si(number)
@@ -216,16 +221,16 @@ def _fixed_values(
 
 
 def _schedule(
-    place: str, headers: Sequence[Header], description: FileDescription
+    source: str, headers: Sequence[Header], description: FileDescription
 ) -> tuple[int | None, float | None, Quantity | None]:
     """Find the scheduling variable: what was asked for, else the gap, else the temperature."""
     if description.schedule == _NO_SCHEDULE:
         return None, None, None
-    fixed = _fixed_values(place, description.constants)
+    fixed = _fixed_values(source, description.constants)
     for name in fixed:
         if any(h.quantity is not None and h.quantity.name == name for h in headers):
             raise InputError(
-                f"{place}: {name} is both a column and a constant; keep one",
+                f"{source}: {name} is both a column and a constant; keep one",
                 code="column-and-constant",
                 key=name,
             )
@@ -238,12 +243,12 @@ def _schedule(
         if name in fixed:
             quantity, value = fixed[name]
             return None, value, quantity
-        index = _only(place, headers, name)
+        index = _only(source, headers, name)
         if index is not None:
             return index, None, headers[index].quantity
     if description.schedule is not None:
         raise InputError(
-            f"{place}: has no column or constant '{description.schedule}' to schedule by "
+            f"{source}: has no column or constant '{description.schedule}' to schedule by "
             f"({_have(headers)}){mapping(headers, names) if names[0] in QUANTITIES else ''}",
             code="column-missing",
             key=description.schedule,
@@ -279,7 +284,7 @@ def may_label(header: Header, first: Sequence[str]) -> bool:
 
 
 def find_label(
-    place: str,
+    source: str,
     headers: Sequence[Header],
     idle: Mapping[int, Texts],
     drive: FloatArray,
@@ -297,15 +302,15 @@ def find_label(
         if loops is not None and _are_loops(loops, drive, answer):
             rows_of_label[index] = loops
     for index in rows_of_label:
-        _refuse_schedule(place, headers[index], scheduled=schedule is not None)
+        _refuse_schedule(source, headers[index], scheduled=schedule is not None)
     if not rows_of_label:
         return None
     first = next(iter(rows_of_label))
     for index, loops in rows_of_label.items():
         if [rows[0] for rows in loops] != [rows[0] for rows in rows_of_label[first]]:
-            names = [headers[one].text for one in (first, index)]
+            names = [headers[position].text for position in (first, index)]
             raise InputError(
-                f"{place}: columns '{names[0]}' and '{names[1]}' both may tell loops apart; say "
+                f"{source}: columns '{names[0]}' and '{names[1]}' both may tell loops apart; say "
                 f'which does: --loop "{names[0]}" or --loop "{names[1]}"',
                 code="label-ambiguous",
             )
@@ -346,14 +351,14 @@ def _are_loops(loops: list[Rows], drive: FloatArray, answer: FloatArray) -> bool
     return all(reversal_count(drive[rows], _REVERSAL * span) > 0 for rows, span in pairs)
 
 
-def _refuse_schedule(place: str, header: Header, *, scheduled: bool) -> None:
+def _refuse_schedule(source: str, header: Header, *, scheduled: bool) -> None:
     """Ask about a column in units of a gap or a temperature: a label would hide it."""
     kinds = {"length": "gap", "temperature": "temperature"}
     name = kinds.get(header.unit.dimension if header.unit else "")
     if scheduled or name is None:
         return
     raise InputError(
-        f"{place}: column '{header.text}' stays through each loop: is it the {name}, then map it: "
+        f"{source}: column '{header.text}' stays through each loop: is it the {name}, then map it: "
         f'{mapping([header], [name]).partition(": ")[2]}, or a mere label: --loop "{header.text}"',
         code="label-or-schedule",
         key=header.text,
@@ -409,7 +414,7 @@ def likely(
     for names in wanted:
         pool = [(_likeness(headers[index], name), index, name) for index in free for name in names]
         # Of equals the first: max keeps it.
-        score, best, name = max(pool, key=lambda one: one[0], default=(least - 1, 0, ""))
+        score, best, name = max(pool, key=lambda scored: scored[0], default=(least - 1, 0, ""))
         if score >= least:
             free.remove(best)
             candidates.append((best, name))

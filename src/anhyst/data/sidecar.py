@@ -15,7 +15,7 @@ from anhyst.support.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class FileDescription:
-    """What is said about files beyond their headers, by arguments or by a sidecar TOML."""
+    """What arguments or a sidecar TOML add to the headers of files."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
     loop: str | None = None
@@ -97,7 +97,7 @@ class FileDescription:
             raise error.at(path) from None
 
     def over(self, other: FileDescription) -> FileDescription:
-        """Combine with another reading; what this one says goes first."""
+        """Combine with another description; entries of this one take precedence."""
         if self.history is not None:
             other = replace(other, histories={})
         merged: dict[str, Any] = {}

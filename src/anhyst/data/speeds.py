@@ -39,7 +39,7 @@ def rate_of(drive: FloatArray, time: FloatArray | None) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Speeds:
-    """Loops told apart by how fast they run."""
+    """Loops grouped by their rate."""
 
     slow: Loops  # at every gap the slowest, and all that are not clearly faster
     fast: tuple[tuple[Loop, ...], ...]  # the others in groups of about one rate, the slowest first
@@ -106,8 +106,8 @@ def _spread(time: FloatArray | None) -> FloatArray | None:
     first = np.flatnonzero(np.diff(time, prepend=-np.inf))
     pace = (time[first[-1]] - time[first[-2]]) / (first[-1] - first[-2])
     after = time[-1] + pace * (time.size - first[-1])
-    places = np.append(first, time.size)
-    spread: FloatArray = np.interp(np.arange(time.size), places, np.append(time[first], after))
+    edges = np.append(first, time.size)
+    spread: FloatArray = np.interp(np.arange(time.size), edges, np.append(time[first], after))
     return spread
 
 

@@ -48,7 +48,7 @@ class _Rises:
 
     @property
     def verdict(self) -> Literal["virgin", "settled", "unsure"]:
-        """What the first rise is, where noise lets it be seen."""
+        """Verdict on the first rise; none where the noise hides it."""
         if self.apart > max(_SURE * self.error, _ALIKE * self.height):
             return "virgin"
         return "settled" if self.apart + 2.0 * self.error < _ALIKE * self.height else "unsure"
@@ -76,7 +76,7 @@ def _all_virgin(seen: Sequence[list[_Rises]]) -> bool:
     if not whole or any(_clearest(parts).verdict == "settled" for parts in seen):
         return False
     apart = sum(rises.apart / rises.error for rises in whole) / len(whole) ** 0.5
-    share = sum(rises.apart for rises in whole) / sum(abs(one.height) for one in whole)
+    share = sum(rises.apart for rises in whole) / sum(abs(rises.height) for rises in whole)
     return apart > _SURE and share > _ALIKE
 
 
@@ -99,7 +99,7 @@ def _propose(loop: Loop, parts: list[_Rises], alike: bool, *, even: bool) -> Pro
 
 
 def _by_closure(loop: Loop, *, even: bool) -> Proposal:
-    """Judge a record whose first rise has no second beside it."""
+    """Judge a record that has no second rise to compare the first with."""
     drive, answer = loop.input, loop.output
     height = float(np.ptp(answer)) or 1.0
     back = _return_to_start(drive, answer)
@@ -156,7 +156,7 @@ def _starts_at_rest(loop: Loop, *, even: bool) -> bool:
 
 
 def _rises(loop: Loop, *, even: bool) -> list[_Rises]:
-    """Compare the first rise with a later one, over parts of it; nothing if there are not both."""
+    """Compare the first rise with a later one, part by part; ``None`` without a later one."""
     size, answer = folded(loop, even=even)
     reach = _REST * float(np.max(np.abs(size)))
     parts = branches(size)
@@ -196,14 +196,14 @@ def _drift(
     """Mean distance of what must lie on each other if nothing drifts, and its standard error."""
     span = top - float(rise[0][0])
     if falls is not None and abs(falls[0][0][0] - falls[1][0][0]) <= _REST * span:
-        (one, two), low = falls, float(falls[1][0].min())
+        (first, second), low = falls, float(falls[1][0].min())
     else:
-        one, two, low = rise, again, top - (1.0 - _TOP) * span
-    inside = (one[0] >= low) & (one[0] <= min(top, float(two[0].max())))
-    size, answer = one[0][inside], one[1][inside]
+        first, second, low = rise, again, top - (1.0 - _TOP) * span
+    inside = (first[0] >= low) & (first[0] <= min(top, float(second[0].max())))
+    size, answer = first[0][inside], first[1][inside]
     if size.size < _FEWEST:
         return 0.0, _scatter(rise[1], span, sigma)
-    apart = _at(two, size) - answer
+    apart = _at(second, size) - answer
     error = _scatter(answer, span, sigma) * (2.0 / size.size) ** 0.5
     # What is not the same all along is no drift.
     uneven = float(np.std([part.mean() for part in np.array_split(apart, _FEWEST)]))

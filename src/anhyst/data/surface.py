@@ -16,7 +16,7 @@ from anhyst.support.numeric import FloatArray
 
 
 def midway(members: Sequence[Loop], levels: FloatArray) -> FloatArray:
-    """Return what lies midway between the least and the largest current at levels of the force.
+    """Return the mean of the least and the largest current at each level of the force.
 
     As :func:`envelope`.
     """

@@ -127,7 +127,7 @@ class DataTable:
         return self.opened.where(row)
 
     def as_columns(self) -> dict[str, FloatArray | Texts]:
-        """Columns as they stood in the file by header, ready for `write_csv` to repeat."""
+        """Return the original columns of the file by header, for `write_csv` to repeat."""
         names = {}
         for index, (text, column) in enumerate(zip(self.opened.header, self.columns, strict=True)):
             unit = self.opened.units[index] if self.opened.units else ""
@@ -164,7 +164,7 @@ def read_columns(
         else:
             raw.numbers[index].flags.writeable = False
             held.append(raw.numbers[index])
-    return DataTable(opened.place, raw.sha256, headers, tuple(held), raw.notes, opened)
+    return DataTable(opened.source_name, raw.sha256, headers, tuple(held), raw.notes, opened)
 
 
 def map_headers(table: OpenTable, columns: Mapping[str, str]) -> tuple[Header, ...]:
@@ -176,21 +176,21 @@ def map_headers(table: OpenTable, columns: Mapping[str, str]) -> tuple[Header, .
         if index is None:
             have = ", ".join(table.header)
             raise InputError(
-                f"{table.place}: has no column '{source}' to map (columns: {have})",
+                f"{table.source_name}: has no column '{source}' to map (columns: {have})",
                 code="no-such-column",
                 key=source,
             )
-        headers[index] = _map_header(table.place, headers[index], target)
+        headers[index] = _map_header(table.source_name, headers[index], target)
     return tuple(headers)
 
 
-def _map_header(place: str, own: Header, target: str) -> Header:
+def _map_header(file_name: str, own: Header, target: str) -> Header:
     if not target.strip():
         return Header(own.text, "", Quantity("", "", "1"), None)
     meant = parse_header(target)
     if meant.problem and own.unit and (with_own := parse_header(target, own.unit.symbol)).is_known:
         meant = with_own
-    where = f"{place}: column '{own.text}' mapped to '{target}'"
+    where = f"{file_name}: column '{own.text}' mapped to '{target}'"
     if meant.problem:
         raise InputError(
             f"{where}: {own.problem if own.unit is None and own.problem else meant.problem}",
@@ -207,7 +207,7 @@ def _map_header(place: str, own: Header, target: str) -> Header:
     return Header(own.text, meant.name, meant.quantity, meant.unit)
 
 
-PLACE = "data frame"
+IN_MEMORY = "data frame"
 
 
 def is_frame(source: object) -> bool:
@@ -225,7 +225,7 @@ def table_of(frame: Any) -> MemoryTable:
     else:
         names = list(getattr(frame, "columns", frame))
     columns = tuple(np.asarray(frame[name]) for name in names)
-    return MemoryTable(PLACE, tuple(map(str, names)), columns)
+    return MemoryTable(IN_MEMORY, tuple(map(str, names)), columns)
 
 
 def _has_names(frame: Any) -> bool:
@@ -239,7 +239,7 @@ def _through_arrow(frame: Any) -> Any:
         from pyarrow import interchange
     except ImportError as error:
         raise InputError(
-            f"{PLACE}: pyarrow is needed to read a {type(frame).__name__}: "
+            f"{IN_MEMORY}: pyarrow is needed to read a {type(frame).__name__}: "
             "pip install 'anhyst[io]'; or give a dict of arrays",
             code="not-installed",
             key="pyarrow",
@@ -255,7 +255,7 @@ _EVEN = 0.01
 
 @dataclass(frozen=True, slots=True)
 class ChannelFigures:
-    """A channel as it stands in its file."""
+    """A channel of a file: name, unit and range."""
 
     name: str  # as ``--columns`` takes it
     unit: str

@@ -352,33 +352,35 @@ class Closing:
 
     def step(self, loop: Loop, output: FloatArray) -> float:
         """Return how far an output without noise is off after the small loop."""
-        here = []
+        crossings = []
         for rows in (self.before, self.after):
             order = np.argsort(loop.input[rows])
-            here.append(float(np.interp(self.at, loop.input[rows][order], output[rows][order])))
-        return here[1] - here[0]
+            crossings.append(
+                float(np.interp(self.at, loop.input[rows][order], output[rows][order]))
+            )
+        return crossings[1] - crossings[0]
 
     def measured(self, loop: Loop, followed: FloatArray) -> tuple[float, float] | None:
         """Return that of the measured output and its standard error; None of too few samples.
 
         Seen in what a model that follows the loop leaves of it, which is straight nearby.
         """
-        window, places, left = _WINDOW * float(np.ptp(loop.input)), [], []
+        window, distances, left = _WINDOW * float(np.ptp(loop.input)), [], []
         for rows, side in ((self.before, 0.0), (self.after, self.beyond)):
-            place = (loop.input[rows] - self.at) / window
-            near = (np.abs(place) <= 1.0) & (side * place >= 0.0)
+            distance = (loop.input[rows] - self.at) / window
+            near = (np.abs(distance) <= 1.0) & (side * distance >= 0.0)
             if np.count_nonzero(near) < _FEWEST // 2:
                 return None
-            places.append(place[near])
+            distances.append(distance[near])
             left.append((loop.output - followed)[rows][near])
-        stepped = np.repeat([0.0, 1.0], [side_places.size for side_places in places])
-        along = np.concatenate(places)
+        stepped = np.repeat([0.0, 1.0], [on_side.size for on_side in distances])
+        along = np.concatenate(distances)
         terms = np.column_stack([np.ones_like(along), along, stepped])
-        found, squares, _, _ = np.linalg.lstsq(terms, np.concatenate(left))
+        coefficients, squares, _, _ = np.linalg.lstsq(terms, np.concatenate(left))
         if squares.size == 0:
             return None
         spread = float(squares[0]) / (along.size - 3) * float(np.linalg.inv(terms.T @ terms)[2, 2])
-        return float(found[2]) + self.step(loop, followed), math.sqrt(spread)
+        return float(coefficients[2]) + self.step(loop, followed), math.sqrt(spread)
 
 
 def closings(loop: Loop) -> Iterator[Closing]:
@@ -387,8 +389,8 @@ def closings(loop: Loop) -> Iterator[Closing]:
     turns = turning_points(drive, _SAME / 2.0 * span)
     ways = [slice(begin, end + 1) for begin, end in itertools.pairwise(turns.tolist())]
     open_: list[int] = []
-    for place, end in enumerate(drive[turns[1:]].tolist(), start=1):
-        up = math.copysign(1.0, end - drive[turns[place - 1]])
+    for number, end in enumerate(drive[turns[1:]].tolist(), start=1):
+        up = math.copysign(1.0, end - drive[turns[number - 1]])
         while len(open_) > 1:
             first = open_[-2]
             at = float(drive[turns[first]])
@@ -396,9 +398,9 @@ def closings(loop: Loop) -> Iterator[Closing]:
             if ahead < -_SAME:
                 break
             passed = int(ahead > _SAME)  # else it turns where it was turned before
-            if place - passed < len(ways):
-                yield Closing(at, ways[first - passed], ways[place - passed], passed * up)
+            if number - passed < len(ways):
+                yield Closing(at, ways[first - passed], ways[number - passed], passed * up)
             del open_[-2:]
             if not passed:
                 break
-        open_.append(place)
+        open_.append(number)

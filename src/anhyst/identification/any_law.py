@@ -238,7 +238,7 @@ def _descend(problem: _Problem, seed: int) -> tuple[float, Outcome]:
         )
 
     short = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in begins]
-    end, entries = min(short, key=lambda one: float(one[0].cost))
+    end, entries = min(short, key=lambda attempt: float(attempt[0].cost))
     best = descend(entries, end.x, 1e-8, 60)
     model = problem.model(entries, best.x)
     uncertainty = _assess(problem, entries, best.x, best.fun, best.jac)

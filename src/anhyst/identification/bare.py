@@ -150,8 +150,8 @@ _BETWEEN = 4
 def model_of(fit: FoundModel, loopset: Loops) -> Model:
     """Bare model of a fit: parameters and gap map, no records of how it was found."""
     space = fit.space
-    places, sets = _between(fit)
-    nodes = tuple(float(node) for node in places)
+    positions, sets = _between(fit)
+    nodes = tuple(float(node) for node in positions)
     single = len(nodes) < 2
     gaps = nodes if loopset.schedule is not None and loopset.schedule.name == "gap" else ()
     parameters = physical(space.form, sets, space.gap_map, loopset.input, loopset.output, gaps)
@@ -189,23 +189,23 @@ def _between(fit: FoundModel) -> tuple[FloatArray, list[Local]]:
     seen = np.array([local.omega for local in sets])
     own = Curve("rho", nodes, seen / np.maximum(1.0 - leakage * seen, LEAST_GAP_FLUX))
     pieces = [np.linspace(*ends, _BETWEEN, endpoint=False) for ends in pairwise(nodes)]
-    places = np.concatenate([*pieces, nodes[-1:]])
+    positions = np.concatenate([*pieces, nodes[-1:]])
     first, power = sets[0], space.form.power
     scale = first.scale * (1.0 - first.h * first.omega)
     gain = first.gain / max(1.0 - leakage * first.omega, LEAST_GAP_FLUX) ** power
-    return places, [
+    return positions, [
         replace(
             first,
             omega=omega,
             scale=scale / (1.0 - first.h * omega),
             gain=gain * max(1.0 - leakage * omega, LEAST_GAP_FLUX) ** power,
         )
-        for omega in (own(places) / (1.0 + leakage * own(places))).tolist()
+        for omega in (own(positions) / (1.0 + leakage * own(positions))).tolist()
     ]
 
 
 def valid_range(loopset: Loops) -> ValidRange:
-    """Give the range of what was measured."""
+    """Return the measured range."""
 
     def span(values: list[FloatArray]) -> tuple[float, float]:
         return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
@@ -243,7 +243,7 @@ def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> Fou
 
 
 def why_dead_band(before: FoundModel, after: FoundModel) -> str:
-    """Report the dead band that was given, and what it costs."""
+    """Report the dead band that the user set, and what it costs."""
     part = after.space.form.dead_band
     if part == 0.0:
         return f"none: even one of {PARTS[-1]:g}*k costs more than {COST - 1:.0%} of the deviation"

@@ -47,7 +47,7 @@ class ModelCandidate:
     polished: bool = False  # whether every weight of the cells has moved by itself at the end
 
     def title(self, law: str) -> str:
-        """Name it to a reader, beside its map; of a run with this law."""
+        """Return the name for a report, with the gap map, in a run with this law."""
         if self.cells is None:
             return law
         count = self.cells.populations
@@ -163,7 +163,7 @@ class Fits:
     """Two fits under one candidate: offsets free, and only those that the data demand."""
 
     wide: FoundModel
-    found: FoundModel
+    lean: FoundModel
 
 
 @dataclass(eq=False)
@@ -173,23 +173,23 @@ class Contest:
     entrants: list[ModelCandidate]
     fits: dict[ModelCandidate, Fits]
     refits: dict[Fold, dict[ModelCandidate, Refit]]
-    places: Sequence[int]
+    left_out: Sequence[int]
     by: LeftOut = "gap"
 
     def misses(self, entrant: ModelCandidate, besides: Fold = frozenset()) -> list[Miss]:
-        """Give what a candidate missed at each place, left out besides some others."""
+        """Return the errors of a candidate on each part that was left out."""
         return [
             self.refits[besides | {index}][entrant].missed[index]
-            for index in self.places
+            for index in self.left_out
             if index not in besides
         ]
 
     def is_tried(self, entrant: ModelCandidate, besides: Fold = frozenset()) -> bool:
-        """Whether one was fitted without each place, and some others."""
-        return all(entrant in self.refits[besides | {index}] for index in self.places)
+        """Whether a candidate was fitted without each part."""
+        return all(entrant in self.refits[besides | {index}] for index in self.left_out)
 
     def near(self) -> list[ModelCandidate]:
-        """Give those that would perhaps be chosen if one of the places had not been seen."""
+        """Return the candidates that might win if one part had not been measured."""
         squares = {entrant: mean_square_of(self.misses(entrant)) for entrant in self.entrants}
         most = _NEAR * min(squares.values())
         return [
@@ -213,7 +213,9 @@ class Contest:
             certain = _CERTAIN if blocks else 1.0
             if (
                 best is None
-                or better(*(_compared(missed[one], pair) for one in (best, first)), certain)
+                or better(
+                    *(_compared(missed[candidate], pair) for candidate in (best, first)), certain
+                )
                 or (blocks and self._plainly(best, first, besides))
             ):
                 best = first
@@ -221,7 +223,7 @@ class Contest:
         return best
 
     def _plainly(self, entrant: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
-        """Whether another is better by much, of what it saw and of what it did not."""
+        """Whether another candidate is much better on both fitted and left-out data."""
         squares = [mean_square_of(self.misses(each, besides)) for each in (entrant, other)]
         costs = [self._cost(each, besides) for each in (entrant, other)]
         return bool(squares[0] > _PLAIN * squares[1] and costs[0] > _PLAIN * costs[1])
@@ -231,21 +233,21 @@ class Contest:
         return [entrant for entrant in self.entrants if entrant.rank == least]
 
     def _cost(self, entrant: ModelCandidate, besides: Fold) -> float:
-        return self.refits[besides][entrant].cost if besides else self.fits[entrant].found.cost
+        return self.refits[besides][entrant].cost if besides else self.fits[entrant].lean.cost
 
     def error(self, entrant: ModelCandidate) -> float | None:
-        """Cross-validation error of one; None where nothing was left out."""
-        return mean_of(self.misses(entrant)) if self.places else None
+        """Return the cross-validation error of a candidate; None where nothing was left out."""
+        return mean_of(self.misses(entrant)) if self.left_out else None
 
     def finite_error(self, entrant: ModelCandidate) -> float | None:
-        """Cross-validation error of one; None, too, where it has no answer to what was left out."""
+        """Return the cross-validation error of a candidate; None where it is not finite, too."""
         error = self.error(entrant)
         return error if error is not None and np.isfinite(error) else None
 
     def errors_of_maps(self, alike: ModelCandidate) -> dict[str, float]:
-        """Cross-validation error of each map under the law of one, of its best variant."""
+        """Return the error of the best variant of each gap map, under the law of a candidate."""
         errors: dict[str, float] = {}
-        for entrant in self.entrants if self.places else ():
+        for entrant in self.entrants if self.left_out else ():
             if (entrant.cells, entrant.polished) == (alike.cells, alike.polished):
                 error = mean_of(self.misses(entrant))
                 name = WRITTEN.get(entrant.gap_map, entrant.gap_map)
@@ -255,11 +257,11 @@ class Contest:
     def nested(self) -> list[float]:
         """Errors at places that neither the fit nor the choice has seen."""
         errors = []
-        for index in self.places:
+        for index in self.left_out:
             fold = frozenset({index})
-            seen = fold if len(self.places) > 1 else frozenset[int]()  # one gap alone decides
-            one = self.winner(seen) if len(self.entrants) > 1 else self.entrants[0]
-            errors.append(self.refits[fold][one].missed[index].mean)
+            seen = fold if len(self.left_out) > 1 else frozenset[int]()  # one gap alone decides
+            winner = self.winner(seen) if len(self.entrants) > 1 else self.entrants[0]
+            errors.append(self.refits[fold][winner].missed[index].mean)
         return errors
 
 

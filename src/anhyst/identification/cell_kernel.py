@@ -165,7 +165,7 @@ class CellKernel:
 
     @cached_property
     def numbers(self) -> tuple[FitNumber, ...]:
-        """What a fit moves of the law itself."""
+        """Numbers of the law that a fit varies."""
         more = (number for index in range(2, self.populations + 1) for number in _further(index))
         return (*_FIRST, *more)
 
@@ -239,7 +239,7 @@ class WeightKernel:
 
     @cached_property
     def numbers(self) -> tuple[FitNumber, ...]:
-        """What a fit moves: the weights."""
+        """Numbers that a fit varies: the weights."""
         start = self.populations
         spread = _LOOSE * start.saturation
         return tuple(
@@ -289,7 +289,7 @@ def by_weights(kernel: CellKernel, law: tuple[float, ...]) -> WeightKernel:
     """Return the kernel that moves each weight, beginning with populations."""
     start = kernel.weights(law)
     first, *further = start.widths[1:].tolist()
-    more = [part * first for part in BESIDE] + [BEYOND * one for one in further]
+    more = [part * first for part in BESIDE] + [BEYOND * width for width in further]
     widths = np.concatenate([start.widths, more])[: max(MOST_WIDTHS, start.widths.size)]
     weights = np.zeros((start.thresholds.size, widths.size))
     weights[:, : start.widths.size] = start.weights

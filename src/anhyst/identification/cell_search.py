@@ -350,8 +350,8 @@ def _suggested(levels: _Levels, before: Sequence[FoundModel]) -> list[FloatArray
     """Add a population to fits, where each would take most off what is left."""
     suggestions = []
     objective = Objective(levels.coarse, levels.tie)
-    for one in dict.fromkeys(before):  # ends may have joined
-        tried = [_weighed(objective, one, (width, pin)) for width in _WIDTHS for pin in _PINNED]
+    for end in dict.fromkeys(before):  # ends may have joined
+        tried = [_weighed(objective, end, (width, pin)) for width in _WIDTHS for pin in _PINNED]
         tried.sort(key=lambda start: -start[0])
         suggestions += [theta for _, theta in tried[:_SUGGESTED]]
     return suggestions

@@ -80,18 +80,16 @@ CARRIED = 24
 """Sets of the screening that are tried at the other gaps beside the optimum of one gap."""
 
 
-def outcome_of(
-    found: FoundModel, loopset: Loops, why: str, *, interrupted: bool = False
-) -> Outcome:
-    """Return a fit as the outcome of a search, without what it was compared with."""
+def outcome_of(fit: FoundModel, loopset: Loops, why: str, *, interrupted: bool = False) -> Outcome:
+    """Return a fit as the outcome of a search, without the other candidates."""
     return Outcome(
-        model_of(found, loopset),
-        assess(found, loopset),
-        found.theta.size,
-        found.evaluations,
+        model_of(fit, loopset),
+        assess(fit, loopset),
+        fit.theta.size,
+        fit.evaluations,
         why,
         interrupted,
-        found=found,
+        found=fit,
     )
 
 
@@ -118,7 +116,7 @@ def search_models(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
         )
     candidates: tuple[CandidateFit, ...] = ()
     why_law, apart = "", 0.0
-    alone = contest.fits[best].found
+    alone = contest.fits[best].lean
     enough = _is_usable(alone, loopset) and not _leaves_something(alone, loopset)
     if run.cells and (run.only_cells or not enough):
         maps = contest.errors_of_maps(best)
@@ -129,10 +127,10 @@ def search_models(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
     else:
         maps = contest.errors_of_maps(best)
         run.total -= 4 if run.cells else 0
-    found, why, dead_band = _finished(run, loopset, contest.fits[best].found, why)
+    fit, why, dead_band = _finished(run, loopset, contest.fits[best].lean, why)
     promised = run.timed("left out", partial(_promised, contest, loopset))
     return replace(
-        outcome_of(found, loopset, why),
+        outcome_of(fit, loopset, why),
         dead_band=dead_band,
         left_out={name: error for name, error in maps.items() if np.isfinite(error)},
         promised=promised,
@@ -145,10 +143,10 @@ def search_models(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
 def _left_open(contest: Contest, best: ModelCandidate, loopset: Loops) -> float:
     if len(loopset) > 1:
         return 0.0
-    most = ALIKE**2 * contest.fits[best].found.cost
-    alike = [fits.found for fits in contest.fits.values() if fits.found.cost <= most]
+    most = ALIKE**2 * contest.fits[best].lean.cost
+    alike = [fits.lean for fits in contest.fits.values() if fits.lean.cost <= most]
     models = [model_of(fit, loopset) for fit in alike]
-    return left_open(model_of(contest.fits[best].found, loopset), models, loopset)
+    return left_open(model_of(contest.fits[best].lean, loopset), models, loopset)
 
 
 def _compared_maps(
@@ -166,9 +164,9 @@ def _compared_maps(
             run.total -= 1
             if candidate is tried[-1] and not fits:
                 raise
-    usable = [fit for fit in fits if _is_usable(fits[fit].found, loopset)]
+    usable = [fit for fit in fits if _is_usable(fits[fit].lean, loopset)]
     contest = Contest(usable or list(fits), fits, {}, inner(run.searched.gaps))
-    if contest.places:
+    if contest.left_out:
         run.step("left out", partial(_leave_out, contest, loopset, contest.entrants))
     return contest
 
@@ -186,11 +184,11 @@ def _compare_cells(
     blocks of samples.
     """
     by: LeftOut = "gap"
-    if not contest.places:
-        by, places = "loop", inner_loops(run.searched)
-        if len(places) < 2:
-            by, places = "block", block_places(run.searched)
-        contest.places = places
+    if not contest.left_out:
+        by, indices = "loop", inner_loops(run.searched)
+        if len(indices) < 2:
+            by, indices = "block", block_places(run.searched)
+        contest.left_out = indices
         contest.by = by
         contest.entrants[:] = [base]
         run.timed("left out", partial(_leave_out, contest, loopset, [base]))
@@ -205,7 +203,7 @@ def _compare_cells(
     def search() -> dict[ModelCandidate, Fits]:
         fit: dict[ModelCandidate, Fits] = {}
         for some in filter(None, (simpler, new)):
-            if all(leaves(fits.found) for fits in fit.values()):
+            if all(leaves(fits.lean) for fits in fit.values()):
                 fit |= search_cells(wide, run.searched, some, run.seed, leaves, may_be_chosen)
         return fit
 
@@ -219,17 +217,17 @@ def _compare_cells(
         contest.fits[candidate] = run.timed("play cells", again)
     run.timed("left out", partial(_leave_out, contest, loopset, others))
     new += others
-    if contest.places and base.gap_map != "free" and _bears_weights(contest.fits[best].found):
+    if contest.left_out and base.gap_map != "free" and _bears_weights(contest.fits[best].lean):
         best = min(new, key=lambda candidate: contest.error(candidate) or 0.0)
         further = polished(best)
-        fit = run.step("play cells", partial(polish, contest.fits[best].found, run.searched))
+        fit = run.step("play cells", partial(polish, contest.fits[best].lean, run.searched))
         contest.fits[further] = Fits(fit, fit)
         run.step("left out", partial(_leave_out, contest, loopset, [further]))
         new.append(further)
     else:
         run.total -= 2
     every = new if run.only_cells else [*contest.entrants, *new]
-    usable = [entrant for entrant in every if _is_usable(contest.fits[entrant].found, loopset)]
+    usable = [entrant for entrant in every if _is_usable(contest.fits[entrant].lean, loopset)]
     contest.entrants[:] = usable or every
     return _accepted(contest, loopset)
 
@@ -251,13 +249,13 @@ def _bears_weights(fit: FoundModel) -> bool:
 
 def _promised(contest: Contest, loopset: Loops) -> CrossValidation | None:
     """Say what the choice misses where it has seen nothing; inner loops left out promise nothing."""
-    if contest.by == "loop" or not contest.places:
+    if contest.by == "loop" or not contest.left_out:
         return None
     if len(contest.entrants) > 1:
         _leave_out(contest, loopset, contest.near(), together=2)
     if contest.by == "block":
         each = float(np.mean(noise_at(loopset)))
-        return promise(contest.nested(), [each] * len(contest.places), "block")
+        return promise(contest.nested(), [each] * len(contest.left_out), "block")
     return promise(contest.nested(), noise_at(loopset)[1:-1])
 
 
@@ -265,11 +263,13 @@ def _leave_out(
     contest: Contest, loopset: Loops, some: Sequence[ModelCandidate], together: int = 1
 ) -> None:
     """Fit some without each place, or without each pair."""
-    for fold in folds(contest.places, together):
+    for fold in folds(contest.left_out, together):
         known = contest.refits.setdefault(fold, {})
-        for one in some:
-            fits = contest.fits[one]
-            known[one] = refit(fits.found if one.cells else fits.wide, loopset, fold, contest.by)
+        for entrant in some:
+            fits = contest.fits[entrant]
+            known[entrant] = refit(
+                fits.lean if entrant.cells else fits.wide, loopset, fold, contest.by
+            )
 
 
 def _leaves_something(fit: FoundModel, loopset: Loops) -> bool:
@@ -302,8 +302,8 @@ def _listed(run: SearchRun, contest: Contest, best: ModelCandidate) -> tuple[Can
         CandidateFit(
             law=candidate.title(run.form.law),
             gap_map=WRITTEN.get(candidate.gap_map, candidate.gap_map),
-            numbers=fits.found.theta.size,
-            rms=float(np.sqrt(fits.found.cost)),
+            numbers=fits.lean.theta.size,
+            rms=float(np.sqrt(fits.lean.cost)),
             left_out=contest.finite_error(candidate) if candidate in contest.entrants else None,
             note=CHOSEN
             if candidate == best
@@ -338,7 +338,7 @@ def _accepted(contest: Contest, loopset: Loops) -> ModelCandidate:
     worst = _COMPARABLE * min(contest.error(candidate) or 0.0 for candidate in every)
     while contest.entrants:
         best = contest.winner()
-        able = _passes(contest.fits[best].found, loopset)
+        able = _passes(contest.fits[best].lean, loopset)
         if len(every) == 1 or (able and not _bends(contest, best, loopset)):
             if (contest.error(best) or 0.0) <= worst:
                 return best
@@ -355,13 +355,13 @@ def _bends(contest: Contest, candidate: ModelCandidate, loopset: Loops) -> bool:
     if contest.by != "gap" or not error or loopset.schedule is None:
         return False
     simpler = [
-        (model_of(contest.fits[other].found, loopset), missed)
+        (model_of(contest.fits[other].lean, loopset), missed)
         for other in contest.fits
         if other.gap_map != candidate.gap_map and other.cells == candidate.cells and other.rank < candidate.rank
         and contest.is_tried(other)
         and (missed := contest.finite_error(other)) is not None
     ]  # fmt: skip
-    return bends(model_of(contest.fits[candidate].found, loopset), error, simpler, loopset)
+    return bends(model_of(contest.fits[candidate].lean, loopset), error, simpler, loopset)
 
 
 @lru_cache(maxsize=2)  # of one fit it is asked again and again
@@ -373,7 +373,7 @@ def _passes(fit: FoundModel, loopset: Loops) -> bool:
 def _finished(
     run: SearchRun, loopset: Loops, fit: FoundModel, why: str
 ) -> tuple[FoundModel, str, str]:
-    """Give the law its dead band and follow the fit to its end on every sample."""
+    """Add the dead band and run the fit to convergence on every sample."""
     dead_band = "none: it was not wanted"
     if fit.space.form.cells is not None:
         dead_band = "none: play cells need none"
@@ -393,7 +393,7 @@ def _with_dead_band(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[Fo
 
     def work() -> FoundModel:
         matters = usable(fit)
-        return add_dead_band(fit, lambda one: not matters or usable(one))
+        return add_dead_band(fit, lambda candidate: not matters or usable(candidate))
 
     after = run.step("dead band", work)
     return after, why_dead_band(fit, after)
@@ -406,8 +406,8 @@ def _known(run: SearchRun) -> tuple[Fits, list[Local]]:
         "one gap", lambda: _pair(search_one_gap(run.form, home, run.seed, run.held), home.gaps == 1)
     )
     if run.searched.gaps == 1:
-        run.best = fits.found
-        return fits, fits.found.sets
+        run.best = fits.lean
+        return fits, fits.lean.sets
     return fits, [*fits.wide.sets, *starts(fits.wide.space, SCREENED, CARRIED, run.seed)]
 
 
@@ -427,8 +427,8 @@ def _joined(
         return join_gaps(run.form, run.searched, candidate.gap_map, known, candidate.held)
 
     fits = run.step("gap maps", lambda: _pair(search()))
-    if run.best is None or (candidate.rank == 0 and fits.found.cost < run.best.cost):
-        run.best = fits.found
+    if run.best is None or (candidate.rank == 0 and fits.lean.cost < run.best.cost):
+        run.best = fits.lean
     return fits
 
 

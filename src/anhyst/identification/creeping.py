@@ -98,7 +98,7 @@ ROUNDS = 3
 
 @dataclass(frozen=True)
 class _Try:
-    """What is tried: lag in s, middle of the curves, creep times; and what came of it."""
+    """One trial: lag in s, middle of the curves, creep times; and its result."""
 
     lag: float
     middle: float
@@ -144,7 +144,7 @@ def fit_creeping(loopset: Loops) -> Outcome:
 
 
 def _with_creep(problem: _Problem, plain: Sequence[_Try], chosen: _Try) -> _Try:
-    """Give creep to those that fit best without, and keep it where it is worth it."""
+    """Add creep to the best fits without it, and keep it where it pays."""
     near = sorted(plain, key=lambda attempt: attempt.rms)[:4]
     tried = []
     for start in {id(each): each for each in (*near, chosen)}.values():
@@ -161,7 +161,7 @@ def _with_creep(problem: _Problem, plain: Sequence[_Try], chosen: _Try) -> _Try:
 
 
 def held(model: Model, loopset: Loops) -> tuple[Model, str]:
-    """Find up to which rate of cycles a model holds, and say what it misses beyond."""
+    """Find the highest cycle rate at which a model holds, and its error above that."""
     missed: dict[float, list[float]] = {}
     for loop in loopset.loops:
         made = model.predict(loop.input, None, loop.time, loop.history).output
@@ -229,10 +229,10 @@ class _Problem:
         )
         assert best.weights is not None
         off = []
-        for loop, (places, _) in zip(
+        for loop, (fields, _) in zip(
             self.loopset.loops, self.plays(best.lag, best.middle), strict=True
         ):
-            made = self.at_once(places, best.weights) + best.weights[-2] - best.weights[-1]
+            made = self.at_once(fields, best.weights) + best.weights[-2] - best.weights[-1]
             off.append(np.abs(loop.output - made))
         usual = float(np.median(np.concatenate(off)))
         counted = [
@@ -262,7 +262,7 @@ class _Problem:
 
     @property
     def rates(self) -> list[float]:
-        """Of the cycles of each loop, Hz."""
+        """Cycle rate of each loop, Hz."""
         return [rate_of(loop.input, loop.time) for loop in self.loopset.loops]
 
     @property
@@ -301,14 +301,14 @@ class _Problem:
             self._plays[lag, middle] = cells
         return self._plays[lag, middle]
 
-    def columns(self, places: FloatArray) -> FloatArray:
+    def columns(self, fields: FloatArray) -> FloatArray:
         """Return what each weight gives: each cell on each curve."""
-        return np.tanh(places[:, :, None] / self.widths).reshape(places.shape[0], -1)
+        return np.tanh(fields[:, :, None] / self.widths).reshape(fields.shape[0], -1)
 
-    def at_once(self, places: FloatArray, weights: FloatArray) -> FloatArray:
+    def at_once(self, fields: FloatArray, weights: FloatArray) -> FloatArray:
         """Return what weights make of cells, without creep and offset."""
-        columns = self.columns(places)
-        return np.asarray(columns @ weights[: columns.shape[1]] + self.slope * places[:, 0])
+        columns = self.columns(fields)
+        return np.asarray(columns @ weights[: columns.shape[1]] + self.slope * fields[:, 0])
 
     def solve(self, attempt: _Try) -> _Try:
         """Solve for weights; with creep, that of what the weights given so far make."""
@@ -316,16 +316,16 @@ class _Problem:
 
         self.solved += 1
         rows, targets = [], []
-        for loop, counted, (places, at_rest) in zip(
+        for loop, counted, (fields, at_rest) in zip(
             self.loopset.loops, self.counted, self.plays(attempt.lag, attempt.middle), strict=True
         ):
-            own = self.columns(places)
+            own = self.columns(fields)
             if attempt.times:
-                own = np.hstack([own, self._creep(attempt, places, at_rest, loop)])
+                own = np.hstack([own, self._creep(attempt, fields, at_rest, loop)])
             weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
             ends = np.ones((loop.n, 1))
             rows.append(weight * np.hstack([own, ends, -ends])[counted])
-            targets.append(weight * (loop.output - self.slope * places[:, 0])[counted])
+            targets.append(weight * (loop.output - self.slope * fields[:, 0])[counted])
         matrix, target = np.concatenate(rows), np.concatenate(targets)
         smooth = SMOOTH * self._differences(matrix.shape[1], np.linalg.norm(matrix, axis=0))
         normal = matrix.T @ matrix + smooth.T @ smooth
@@ -348,23 +348,23 @@ class _Problem:
         return np.array(rows)
 
     def _creep(
-        self, attempt: _Try, places: FloatArray, at_rest: FloatArray, loop: Loop
+        self, attempt: _Try, fields: FloatArray, at_rest: FloatArray, loop: Loop
     ) -> FloatArray:
-        """Slow parts of what the weights so far make at once, a column for each time constant."""
+        """Return the slow response to the instantaneous output, a column for each time constant."""
         assert attempt.weights is not None
         assert loop.time is not None
-        at_once = self.at_once(places, attempt.weights)
+        at_once = self.at_once(fields, attempt.weights)
         rest = float(self.at_once(at_rest[None], attempt.weights)[0])
         columns = []
         for time in attempt.times:
             single = Dynamics(0.0, (time,), (1.0,))
             settled = loop.history.kind == "settled"
             start = single.settled(at_once, loop.time, known=True) if settled else np.array([rest])
-            columns.append(single.added(at_once, loop.time, start).found - at_once)
+            columns.append(single.added(at_once, loop.time, start).values - at_once)
         return np.stack(columns, axis=1)
 
     def model(self, attempt: _Try) -> Model:
-        """Return the model that a solution stands for."""
+        """Return the model of a solution."""
         assert attempt.weights is not None
         cells = (PLAYS + 1) * len(WIDTHS)
         slope, weights = self.slope, attempt.weights[:cells] / self.slope
@@ -392,7 +392,7 @@ class _Problem:
 
 
 def _fewer(loopset: Loops) -> Loops:
-    """Take every so many samples of long records, at the same pace."""
+    """Thin long records to every n-th sample."""
     every = 1 + sum(loop.n for loop in loopset.loops) // MOST_SAMPLES
     if every == 1:
         return loopset
@@ -427,7 +427,7 @@ def _before(history: History, drive: FloatArray) -> FloatArray:
 
 
 def moved(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> FloatArray:
-    """Return where cells stand over a drive, shape (n, cells)."""
+    """Return the play of each cell over a drive, shape (n, cells)."""
     low, high = drive[:, None] - thresholds, drive[:, None] + thresholds
     moved_to = np.empty_like(low)
     now = start

@@ -81,33 +81,33 @@ class Miss:
 
 @dataclass(frozen=True, slots=True)
 class Refit:
-    """A fit without some gaps: its weighted sum of squares, and what it missed at each of them."""
+    """A fit without some gaps: its weighted sum of squares, and its error at each of them."""
 
     cost: float
     missed: Mapping[int, Miss]
 
 
 def inner(gaps: int) -> range:
-    """Give the gaps that others surround."""
+    """Return the gaps that have others on both sides."""
     return range(1, gaps - 1)
 
 
 def inner_loops(records: FitRecords) -> tuple[int, ...]:
-    """Give the places of loops that others at their gap surround, by their size.
+    """Return the indices of loops that have a smaller and a larger one at their gap.
 
     Where there are fewer than two, the smallest at each gap count too.
     """
     order: list[list[int]] = [[] for _ in range(records.gaps)]
     for index in np.argsort([float(np.max(np.abs(record.output))) for record in records.loops]):
         order[records.loops[index].gap].append(int(index))
-    between = sorted(index for places in order for index in places[1:-1])
+    between = sorted(index for indices in order for index in indices[1:-1])
     if len(between) > 1:
         return tuple(between)
-    return tuple(sorted(index for places in order for index in places[:-1]))
+    return tuple(sorted(index for indices in order for index in indices[:-1]))
 
 
 def blocks_of(records: FitRecords) -> int:
-    """Give the number of blocks that each loop is cut into."""
+    """Return the number of blocks that each loop is cut into."""
     return _BLOCKS.get(len(records.loops), 2)
 
 
@@ -116,9 +116,9 @@ def block_places(records: FitRecords) -> tuple[int, ...]:
     return tuple(range(len(records.loops) * blocks_of(records)))
 
 
-def folds(places: Sequence[int], together: int = 1) -> list[Fold]:
+def folds(indices: Sequence[int], together: int = 1) -> list[Fold]:
     """Name what is left out in turn: each place or, to nest a choice, each pair of them."""
-    return [frozenset(some) for some in combinations(places, together)]
+    return [frozenset(some) for some in combinations(indices, together)]
 
 
 def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> Refit:
@@ -155,8 +155,8 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
         }
     except (InputError, NegativeResult):
         nothing = {
-            one: Miss(np.inf, (np.inf,) * (1 if by == "block" else len(groups[one])))
-            for one in fold
+            left_out: Miss(np.inf, (np.inf,) * (1 if by == "block" else len(groups[left_out])))
+            for left_out in fold
         }
         return Refit(float("inf"), nothing)
     return Refit(followed.cost, missed)
@@ -165,7 +165,7 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
 def _missed_blocks(
     model: Model, span: float, loops: Sequence[Loop], fold: Fold, blocks: int
 ) -> dict[int, Miss]:
-    """Give what was missed in each block."""
+    """Return the error in each block."""
     missed, off = {}, {}
     for index in fold:
         loop, number = divmod(index, blocks)
@@ -202,7 +202,7 @@ def mean_square_of(misses: Sequence[Miss]) -> float:
 
 
 def better(simple: Sequence[Miss], complex_: Sequence[Miss], errors: float = 1.0) -> bool:
-    """Whether the complex one is better by more than so many standard errors of the difference.
+    """Whether the complex fit is better by more than a number of standard errors of the difference.
 
     The difference is taken loop by loop. Its standard error is that of all loops or, where the
     loops of a gap go together, that of the gaps. What is better in the loops that were fitted and

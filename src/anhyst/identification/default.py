@@ -78,8 +78,8 @@ class Evaluation:
             deviations = self.objective.deviations(theta)
             if float(deviations @ deviations) >= cost:
                 return None
-        there = self.at(theta)
-        return there if there.cost < cost else None
+        linear = self.at(theta)
+        return linear if linear.cost < cost else None
 
     def differences(self, theta: FloatArray) -> FloatArray:
         """Central differences, turned inward at the bounds."""
@@ -95,26 +95,26 @@ class Evaluation:
         return np.stack(columns, axis=1)
 
 
-def _step(there: Linear, free: NDArray[np.bool_], damping: float) -> FloatArray:
+def _step(linear: Linear, free: NDArray[np.bool_], damping: float) -> FloatArray:
     """Damped Gauss-Newton step in the free coordinates, zero in the others."""
-    normal = there.normal[np.ix_(free, free)]
+    normal = linear.normal[np.ix_(free, free)]
     diagonal = np.diag(normal)
     normal[np.diag_indices_from(normal)] += damping * np.maximum(diagonal, 1e-9 * diagonal.max())
-    step = np.zeros(there.gradient.size)
-    step[free] = -np.linalg.solve(normal, there.gradient[free])
+    step = np.zeros(linear.gradient.size)
+    step[free] = -np.linalg.solve(normal, linear.gradient[free])
     return step
 
 
 def _step_of_weights(
-    there: Linear, theta: FloatArray, low: FloatArray, damping: float
+    linear: Linear, theta: FloatArray, low: FloatArray, damping: float
 ) -> FloatArray:
     """Best damped step above the lower bounds: of many weights most end there, together."""
     from scipy.optimize import nnls
 
-    diagonal = np.diag(there.normal)
-    normal = there.normal + np.diag(damping * np.maximum(diagonal, 1e-9 * diagonal.max()))
+    diagonal = np.diag(linear.normal)
+    normal = linear.normal + np.diag(damping * np.maximum(diagonal, 1e-9 * diagonal.max()))
     root = np.linalg.cholesky(normal).T
-    above, _ = nnls(root, root @ (theta - low) - np.linalg.solve(root.T, there.gradient))
+    above, _ = nnls(root, root @ (theta - low) - np.linalg.solve(root.T, linear.gradient))
     return np.asarray(above + low - theta)
 
 
@@ -133,37 +133,37 @@ def descend(
     low, high = objective.space.bounds
     evaluation = Evaluation(objective)
     theta = np.clip(theta, low, high)
-    here = evaluation.at(theta)
+    current = evaluation.at(theta)
     damping, growth = 1e-3, 2.0
     by_weights = isinstance(objective.space.form.cells, WeightKernel)
     for left in range(most - 1, 0, -1):
-        inward = here.gradient
+        inward = current.gradient
         free = ~(((theta <= low) & (inward > 0.0)) | ((theta >= high) & (inward < 0.0)))
-        if not free.any() or not np.any(np.diag(here.normal)[free]):
+        if not free.any() or not np.any(np.diag(current.normal)[free]):
             break
         if by_weights:
-            trial = np.clip(theta + _step_of_weights(here, theta, low, damping), low, high)
+            trial = np.clip(theta + _step_of_weights(current, theta, low, damping), low, high)
         else:
-            trial = np.clip(theta + _step(here, free, damping), low, high)
+            trial = np.clip(theta + _step(current, free, damping), low, high)
         step = trial - theta
-        foreseen = -float(step @ (2.0 * here.gradient + here.normal @ step))
-        new = evaluation.worth(trial, here.cost)
+        foreseen = -float(step @ (2.0 * current.gradient + current.normal @ step))
+        new = evaluation.worth(trial, current.cost)
         if new is not None:
-            gained = here.cost - new.cost
+            gained = current.cost - new.cost
             ratio = gained / max(foreseen, 1e-300)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
             growth = 2.0
             hopeless = left < most - _PATIENT and new.cost - gained * left > goal
-            finished = hopeless or gained <= tolerance * here.cost
-            theta, here = trial, new
+            finished = hopeless or gained <= tolerance * current.cost
+            theta, current = trial, new
             if finished:
                 break
         else:
             damping *= growth
             growth *= 2.0
-            if abs(foreseen) <= tolerance * here.cost or damping > 1e12:
+            if abs(foreseen) <= tolerance * current.cost or damping > 1e12:
                 break
-    return Fit(theta, here.cost)
+    return Fit(theta, current.cost)
 
 
 SCREENED = 256
@@ -282,7 +282,7 @@ def join_gaps(
         for gap in range(records.gaps)
     ]
     order = np.argsort(np.sum([cost for _, cost in at_gaps], axis=0))
-    begins = [[found[index] for found, _ in at_gaps] for index in order[:KEPT]]
+    begins = [[ends[index] for ends, _ in at_gaps] for index in order[:KEPT]]
     return _best_end(space, [space.pack(sets) for sets in begins])
 
 

@@ -117,7 +117,7 @@ class FitRecord:
 
     @cached_property
     def before(self) -> Past:
-        """What an iron that wipes out by turning points keeps of all that was before."""
+        """The part of the past drive that wiping out by turning points leaves in memory."""
         past = self.lead.then(self.input, self.gap) if self.settled else self.lead
         return past.remembered()
 
@@ -213,9 +213,9 @@ class FitRecords:
 
 
 def blocks_along(drive: FloatArray, blocks: int) -> NDArray[np.intp]:
-    """Give the block of each sample, where a drive is cut into some of equal way."""
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
-    return np.asarray(np.minimum(way / way[-1] * blocks, blocks - 1), dtype=np.intp)
+    """Return the block of each sample, where a drive is cut into blocks of equal travel."""
+    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
+    return np.asarray(np.minimum(travelled / travelled[-1] * blocks, blocks - 1), dtype=np.intp)
 
 
 def clocks_of(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
@@ -296,11 +296,11 @@ def _lead(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> Past:
     drive = np.asarray(loop.history.turning_points, dtype=np.float64) - offset
     if not loop.history.schedule:
         return Past.at(drive, gap)
-    places = [
+    gaps = [
         float(gap) if value is None else float(np.interp(value, nodes, np.arange(nodes.size)))
         for value in loop.history.schedule
     ]
-    return Past(drive, np.array(places))
+    return Past(drive, np.array(gaps))
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,7 +310,7 @@ class Past:
     drive: FloatArray  # SI; shape (n,)
     # where each was: the place of its gap among those of the problem, a fraction between two of
     # them; shape (n,)
-    place: FloatArray
+    gap_position: FloatArray
 
     @classmethod
     def at(cls, drive: FloatArray, gap: int) -> Past:
@@ -320,24 +320,24 @@ class Past:
     def then(self, drive: FloatArray, gap: int) -> Past:
         """Go on at a gap."""
         gaps = np.full(drive.size, float(gap))
-        return Past(np.concatenate([self.drive, drive]), np.concatenate([self.place, gaps]))
+        return Past(np.concatenate([self.drive, drive]), np.concatenate([self.gap_position, gaps]))
 
     def only_at(self, gap: int) -> Past:
         """Take what was at one gap, as if there were no other."""
-        here = self.place == gap
-        return Past.at(self.drive[here], 0)
+        same = self.gap_position == gap
+        return Past.at(self.drive[same], 0)
 
     def among(self, keep: list[int]) -> Past:
         """Renumber the gaps where only some are kept; what was between stays between."""
-        return Past(self.drive, np.interp(self.place, keep, np.arange(len(keep))))
+        return Past(self.drive, np.interp(self.gap_position, keep, np.arange(len(keep))))
 
     def remembered(self) -> Past:
         """Take what play cells can keep of it: closed cycles at one gap are left out."""
-        edges = np.flatnonzero(np.diff(self.place)) + 1
+        edges = np.flatnonzero(np.diff(self.gap_position)) + 1
         kept = [
-            Past(points, np.full(points.size, place[0]))
-            for drive, place in zip(
-                np.split(self.drive, edges), np.split(self.place, edges), strict=True
+            Past(points, np.full(points.size, gap[0]))
+            for drive, gap in zip(
+                np.split(self.drive, edges), np.split(self.gap_position, edges), strict=True
             )
             if drive.size
             for points in [remembered(drive)]
@@ -345,7 +345,8 @@ class Past:
         if not kept:
             return self
         return Past(
-            np.concatenate([one.drive for one in kept]), np.concatenate([one.place for one in kept])
+            np.concatenate([past.drive for past in kept]),
+            np.concatenate([past.gap_position for past in kept]),
         )
 
 
@@ -355,9 +356,9 @@ def remembered(drive: FloatArray) -> FloatArray:
     A cycle is closed where both its neighbours reach beyond it. That holds wherever zero is, which
     the offset of the drive moves; so what only a demagnetised start would wipe out is kept.
     """
-    way = np.sign(np.diff(drive))
-    moving = np.flatnonzero(way)
-    turns = moving[1:][way[moving[1:]] != way[moving[:-1]]]
+    direction = np.sign(np.diff(drive))
+    moving = np.flatnonzero(direction)
+    turns = moving[1:][direction[moving[1:]] != direction[moving[:-1]]]
     kept = [float(drive[0])]
     for point in [*drive[turns].tolist(), float(drive[-1])]:
         kept.append(point)

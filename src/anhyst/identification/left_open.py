@@ -48,8 +48,8 @@ def left_open(chosen: Model, others: Sequence[Model], loopset: Loops) -> float:
     loop = loopset.loops[0]
     low, high = float(loop.input.min()), float(loop.input.max())
     ends = low + (high - low) * np.array(_TURNS)
-    places = np.linspace(0.0, ends.size - 1.0, _SAMPLES * (ends.size - 1) + 1)
-    drive = np.interp(places, np.arange(ends.size), ends)
+    positions = np.linspace(0.0, ends.size - 1.0, _SAMPLES * (ends.size - 1) + 1)
+    drive = np.interp(positions, np.arange(ends.size), ends)
     before = History("conditioned", (low, high, low, high, low))
     runs = []
     for model in (chosen, *others):
@@ -181,7 +181,7 @@ def resolved(model: Model, loops: Loops) -> Model:
 
 
 def _freed(model: Model, cells: CellWeights, count: int) -> Model:
-    """Give the weights of the first cells with a threshold to the one without."""
+    """Move the weights of the first cells with a threshold to the cell without one."""
     weights = np.delete(cells.weights, np.s_[1 : 1 + count], axis=0)
     weights[0] += cells.weights[1 : 1 + count].sum(axis=0)
     other = replace(

@@ -27,7 +27,7 @@ _TOGETHER = 20_000
 
 
 class CellResponder:
-    """Follows drives from the demagnetised state; remembers how they stand one after the other."""
+    """Follows drives from the demagnetised state; caches how they join one another."""
 
     def __init__(self) -> None:
         self._groups: dict[tuple[int, ...], list[_Drives]] = {}
@@ -64,7 +64,7 @@ class CellResponder:
     def _together(
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
     ) -> Iterator[tuple[CellPaths, _Drives]]:
-        """Give the cells of each group of drives that the same ones follow."""
+        """Return the cells of each group of drives that share them."""
         cells = _cells(form, sets)
         if records is not self._grouped:
             self._groups, self._grouped = {}, records
@@ -81,7 +81,7 @@ class _Drives:
 
     records: Sequence[FitRecord]
     drive: FloatArray  # SI; shape (n,)
-    place: FloatArray  # place of the gap that the drive was at; shape (n,)
+    gap_position: FloatArray  # place of the gap that the drive was at; shape (n,)
     own: FloatArray  # 1 at the gap of the record, else 0; shape (n,)
     begins: NDArray[np.int64]  # where each drive begins
     parts: Sequence[slice]  # where its record is
@@ -112,7 +112,7 @@ class _Drives:
 
     def under(self, sets: Sequence[Local]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Put them in the terms of the cells: omega and right side; and the scale of each sample."""
-        omega, scale, in_0 = between(sets, self.place)
+        omega, scale, in_0 = between(sets, self.gap_position)
         return omega, (self.drive - in_0) / scale, scale
 
 
@@ -132,17 +132,17 @@ def _grouped(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterator[_Dr
 
 
 def _joined(records: Sequence[FitRecord]) -> _Drives:
-    drives, places, owns, begins, parts = [], [], [], [], []
+    drives, gap_columns, owns, begins, parts = [], [], [], [], []
     end = 0
     for record in records:
         before, n = record.before, record.input.size
         drives += [before.drive, record.input]
-        places += [before.place, np.full(n, float(record.gap))]
-        owns += [(before.place == record.gap).astype(np.float64), np.ones(n)]
+        gap_columns += [before.gap_position, np.full(n, float(record.gap))]
+        owns += [(before.gap_position == record.gap).astype(np.float64), np.ones(n)]
         begins.append(end)
         end += before.drive.size + n
         parts.append(slice(end - n, end))
-    drive, gaps, own = (np.concatenate(values) for values in (drives, places, owns))
+    drive, gaps, own = (np.concatenate(values) for values in (drives, gap_columns, owns))
     return _Drives(tuple(records), drive, gaps, own, np.array(begins, dtype=np.int64), parts)
 
 
@@ -231,7 +231,7 @@ class Objective:
 
     @property
     def impossible(self) -> FloatArray:
-        """Deviations that stand for parameters without an answer."""
+        """Deviations in place of those of parameters without a solution."""
         far = _IMPOSSIBLE * self.space.records.output_span * self.weights
         return np.concatenate([far, np.zeros(1 + self._ties.shape[0] + self._usual.size)])
 
@@ -265,7 +265,7 @@ class Objective:
         values, along = [], np.zeros((len(sets), numbers))
         first = 0
         responses = self._responder.derivatives(
-            self.space.form, [one for one, _ in sets], self._loops
+            self.space.form, [parameters for parameters, _ in sets], self._loops
         )
         for gap, output, by_local in responses:
             part = slice(first, first + output.size)
@@ -286,27 +286,29 @@ class Objective:
             gradient = gradient + slope @ by_theta
             matrix = matrix + by_theta.T @ square @ by_theta
         if self._drift.known:
-            by_drift = np.einsum("gn,gnk->k", along, np.stack([one for _, one in sets]))
+            by_drift = np.einsum(
+                "gn,gnk->k", along, np.stack([parameters for _, parameters in sets])
+            )
             gradient = gradient - self._drift.slope(whole) * by_drift
             matrix = matrix - np.outer(by_drift, by_drift) / self._drift.size
         return np.concatenate(values), gradient, matrix
 
 
 class _Drift:
-    """A steady drift along the deviations, and what it leaves of them."""
+    """A linear drift of the deviations, and the deviations without it."""
 
-    def __init__(self, way: FloatArray) -> None:
-        self.way = way
+    def __init__(self, drift: FloatArray) -> None:
+        self.way = drift
         self._loose = np.sqrt(EXPECTED) / DRIFT
-        self.size = float(way @ way) + self._loose**2
-        self.known = bool(np.any(way))
+        self.size = float(drift @ drift) + self._loose**2
+        self.known = bool(np.any(drift))
 
     def slope(self, deviation: FloatArray) -> FloatArray:
         """Slope with the least cost, of each column."""
         return np.asarray(self.way @ deviation / self.size)
 
     def without(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Take it off the columns; and what it costs, one row."""
+        """Return the columns without the drift, and one row for its cost."""
         slope = self.slope(deviation)
         return deviation - np.multiply.outer(self.way, slope), self._loose * slope[None]
 
@@ -328,9 +330,9 @@ def _differences(space: CoordinateSpace) -> FloatArray:
 def _expectations(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
     """Rows that take a coordinate in parts of its spread, and what is expected of them."""
     numbers = [space.numbers[name] for name, _ in space.entries]
-    places = [column for column, number in enumerate(numbers) if number.usual is not None]
-    rows, usual = np.zeros((len(places), space.size)), np.zeros(len(places))
-    for row, column in enumerate(places):
+    expected = [column for column, number in enumerate(numbers) if number.usual is not None]
+    rows, usual = np.zeros((len(expected), space.size)), np.zeros(len(expected))
+    for row, column in enumerate(expected):
         number = numbers[column]
         assert number.usual is not None
         rows[row, column] = np.sqrt(EXPECTED) / number.spread

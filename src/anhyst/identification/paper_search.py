@@ -121,7 +121,7 @@ class EvolutionStrategy:
         return np.asarray(np.exp(np.log(relative).mean(axis=0)))
 
     def ask(self) -> FloatArray:
-        """Give the individuals of the next generation, shape (children, n)."""
+        """Return the individuals of the next generation, shape (children, n)."""
         if self.generation and not self._waiting:
             shape = (self._lambda, self._low.size)
             couples = self._random.integers(0, self._mu, (2, self._lambda))
@@ -174,7 +174,7 @@ class SearchEffort:
 
 @dataclass(frozen=True)
 class Stand:
-    """Where a search stands: parameters at each gap, those that may differ, and the cost."""
+    """State of a search: parameters at each gap, those that may differ, and the cost."""
 
     sets: tuple[Values, ...]
     varying: tuple[str, ...]
@@ -183,7 +183,7 @@ class Stand:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """What a checkpoint keeps."""
+        """The contents of a checkpoint."""
         return {
             "sets": [dict(values) for values in self.sets],
             "varying": list(self.varying),

@@ -86,12 +86,12 @@ class Variables:
         return Variables(some, self.low[kept], self.high[kept], self.spans)
 
     def inward(self, values: Mapping[str, float]) -> FloatArray:
-        """Give the coordinates of parameters, shape (n,), brought within the bounds."""
+        """Return the coordinates of parameters, shape (n,), clipped to the bounds."""
         theta = np.array([_inward(name, values[name], self.spans) for name in self.names])
         return np.asarray(np.clip(theta, self.low, self.high))
 
     def outward(self, theta: FloatArray) -> dict[str, FloatArray]:
-        """Give the parameters at coordinates of shape (..., n): one array of shape (...) each."""
+        """Return the parameters at coordinates of shape (..., n): one array of shape (...) each."""
         return {
             name: _outward(name, theta[..., n], self.spans) for n, name in enumerate(self.names)
         }
@@ -297,9 +297,9 @@ def simplex(
     span = variables.high - variables.low
     while most > variables.size + 1:
         corners = np.tile(best, (variables.size + 1, 1))
-        places = np.arange(variables.size)
+        axes = np.arange(variables.size)
         inward = np.where(best + step * span > variables.high, -step, step)
-        corners[places + 1, places] += inward * span
+        corners[axes + 1, axes] += inward * span
         minimum = minimize(
             cost,
             best,

@@ -53,7 +53,7 @@ _REFUSED = 1e3  # deviation of a set that the core has no answer for
 
 @dataclass(frozen=True, eq=False)
 class RateFit:
-    """What fast loops say."""
+    """Result of a fit of the rate dependence to fast loops."""
 
     model: Model  # with layers, or as it was where nothing is gained
     why: str  # a sentence
@@ -91,14 +91,14 @@ class RateFit:
 
 @dataclass(frozen=True)
 class _Rate:
-    """What is fitted: ``ln(gamma)``, and of several layers the logits of both shares."""
+    """The fitted numbers: ``ln(gamma)`` and, with several layers, the logits of both shares."""
 
     count: int
     theta: tuple[float, ...]
 
     @property
     def gamma(self) -> float:
-        """Of the model, A s/(m T)."""
+        """Eddy-current coefficient of the model, A s/(m T)."""
         return float(np.exp(self.theta[0]))
 
     @property
@@ -237,7 +237,7 @@ def mean_missed(groups: Iterable[Sequence[_Path]], rate: _Rate | None) -> float:
 
 
 def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[0]) -> RateFit:
-    """Fit layers, at least so many, to fast loops around a static model, which is held."""
+    """Fit eddy currents to fast loops around a fixed static model, with a least number of layers."""
     static, model = model, _in_series(model)
     problem = _Problem(model, speeds, largest_output(loops))
     folds = problem.left_out()

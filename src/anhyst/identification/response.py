@@ -246,16 +246,16 @@ def _operators(form: ResponseForm, sets: Sequence[Local]) -> list[Operator]:
 
 def between(sets: Sequence[Local], gap: FloatArray) -> tuple[FloatArray, ...]:
     """Return omega, scale and in_0 at places of gaps, and between them."""
-    places = np.arange(len(sets))
+    indices = np.arange(len(sets))
     return tuple(
-        np.interp(gap, places, values)
+        np.interp(gap, indices, values)
         for values in zip(*((local.omega, local.scale, local.in_0) for local in sets), strict=True)
     )
 
 
 def driven_before(sets: Sequence[Local], past: Past) -> tuple[FloatArray, FloatArray]:
     """Put what was before a drive in the terms of the solver: omega and right side, at its gaps."""
-    omega, scale, in_0 = between(sets, past.place)
+    omega, scale, in_0 = between(sets, past.gap_position)
     return omega, (past.drive - in_0) / scale
 
 
@@ -287,7 +287,7 @@ def _once(
     terms = _Terms(form, sets[record.gap], whole, _DIRECTIONS)
     terms.omega[:first], terms.r[:first] = driven_before(sets, record.lead)
     # What the circuit at other gaps adds through the past alone is left out of the derivatives.
-    elsewhere = np.flatnonzero(record.lead.place != record.gap)
+    elsewhere = np.flatnonzero(record.lead.gap_position != record.gap)
     terms.omega_t[elsewhere] = terms.r_t[elsewhere] = 0.0
     x, m, x_t, m_t, _, _, status, _ = operator.sensitivity(
         terms.omega,
@@ -310,12 +310,12 @@ def _seeds(form: ResponseForm, local: Local, terms: _Terms, state: FloatArray) -
     x, y, p = state.tolist()
     kappa, c = local.law
     pull, slope = _langevin(x)
-    way = 1.0 + local.omega * c * slope
+    steepness = 1.0 + local.omega * c * slope
     x_t = terms.r_t[-1] - terms.omega_t[-1] * ((1.0 - c) * y + c * pull)
     x_t = x_t - local.omega * (pull - y) * terms.law_t[:, 1]
     x_t[_SEED] = -local.omega * (1.0 - c)
     seeds = np.zeros((_DIRECTIONS + 1, 3))
-    seeds[:, 0] = seeds[:, 2] = x_t / way
+    seeds[:, 0] = seeds[:, 2] = x_t / steepness
     seeds[0, 2] += (p - x) / kappa if form.dead_band else 0.0
     seeds[_SEED, 1] = 1.0
     return seeds

@@ -118,7 +118,7 @@ class SearchRun:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a search has come to."""
+    """Result of a search."""
 
     model: Model  # bare: no records of how it was found
     uncertainty: Uncertainty
@@ -150,7 +150,7 @@ def _key(run: SearchRun) -> str:
     digest.update(f"{running_version()} {run.form} {run.seed} {sorted(run.held)}".encode())
     for record in run.records.loops:
         digest.update(f"{record.label} {record.gap} {record.settled} {record.weight!r}".encode())
-        for values in (record.lead.drive, record.lead.place, record.input, record.output):
+        for values in (record.lead.drive, record.lead.gap_position, record.input, record.output):
             digest.update(np.ascontiguousarray(values).tobytes())
     digest.update(run.records.nodes.tobytes())
     return digest.hexdigest()
@@ -286,7 +286,7 @@ class IdentifyResult(Result):
         }
 
     def to_columns(self) -> dict[str, Any]:
-        """Return all samples of the loops, with what the model gives beside what was measured."""
+        """Return all samples of the loops, measured and modelled."""
         output = self.loops.output
         fitted = np.concatenate(self.fitted)
         measured = np.concatenate([loop.output for loop in self.loops.loops])

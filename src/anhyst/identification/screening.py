@@ -114,7 +114,7 @@ def screen(
 def follow_sets(
     record: FitRecord, kept: NDArray[np.intp], sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Follow one drive with many sets at once."""
+    """Follow one drive with many parameter sets at the same time."""
     kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
     scale = 1.0 / sets[3]
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)

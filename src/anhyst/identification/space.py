@@ -162,7 +162,7 @@ class CoordinateSpace:
 
     @cached_property
     def numbers(self) -> dict[str, FitNumber]:
-        """What may be moved, by name."""
+        """Numbers that a fit may vary, by name."""
         return {number.name: number for number in (*self.form.kernel.numbers, *AROUND, LEAKAGE)}
 
     def unit(self, name: str) -> float:
@@ -204,12 +204,12 @@ class CoordinateSpace:
         return closed**self.form.power, -slope / closed * max(sets[-1].omega, _LEAST_OMEGA)
 
     def without(self, left_out: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
-        """Take all gaps but these: the space, and the places of its coordinates in this one."""
+        """Return the space without these gaps, and the indices of its coordinates in this one."""
         kept = [index for index, (_, gap) in enumerate(self.entries) if gap not in left_out]
         return replace(self, records=self.records.without(left_out)), np.array(kept)
 
     def holding(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
-        """Hold more at zero: the space, and the places of its coordinates in this one."""
+        """Return the space with more numbers held at zero, and the indices of its coordinates in this one."""
         kept = [index for index, (name, _) in enumerate(self.entries) if name not in names]
         return replace(self, held=self.held | names), np.array(kept)
 
@@ -217,12 +217,12 @@ class CoordinateSpace:
         """Parameters at each gap, and their derivatives by the coordinates, shape (numbers, size)."""
         values, slopes = self.outward(theta)
         unpacked = []
-        for places, at_gap in zip(
+        for columns, at_gap in zip(
             self._places, np.append(values, 0.0)[self._places].tolist(), strict=True
         ):
-            rows = np.flatnonzero(places >= 0)
-            jacobian = np.zeros((places.size, theta.size))
-            jacobian[rows, places[rows]] = slopes[places[rows]]
+            rows = np.flatnonzero(columns >= 0)
+            jacobian = np.zeros((columns.size, theta.size))
+            jacobian[rows, columns[rows]] = slopes[columns[rows]]
             if self.gap_map == "leakage":
                 self._leak(at_gap, jacobian, values, slopes)
             if self.gap_map in IN_SERIES:
@@ -243,7 +243,7 @@ class CoordinateSpace:
     def _leak(
         self, at_gap: list[float], jacobian: FloatArray, values: FloatArray, slopes: FloatArray
     ) -> None:
-        """Take off the gain what passes beside the gap; coordinates are those of all gaps."""
+        """Subtract the leakage from the gain; coordinates are those of all gaps."""
         omega_row, _, row = self._rows
         power, leakage, widest = self.form.power, len(values) - 1, self._places[-1, omega_row]
         omega = float(values[widest])

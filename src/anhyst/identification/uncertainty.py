@@ -38,7 +38,7 @@ _TIED = 0.95
 
 
 def memory(deviations: FloatArray) -> float:
-    """Count the samples that weigh as one, because their deviations go together.
+    """Return the number of successive samples that count as one, as their deviations are correlated.
 
     Twice the integral of the autocorrelation up to its first zero: misfit of the law runs in long
     waves, and counting each sample as independent would promise far too much.
@@ -57,22 +57,22 @@ def memory(deviations: FloatArray) -> float:
 def mean_memory(space: CoordinateSpace, deviation: FloatArray) -> float:
     """Average the memory of weighted deviations over the drives of a space."""
     ends = np.cumsum([record.input.size for record in space.records.loops])
-    return float(np.mean([memory(one) for one in np.split(deviation, ends)[:-1]]))
+    return float(np.mean([memory(part) for part in np.split(deviation, ends)[:-1]]))
 
 
 def _covariance(fit: FoundModel) -> FloatArray:
     evaluation = Evaluation(Objective(fit.space))
-    here = evaluation.at(fit.theta)
-    deviation, normal = here.deviation, here.normal
+    linear = evaluation.at(fit.theta)
+    deviation, normal = linear.deviation, linear.normal
     freedom = max(1, deviation.size - fit.theta.size)
-    variance = here.cost / freedom * mean_memory(fit.space, deviation)
+    variance = linear.cost / freedom * mean_memory(fit.space, deviation)
     # A coordinate the data do not feel at all gets a huge, finite variance.
     floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
     return np.asarray(variance * np.linalg.inv(normal + floor * np.eye(normal.shape[0])))
 
 
 def assess(fit: FoundModel, loopset: Loops) -> Uncertainty:
-    """Give standard deviations, correlations and plain statements for a finished fit."""
+    """Return standard deviations, correlations and plain statements for a finished fit."""
     space = fit.space
     covariance = _covariance(fit)
     deviation = np.sqrt(np.diag(covariance))
@@ -196,12 +196,12 @@ def only_demanded(
     free = sorted(name for name, gap in fit.space.entries if name in OFFSETS and gap is None)
     if not free:
         return fit
-    here = Evaluation(Objective(fit.space, fit.tie)).at(fit.theta)
+    linear = Evaluation(Objective(fit.space, fit.tie)).at(fit.theta)
     drives = len(fit.space.records.loops)
     ends = np.cumsum([record.input.size for record in fit.space.records.loops])
-    shares = [_lasting(attempt) for attempt in np.split(here.deviation, ends)[:-1]]
+    shares = [_lasting(attempt) for attempt in np.split(linear.deviation, ends)[:-1]]
     alike = 1.0 + (drives - 1) * float(np.mean(shares))
-    independent = max(2.0, float(ends[-1]) / mean_memory(fit.space, here.deviation) / alike)
+    independent = max(2.0, float(ends[-1]) / mean_memory(fit.space, linear.deviation) / alike)
     ways = [frozenset(names) for n in range(1, len(free) + 1) for names in combinations(free, n)]
 
     def score(cost: float, space: CoordinateSpace, theta: FloatArray) -> float:
@@ -210,7 +210,7 @@ def only_demanded(
     tries = {}
     for names in ways:
         space, kept = fit.space.holding(names)
-        cost, theta = _without(fit, here, names)
+        cost, theta = _without(fit, linear, names)
         tries[names] = score(cost, space, theta[kept]), space, theta[kept]
     _, space, start = min(tries.values(), key=lambda attempt: attempt[0])
     whole = score(fit.cost, fit.space, fit.theta)
@@ -239,16 +239,16 @@ def _lasting(deviation: FloatArray) -> float:
     return max(0.0, float(centred[1:] @ centred[:-1]) / power) if power > 0.0 else 0.0
 
 
-def _without(fit: FoundModel, here: Linear, names: frozenset[str]) -> tuple[float, FloatArray]:
+def _without(fit: FoundModel, linear: Linear, names: frozenset[str]) -> tuple[float, FloatArray]:
     """Foresee the best fit with these offsets held at zero: its cost and its coordinates."""
     out = np.array([name in names for name, _ in fit.space.entries])
     theta = np.where(out, 0.0, fit.theta)
-    normal = here.normal + 1e-12 * np.trace(here.normal) * np.eye(out.size)
+    normal = linear.normal + 1e-12 * np.trace(linear.normal) * np.eye(out.size)
     pull = normal[np.ix_(~out, out)] @ fit.theta[out]
     theta[~out] += np.linalg.solve(normal[np.ix_(~out, ~out)], pull)
     theta = np.clip(theta, *fit.space.bounds)
     step = theta - fit.theta
-    return fit.cost + float(step @ here.normal @ step), theta
+    return fit.cost + float(step @ linear.normal @ step), theta
 
 
 def _price(space: CoordinateSpace, theta: FloatArray, independent: float) -> float:

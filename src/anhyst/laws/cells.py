@@ -121,7 +121,7 @@ class _Cut(NamedTuple):
     below, the last for all above.
     """
 
-    places: FloatArray  # thresholds, geometric above the first, which is 0, A/m; shape (n + 1,)
+    levels: FloatArray  # thresholds, geometric above the first, which is 0, A/m; shape (n + 1,)
     # logarithms of the middles between those above 0, over the pinning scale; shape (J, n - 1)
     logs: FloatArray
     shares: FloatArray  # of each population at each threshold above 0; shape (J, n)
@@ -135,15 +135,15 @@ def _cut(pinned: tuple[Population, ...]) -> _Cut:
     scales = np.array([[cell.scale] for cell in pinned])
     spreads = np.array([[cell.spread] for cell in pinned])
     low, high = LEAST_THRESHOLD * float(scales.min()), LARGEST_THRESHOLD * float(scales.max())
-    places = np.zeros(PINNED + 1)  # np.geomspace takes as long as all the rest
+    levels = np.zeros(PINNED + 1)  # np.geomspace takes as long as all the rest
     start, end = np.log10(low), np.log10(high)
-    places[1:] = 10.0 ** (np.arange(PINNED) * ((end - start) / (PINNED - 1)) + start)
-    places[1], places[-1] = low, high
-    logs = np.log(np.sqrt(places[1:-1] * places[2:]) / scales)
+    levels[1:] = 10.0 ** (np.arange(PINNED) * ((end - start) / (PINNED - 1)) + start)
+    levels[1], levels[-1] = low, high
+    logs = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
     u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # beyond exp(-700) nothing is left
     left = np.zeros((len(pinned), PINNED + 1))
     left[:, 0], left[:, 1:-1] = 1.0, np.exp(-u)
-    return _Cut(places, logs, left[:, :-1] - left[:, 1:], -u * left[:, 1:-1])
+    return _Cut(levels, logs, left[:, :-1] - left[:, 1:], -u * left[:, 1:-1])
 
 
 def populations(
@@ -157,14 +157,14 @@ def populations(
         if not all(np.isfinite(population)) or min(population) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
     cut = _cut(tuple(counting))
-    places = cut.places
+    levels = cut.levels
     magnetisation, width = reversible
-    weights = np.zeros((places.size, 1 + len(counting)))
+    weights = np.zeros((levels.size, 1 + len(counting)))
     weights[0, 0] = magnetisation
     for column, (population, shares) in enumerate(zip(counting, cut.shares, strict=True), start=1):
         weights[1:, column] = population.magnetisation * shares
     widths = np.array([width, *(cell.width for cell in counting)])
-    return CellWeights(places, widths, weights, shape)
+    return CellWeights(levels, widths, weights, shape)
 
 
 class Tangents(NamedTuple):
@@ -180,7 +180,7 @@ class Tangents(NamedTuple):
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
     """Differentiate :func:`populations` by its ``d = 2 + 4 J`` numbers."""
     magnetisation, _, scales, spreads = np.array(pinned).T
-    places, logs, shares, by_log = _cut(tuple(pinned))
+    levels, logs, shares, by_log = _cut(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
     log_places = np.zeros((PINNED, directions))  # derivatives of the logarithms
     up = np.linspace(0.0, 1.0, PINNED)
@@ -193,13 +193,13 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     inner[every, :, own + 2] -= 1.0 / scales[:, None]
     inner *= (spreads[:, None] * by_log)[:, :, None]
     inner[every, :, own + 3] = by_log * logs
-    weights = np.zeros((places.size, 1 + count, directions))
+    weights = np.zeros((levels.size, 1 + count, directions))
     weights[1:, 1:] = (magnetisation[:, None, None] * (left[:, :-1] - left[:, 1:])).swapaxes(0, 1)
     weights[1:, 1 + every, own] = shares.T
     widths = np.zeros((1 + count, directions))
     weights[0, 0, 0] = widths[0, 1] = widths[1 + every, own + 1] = 1.0
-    thresholds = np.zeros((places.size, directions))
-    thresholds[1:] = places[1:, None] * log_places
+    thresholds = np.zeros((levels.size, directions))
+    thresholds[1:] = levels[1:, None] * log_places
     return Tangents(weights, widths, thresholds)
 
 

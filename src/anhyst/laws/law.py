@@ -81,7 +81,7 @@ class IronOperator(Protocol):
 
     def settle(
         self,
-        given: FloatArray,
+        inputs: FloatArray,
         rho: FloatArray,
         eddy: FloatArray,
         state: FloatArray,
@@ -209,7 +209,7 @@ class SampledIron(ABC):
 
     def settle(
         self,
-        given: FloatArray,
+        inputs: FloatArray,
         rho: FloatArray,
         eddy: FloatArray,
         state: FloatArray,
@@ -220,35 +220,35 @@ class SampledIron(ABC):
         """Repeat a cycle till its state returns, to a part of its size."""
         for cycle in range(1, max_cycles + 1):
             before = state
-            *_, state = self._follow(given, rho, eddy, state, inverse=inverse)
+            *_, state = self._follow(inputs, rho, eddy, state, inverse=inverse)
             if np.all(np.abs(state - before) <= tol * np.maximum(1.0, np.abs(state))):
                 return state, cycle, _OK
         return state, max_cycles, _NOT_SETTLED
 
     def _follow(
         self,
-        given: FloatArray,
+        inputs: FloatArray,
         rho: FloatArray,
         eddy: FloatArray,
         state: FloatArray,
         *,
         inverse: bool,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        outputs, fields = np.empty(given.size), np.empty(given.size)
-        here: State = tuple(state.tolist())
-        before = self._flux(here, self.field_of(here))
-        rows = zip(given.tolist(), rho.tolist(), (eddy * MU_0).tolist(), strict=True)
+        outputs, fields = np.empty(inputs.size), np.empty(inputs.size)
+        now: State = tuple(state.tolist())
+        before = self._flux(now, self.field_of(now))
+        rows = zip(inputs.tolist(), rho.tolist(), (eddy * MU_0).tolist(), strict=True)
         for index, (value, gap, rate) in enumerate(rows):
-            weight, start = gap + rate, here
+            weight, start = gap + rate, now
             if inverse:
                 field = self._root(start, 0.0, 1.0, value / MU_0)
             else:
                 field = self._root(start, 1.0, weight, value + rate * before)
-            _, here = self.step(start, field)
+            _, now = self.step(start, field)
             flux = self._flux(start, field)
             outputs[index] = field + weight * flux - rate * before if inverse else MU_0 * flux
             fields[index], before = field, flux
-        return outputs, fields, np.array(here)
+        return outputs, fields, np.array(now)
 
     def _flux(self, state: State, field: float) -> float:
         """Return ``B/mu0`` at a field, from a state."""
@@ -262,8 +262,8 @@ class SampledIron(ABC):
             return of_field * field + of_flux * self._flux(state, field) - total
 
         start = self.field_of(state)
-        way = missing(start)
-        if way == 0.0:
+        mismatch = missing(start)
+        if mismatch == 0.0:
             return start
-        beyond = start - way - np.copysign(_ROUNDING * (abs(start) + abs(total)), way)
+        beyond = start - mismatch - np.copysign(_ROUNDING * (abs(start) + abs(total)), mismatch)
         return float(brentq(missing, start, beyond, xtol=1e-12, rtol=1e-14))

@@ -170,8 +170,8 @@ class Model(Result, ActuatorRecord):
             nodes = self.nodes if len(values) > 1 else (float("nan"),)
             rows += [(self.keys[name][1], *pair) for pair in zip(nodes, values, strict=True)]
         at = self.schedule.column if self.schedule is not None else "node"
-        names, places, numbers = zip(*rows, strict=True)
-        return {"parameter": list(names), at: list(places), "value": list(numbers)}
+        names, positions, numbers = zip(*rows, strict=True)
+        return {"parameter": list(names), at: list(positions), "value": list(numbers)}
 
     def draw(self, ax: Axes) -> None:
         """Draw the settled loop over the range where the model holds, at each node.
@@ -249,15 +249,15 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
 
 
 def _find(path: str, sha256: str, folder: Path) -> Path:
-    places = [Path(path), folder / path, folder / Path(path).name]
-    there = [path for path in places if path.is_file()]
-    for place in there:
-        with place.open("rb") as stream:
+    candidates = [Path(path), folder / path, folder / Path(path).name]
+    present = [path for path in candidates if path.is_file()]
+    for candidate in present:
+        with candidate.open("rb") as stream:
             if hashlib.file_digest(stream, "sha256").hexdigest() == sha256:
-                return place
-    if there:
+                return candidate
+    if present:
         raise InputError(
-            f"{there[0]}: has changed since the model was identified; identify again",
+            f"{present[0]}: has changed since the model was identified; identify again",
             code="source-changed",
         )
     raise InputError(

@@ -43,7 +43,7 @@ class LoopDifference:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ModelDiff(Result):
-    """What two models have different.
+    """Differences between two models.
 
     Parameters
     ----------

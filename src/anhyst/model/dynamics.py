@@ -80,25 +80,25 @@ class Dynamics:
         return self._run(late, time, slow, known=False)
 
     def _run(
-        self, given: FloatArray, time: FloatArray, slow: FloatArray, *, known: bool
+        self, inputs: FloatArray, time: FloatArray, slow: FloatArray, *, known: bool
     ) -> Creeping:
         kept = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
         shares = np.array(self.shares)
         sign = 1.0 if known else -1.0
-        creep = np.empty(given.size)
+        creep = np.empty(inputs.size)
         before = 0.0
-        for i, value in enumerate(given.tolist()):
+        for i, value in enumerate(inputs.tolist()):
             slow = before + kept[i] * (slow - before) if i else slow
             creep[i] = value + sign * float(shares @ slow)
             before = value if known else float(creep[i])
         return Creeping(creep, slow, before)
 
-    def settled(self, given: FloatArray, time: FloatArray, *, known: bool) -> FloatArray:
+    def settled(self, inputs: FloatArray, time: FloatArray, *, known: bool) -> FloatArray:
         """Return the slow parts with which a cycle begins that has been repeated for ever."""
         step = float(np.median(np.diff(time)))
 
         def around(slow: FloatArray) -> FloatArray:
-            end = self._run(given, time, slow, known=known)
+            end = self._run(inputs, time, slow, known=known)
             return self.follow(end.last, end.slow, step)
 
         rest = around(np.zeros(len(self.times)))
@@ -106,11 +106,11 @@ class Dynamics:
         return np.asarray(np.linalg.solve(np.eye(len(self.times)) - linear, rest))
 
     def delayed(self, values: FloatArray, time: FloatArray) -> FloatArray:
-        """Return a record as it was a lag ago; before its start it stood still."""
+        """Return a record delayed by the lag, its first value held before its start."""
         return np.interp(time - self.lag, time, values)
 
     def advanced(self, values: FloatArray, time: FloatArray) -> FloatArray:
-        """Return a record as it will be a lag later; after its end it stands still."""
+        """Return a record advanced by the lag, its last value held after its end."""
         return np.interp(time + self.lag, time, values)
 
 
@@ -155,7 +155,7 @@ class Layers:
 class Creeping:
     """A record with or without its creep, the slow parts at its last sample, and that sample."""
 
-    found: FloatArray
+    values: FloatArray
     slow: FloatArray
     last: float
 

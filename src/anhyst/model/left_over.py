@@ -40,7 +40,7 @@ _AS_MUCH = 0.97
 
 @dataclass(frozen=True, slots=True)
 class LeftOver:
-    """What a fit leaves."""
+    """The residual of a fit, and its causes."""
 
     rms: float  # all of it, in parts of the largest output
     noise: float  # what of it is noise of the sensors, in the same parts
@@ -179,13 +179,13 @@ _ALSO = 0.2
 
 def left_of(loopset: Loops, fitted: Sequence[FloatArray]) -> LeftOver:
     """Judge what a model leaves of loops."""
-    places = {value: index for index, value in enumerate(loopset.schedule_values)}
+    index_of = {value: index for index, value in enumerate(loopset.schedule_values)}
     records = [
         Residual(
             loop.input,
             loop.output,
             output - loop.output,
-            places.get(loop.schedule_value, 0) if loop.schedule_value is not None else 0,
+            index_of.get(loop.schedule_value, 0) if loop.schedule_value is not None else 0,
             loop.history.kind == "settled",
         )
         for loop, output in zip(loopset.loops, fitted, strict=True)
@@ -245,9 +245,9 @@ def _advice(shape: Shape, loopset: Loops, model: Model) -> str:
     other = "; try --law auto" if named else ", nor can any that was compared"
     if shape == "gap":
         at = _at(loopset)
-        way = f"measure another {at}"
-        way += " or try --gap-map circuit" if model.gap_map not in {"circuit", "free"} else ""
-        return f"the gap map '{model.gap_map}' cannot follow; {way}"
+        remedy = f"measure another {at}"
+        remedy += " or try --gap-map circuit" if model.gap_map not in {"circuit", "free"} else ""
+        return f"the gap map '{model.gap_map}' cannot follow; {remedy}"
     return {
         "input": f"the law's curve cannot follow, as in saturation{other}",
         "direction": f"the width of the loops is not that of the law{other}",

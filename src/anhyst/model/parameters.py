@@ -302,8 +302,8 @@ def _cubic(
 
     def at(query: FloatArray) -> FloatArray:
         segment = inner.searchsorted(query, side="right")
-        way = query - nodes[segment]
-        turn = slopes[segment] + way * (bend[segment] + way * twist[segment])
-        return np.asarray(heights[segment] + way * turn)
+        offset = query - nodes[segment]
+        turn = slopes[segment] + offset * (bend[segment] + offset * twist[segment])
+        return np.asarray(heights[segment] + offset * turn)
 
     return at

@@ -53,25 +53,25 @@ class _Record:
 
     model: ActuatorRecord
     kind: Given
-    given: FloatArray
+    inputs: FloatArray
     schedule: FloatArray | None
     rate: FloatArray | None
-    found: FloatArray
+    answers: FloatArray
     flux_density: FloatArray
     field: FloatArray
     reachable: BoolArray
 
     def circuit(self, run: slice) -> Circuit:
         """Return what surrounds the iron during a run."""
-        size = self.given[run].size
+        size = self.inputs[run].size
         rate = np.zeros(size) if self.rate is None else self.rate[run]
         return self.model.circuit(None if self.schedule is None else self.schedule[run], rate)
 
     def core(self, run: slice, circuit: Circuit) -> FloatArray:
         """Return what the core is given in a run: its drive, A/m, or the flux density, T."""
         if self.kind == "drive":
-            return circuit.magnetomotive(self.given[run])
-        flux_density, self.reachable[run] = circuit.flux_density(self.given[run])
+            return circuit.magnetomotive(self.inputs[run])
+        flux_density, self.reachable[run] = circuit.flux_density(self.inputs[run])
         return flux_density
 
 
@@ -115,45 +115,45 @@ def run_through(
     history: History | str | None,
 ) -> Prediction:
     """Compute as `predict` (``"drive"``) or `invert` (``"demand"``), without a Python warning."""
-    given = as_samples(values, kind)
+    inputs = as_samples(values, kind)
     if model.dynamics is not None and model.dynamics.needs_time:
-        clock = _clock(time, given.size)
+        clock = _clock(time, inputs.size)
         run = _drive_late if kind == "drive" else _demand_late
-        return run(model, model.dynamics, given, schedule, clock, as_history(history, model))
-    return _run_at_once(model, kind, given, schedule, time, history)
+        return run(model, model.dynamics, inputs, schedule, clock, as_history(history, model))
+    return _run_at_once(model, kind, inputs, schedule, time, history)
 
 
 def _run_at_once(
     model: ActuatorRecord,
     kind: Given,
-    given: FloatArray,
+    inputs: FloatArray,
     schedule: ArrayLike | None,
     time: ArrayLike | None,
     history: History | str | None,
 ) -> Prediction:
-    """Compute a record of an actuator that answers at once."""
-    at = None if schedule is None else as_samples(schedule, "schedule", given.size)
+    """Compute a record of an actuator without lag and creep."""
+    at = None if schedule is None else as_samples(schedule, "schedule", inputs.size)
     if at is None:
         model.schedule_or_default(None)
     past = as_history(history, model)
     record = _Record(
         model=model,
         kind=kind,
-        given=given,
+        inputs=inputs,
         schedule=at,
-        rate=eddy_rate(model, time, given.size),
-        found=np.empty(given.size),
-        flux_density=np.empty(given.size),
-        field=np.empty(given.size),
-        reachable=np.ones(given.size, dtype=np.bool_),
+        rate=eddy_rate(model, time, inputs.size),
+        answers=np.empty(inputs.size),
+        flux_density=np.empty(inputs.size),
+        field=np.empty(inputs.size),
+        reachable=np.ones(inputs.size, dtype=np.bool_),
     )
-    runs = list(_runs(model, at, given.size))
+    runs = list(_runs(model, at, inputs.size))
     ends = [_one_run(record, run, past) for run in runs]
-    drive, output = (given, record.found) if kind == "drive" else (record.found, given)
+    drive, output = (inputs, record.answers) if kind == "drive" else (record.answers, inputs)
     valid, flags = flag(model, kind, drive, output, at, record.reachable)
     if not record.reachable.all():
-        rest = model.circuit(at, np.zeros(given.size)).output(np.zeros(given.size))
-        output = np.where(record.reachable, given, rest)
+        rest = model.circuit(at, np.zeros(inputs.size)).output(np.zeros(inputs.size))
+        output = np.where(record.reachable, inputs, rest)
     notes = []
     if len(runs) > 1:
         notes.append(
@@ -162,7 +162,7 @@ def _run_at_once(
         )
     if model.dynamics is not None and time is not None:
         notes += too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
-    if past.kind == "settled" and any(_is_open(given[run]) for run in runs):
+    if past.kind == "settled" and any(_is_open(inputs[run]) for run in runs):
         notes.append(
             f"the {kind} does not end where it starts; 'settled' repeats it with a straight return"
         )
@@ -198,7 +198,7 @@ def _drive_late(
         flux = prediction.flux_density
         slow = _slow_start(model, late, past, at, flux, time, known=True)
         circuit = model.circuit(at, np.zeros(drive.size))
-        output = circuit.output(late.added(flux, time, slow).found)
+        output = circuit.output(late.added(flux, time, slow).values)
     valid, flags = flag(model, "drive", drive, output, at, prediction.reachable)
     return replace(prediction, drive=drive, output=output, valid=valid, flags=flags)
 
@@ -211,14 +211,14 @@ def _demand_late(
     time: FloatArray,
     past: History,
 ) -> Prediction:
-    """Compute the drive of an actuator that lags and creeps: what it must be a lag earlier."""
+    """Compute the drive of an actuator with lag and creep, one lag ahead of the demand."""
     at = None if schedule is None else as_samples(schedule, "schedule", demand.size)
     circuit = model.circuit(at, np.zeros(demand.size))
     at_once, reachable = demand, np.ones(demand.size, dtype=np.bool_)
     if late.times:
         flux, reachable = circuit.flux_density(demand)
         slow = _slow_start(model, late, past, at, flux, time, known=False)
-        at_once = circuit.output(late.removed(flux, time, slow).found)
+        at_once = circuit.output(late.removed(flux, time, slow).values)
     prediction = _run_at_once(model, "demand", at_once, schedule, time, past)
     drive = late.advanced(prediction.drive, time)
     valid, flags = flag(model, "demand", drive, demand, at, reachable & prediction.reachable)
@@ -283,8 +283,8 @@ def _one_run(record: _Record, run: slice, history: History) -> tuple[FloatArray,
         circuit = record.circuit(piece)
         core = record.core(piece, circuit)
         other, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
-        check(status, record.kind, first + index, record.given)
-        record.found[piece] = circuit.output(other) if forward else circuit.drive(other)
+        check(status, record.kind, first + index, record.inputs)
+        record.answers[piece] = circuit.output(other) if forward else circuit.drive(other)
         record.flux_density[piece] = other if forward else core
         record.field[piece] = field
     return state, cycles
@@ -329,7 +329,7 @@ def _settle(
         )
     if status != OK:  # once more, to see where
         *_, again, index = _step(iron, kind)(*around, start)
-        check(again or status, kind, run.start + index, record.given)
+        check(again or status, kind, run.start + index, record.inputs)
     return state, cycles
 
 

@@ -43,7 +43,7 @@ class Deviation:
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
-    """What was computed over a file.
+    """Summary of a prediction or inversion over a file.
 
     Parameters
     ----------
@@ -154,26 +154,6 @@ def _run(
     history: str | None,
     progress: Progress | None,
 ) -> RunSummary:
-    if isinstance(model, Model):
-        check_writable(out, reads=[path])
-    else:
-        check_writable(out, reads=[model, path])
-        model = read_model(model)
-    return run_file(
-        model, direction, path, out, columns=columns, history=history, progress=progress
-    )
-
-
-def run_file(
-    model: Model,
-    direction: Direction,
-    path: PathLike,
-    out: PathLike,
-    *,
-    columns: Mapping[str, str] | None = None,
-    history: str | None = None,
-    progress: Progress | None = None,
-) -> RunSummary:
     """Predict or invert a whole file.
 
     The columns of the file are repeated as they stood; the computed quantity and ``valid`` (1
@@ -182,7 +162,9 @@ def run_file(
     is one run; only where the history is ``settled``, each stretch at one value is a cycle. Cycles
     that clock and measured output show to have been run one after the other remember those before.
     """
-    check_writable(out)
+    reads = [path] if isinstance(model, Model) else [model, path]
+    check_writable(out, reads=reads)
+    model = model if isinstance(model, Model) else read_model(model)
     table = read_columns(path, columns, progress)
     past = history if history is not None else str(model.history)
     answers, valid, runs, warnings = _compute(model, direction, table, past)

@@ -104,7 +104,7 @@ def far_outside(
 
 
 def likely_unit(quantity: Quantity, times: float) -> str:
-    """Name the unit that is about so many times smaller than the SI unit; empty if none is."""
+    """Name the unit that is smaller than the SI unit by about this factor; empty if none is."""
     dimension = DIMENSIONS.get(quantity.name, quantity.name)
     nearest = min(
         (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02),
@@ -191,7 +191,7 @@ class Prediction(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader has to know, one sentence each."""
+        """Warnings, one sentence each."""
         return self.flags + self.notes
 
     def facts(self) -> dict[str, str]:

@@ -51,19 +51,19 @@ class _Reader:
     def read(self, kind: type[Record]) -> Record:
         content = self.file.content
         self._check_version(content)
-        given, answer, schedule = (
+        drive, answer, schedule = (
             self._quantity(content, key) for key in ("input", "output", "schedule")
         )
         self._stop_if_wrong()
-        assert given is not None
+        assert drive is not None
         assert answer is not None
         name = content.get("law")
         law = LAWS.get(name) if isinstance(name, str) else None
-        self.names = section_names(None, given, answer, schedule)
+        self.names = section_names(None, drive, answer, schedule)
         cells = self._cells(content)
         if law is not None and cells is not None:
             law = self._with_cells(law, cells)
-        self.names = section_names(law, given, answer, schedule)
+        self.names = section_names(law, drive, answer, schedule)
         self._strip_units(content, ())
         try:
             table = model_table(law).model_validate(content)
@@ -73,7 +73,7 @@ class _Reader:
         self._check_ranges(content, law)
         self._stop_if_wrong()
         assert table is not None
-        return self._build(kind, table, given, answer, schedule, cells)
+        return self._build(kind, table, drive, answer, schedule, cells)
 
     def _check_version(self, content: dict[str, Any]) -> None:
         check_kind(self.file, [FileKind.MODEL])
@@ -182,7 +182,7 @@ class _Reader:
             self._strip_units(value, (*at, key))
 
     def _collect(self, error: ValidationError, at: tuple[str, ...] = ()) -> None:
-        self.file.collect(error, self._advice, lambda place: self._file_path((*at, *place)))
+        self.file.collect(error, self._advice, lambda location: self._file_path((*at, *location)))
 
     def _advice(self, path: KeyPath, finding: Any) -> Advice:
         plain = explain(finding)
@@ -199,7 +199,7 @@ class _Reader:
         return self.names.get(tuple(part for part in table if isinstance(part, str)), {})
 
     def _file_path(self, location: KeyPath) -> KeyPath:
-        """Path in the file of a place in the validated tables."""
+        """Path in the file of a location in the validated tables."""
         *table, last = location
         names = self._names_in(tuple(table))
         return (*table, names[last][1] if last in names else last)
@@ -215,7 +215,7 @@ class _Reader:
         }
         nodes = content.get("schedule", {}).get("nodes", [])
         for problem in find_problems(law, values, nodes, content["gap_map"]):
-            self.file.add(self._file_path(_place_of(problem.key)), problem.text, code=problem.code)
+            self.file.add(self._file_path(_path_of(problem.key)), problem.text, code=problem.code)
         for key, pair in content.get("valid", {}).items():
             if pair[0] > pair[1]:
                 self.file.add(
@@ -252,7 +252,7 @@ class _Reader:
         self,
         kind: type[Record],
         table: ModelTable,
-        given: Quantity,
+        drive: Quantity,
         answer: Quantity,
         schedule: Quantity | None,
         cells: CellWeights | None,
@@ -266,7 +266,7 @@ class _Reader:
         self._stop_if_wrong()
         model = kind(
             name=table.name,
-            input=given,
+            input=drive,
             output=answer,
             parameters={
                 name: tuple(value) if isinstance(value, list) else value
@@ -328,7 +328,7 @@ class _Reader:
             raise self.file.error()
 
 
-def _place_of(key: str) -> tuple[str, ...]:
+def _path_of(key: str) -> tuple[str, ...]:
     if key == "gap_map":
         return ("gap_map",)
     return ("schedule", "nodes") if key == "nodes" else ("parameters", key)

@@ -231,7 +231,7 @@ class ActuatorRecord:
 
     @property
     def at_rest(self) -> Self:
-        """The model without what comes late: as it is where nothing changes fast."""
+        """The quasi-static model: without lag, creep and eddy currents."""
         if self.dynamics is None and not self.has_eddy_currents:
             return self
         still = dict(self.parameters) | {"gamma": 0.0}
@@ -303,13 +303,7 @@ class ActuatorRecord:
         return {name: float(self.over_schedule(name, at)[0]) for name in self.specs}
 
     def schedule_or_default(self, schedule: float | None) -> float:
-        """Return the scheduling variable, or any where it does not matter.
-
-        Raises
-        ------
-        InputError
-            It matters and was not given.
-        """
+        """Return the scheduling variable, or any where it does not matter; refuse a missing one that does."""
         if schedule is not None:
             return float(schedule)
         if self.needs_schedule:
@@ -323,23 +317,7 @@ class ActuatorRecord:
         return self.nodes[0] if self.nodes else 0.0
 
     def iron_at(self, schedule: float | None = None) -> IronOperator:
-        """Return the iron of the core at one value of the scheduling variable.
-
-        Parameters
-        ----------
-        schedule : float, optional
-            Scheduling variable, SI; matters only for a ``free`` gap map.
-
-        Returns
-        -------
-        IronOperator
-            It keeps no state and may be shared.
-
-        Raises
-        ------
-        InputError
-            The core refuses the parameters.
-        """
+        """Return the iron at a value of the scheduling variable (SI); it keeps no state and may be shared."""
         if self.fixed_gap_only:
             return self._iron(self.schedule_or_default(schedule))
         return self._iron_everywhere
@@ -355,20 +333,7 @@ class ActuatorRecord:
         return _iron(law, self.layers, *values)
 
     def circuit(self, schedule: FloatArray | None, eddy_rate: FloatArray) -> Circuit:
-        """Return what surrounds the iron, sample by sample.
-
-        Parameters
-        ----------
-        schedule : ndarray, shape (n,), or None
-            Scheduling variable, SI.
-        eddy_rate : ndarray, shape (n,)
-            1/dt of each sample, 1/s; 0 where eddy currents do not count.
-
-        Returns
-        -------
-        Circuit
-            Arrays of shape (n,).
-        """
+        """Return what surrounds the iron at each sample; ``eddy_rate`` is 1/dt, 0 without eddy currents."""
         at = (
             np.full(eddy_rate.shape, self.schedule_or_default(None))
             if schedule is None
@@ -393,7 +358,7 @@ class ActuatorRecord:
 
     @cached_property
     def _looked_up(self) -> dict[bytes, tuple[FloatArray, ...]]:
-        """What was found for rows of the scheduling variable."""
+        """Cached parameters by rows of the scheduling variable."""
         return {}
 
 

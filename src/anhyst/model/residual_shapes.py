@@ -35,7 +35,7 @@ _NOTHING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What a fit leaves of one record."""
+    """The residual of a fit on one record."""
 
     drive: FloatArray  # shape (n,): input, measured output, and modelled minus measured output, SI
     measured: FloatArray

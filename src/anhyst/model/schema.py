@@ -70,7 +70,7 @@ class CellsTable(Table):
 
 
 class DynamicsTable(Table):
-    """``[dynamics]``: what comes late."""
+    """``[dynamics]``: lag and creep."""
 
     lag: FiniteFloat = 0.0
     creep_times: list[FiniteFloat] = []
@@ -181,7 +181,7 @@ def section_names(
 
 
 def meant(key: str, names: Names) -> str | None:
-    """Return the field that a key without its unit, or with another one, stands for, if any."""
+    """Return the field that a key with a missing or another unit means, if any."""
     for field, (bare, full) in names.items():
         if key == full:
             continue

@@ -52,7 +52,11 @@ class Stepper:
         warn_if_far(model, model.input, np.zeros(1), self._schedule)
         self._iron = model.iron_at(self._schedule)
         past = as_history(history, model)
-        self._state = self._cycled() if past.kind == "settled" else self._conditioned(past)
+        self._state = (
+            self._cycled()
+            if past.kind == "settled"
+            else initial_state(model, self._iron, past, self._schedule)
+        )
         self._output: float | None = None
         # schedule, step and whether it had begun, and the circuit there: that of the last step
         self._around: tuple[float, float | None, bool, Circuit] | None = None
@@ -87,9 +91,6 @@ class Stepper:
             slow = self._late.follow(self._flux, slow, dt)
         return float(np.array(self._late.shares) @ slow), slow
 
-    def _conditioned(self, history: History) -> FloatArray:
-        return initial_state(self.model, self._iron, history, self._schedule)
-
     def _cycled(self) -> FloatArray:
         if self.model.valid is None:
             raise InputError(
@@ -105,7 +106,7 @@ class Stepper:
 
     @property
     def state(self) -> FloatArray:
-        """State of the iron a copy; what it holds is the law's."""
+        """A copy of the state of the iron, as its law defines it."""
         return self._state.copy()
 
     @property
@@ -154,7 +155,7 @@ class Stepper:
         return self._output
 
     def follow(self, applied: FloatArray, schedule: FloatArray) -> FloatArray:
-        """Advance the state along a row of drives, as :meth:`commit` does one by one."""
+        """Advance the state along a row of drives, as repeated calls of :meth:`commit`."""
         drive = as_samples(applied, "applied drive")
         at = as_samples(schedule, "schedule", drive.size)
         if np.any(self.model.over_schedule("gamma", at) > 0.0):

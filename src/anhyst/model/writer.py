@@ -190,7 +190,7 @@ def _layers(layers: Layers) -> str:
 
 
 def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingProxyType({})) -> str:
-    """Write the keys of a record; left out is what it has by default, and the tables inside it.
+    """Write the keys of a record, without defaults and without its nested tables.
 
     Deviations come with what they are of the largest output. A scheduling variable has a name only
     where the model has one.

@@ -75,7 +75,7 @@ def binary_writer(path: PathLike) -> Iterator[IO[bytes]]:
 
 @contextmanager
 def _draft(path: PathLike) -> Iterator[Path]:
-    """Give the place to write to now, and put what was written where it belongs."""
+    """Yield a draft path to write to; move the draft to its final path when all went well."""
     target = Path(os.path.realpath(path))  # a link keeps pointing where it points
     try:
         if target.is_dir():
@@ -204,7 +204,7 @@ def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
 
 
 def _exchange(draft: Path, target: Path) -> None:
-    """Put a draft where its folder stood."""
+    """Replace a folder with its draft."""
     old = target.with_name(draft.name.removesuffix(".part") + ".old")
     if target.exists():
         target.rename(old)
@@ -218,7 +218,7 @@ def _exchange(draft: Path, target: Path) -> None:
 
 
 def _move_files(draft: Path, target: Path) -> None:
-    """Put the files of a draft beside others."""
+    """Move the files of a draft into a folder that holds other files."""
     made: list[Path] = []
     try:
         for file in sorted(path for path in draft.rglob("*") if path.is_file()):

@@ -35,7 +35,7 @@ _SCALES = (
 
 
 def regenerate(words: Sequence[int], generation: int) -> list[int]:
-    """Give a parameter block another generation, and the checksum that belongs to it."""
+    """Set the generation of a parameter block and recompute its checksum."""
     row = [int(word) for word in words]
     row[GENERATION_AT] = _signed(generation)
     crc = checksum(row[:CRC_AT] + row[CRC_AT + 2 :])

@@ -67,7 +67,7 @@ def _identity(compiler: str) -> str | None:
 
 
 def _compile(command: Sequence[str], key: str, run: Run, source: Path, target: Path) -> str:
-    """Make the object of a source, or take the kept one; return all complaints."""
+    """Compile a source or take its object from the cache; return the compiler's messages."""
     text = target.with_suffix(".i")
     run([*command, "-E", "-P", str(source), "-o", str(text)])
     digest = hashlib.sha256(key.encode() + b"\0" + text.read_bytes()).hexdigest()
@@ -84,12 +84,12 @@ def _compile(command: Sequence[str], key: str, run: Run, source: Path, target: P
 
 
 def _keep(kept: Path, content: bytes, messages: str) -> None:
-    """Put an object into the cache, whole or not at all; what was said of it first."""
+    """Put an object into the cache, whole or not at all; the compiler's messages first."""
     kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".", dir=kept.parent) as draft:
-        for place, part in ((kept.with_suffix(".txt"), messages.encode()), (kept, content)):
-            Path(draft, place.name).write_bytes(part)
-            Path(draft, place.name).replace(place)
+        for target, part in ((kept.with_suffix(".txt"), messages.encode()), (kept, content)):
+            Path(draft, target.name).write_bytes(part)
+            Path(draft, target.name).replace(target)
     # Looking through all of them takes longer than most compilations.
     if kept.name.startswith("00"):
         for old in sorted(kept.parent.glob("*.o"), key=lambda path: path.stat().st_mtime)[:-MOST]:

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 
 class _Coded(Exception):  # noqa: N818 - only half of one
-    """An error that says by a code what it is, and in words what to do."""
+    """An error with a code for programs and a text that says what to do."""
 
     def __init__(self, text: str, *, code: str, key: str = "") -> None:
         super().__init__(text)
@@ -19,10 +19,10 @@ class _Coded(Exception):  # noqa: N818 - only half of one
         # As it stands, whatever its class is made from: errors come back from other processes.
         return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
-    def at(self, place: object) -> Self:
+    def at(self, location: object) -> Self:
         """Return the same error, its text headed by the place."""
         error = copy(self)
-        error.args = (f"{place}: {self}",)
+        error.args = (f"{location}: {self}",)
         return error
 
 
@@ -67,7 +67,7 @@ class Interrupted(RuntimeError):  # noqa: N818 - an end
 
 
 class RenamedWarning(UserWarning):
-    """A file says something by an older name; the text names the line and the new one.
+    """A file uses an old name; the text gives the line and the new name.
 
     The command line prints it as ``anhyst: warning: ...``.
     """

@@ -83,7 +83,7 @@ def new_figure(height: float, width: float = WIDTH) -> Figure:
 
 
 def panels(figure: Figure, count: int, *, share_y: bool = False) -> list[Axes]:
-    """Divide a figure into so many panels, row by row, on as many columns as read well."""
+    """Divide a figure into a number of panels, row by row, in as many columns as are readable."""
     columns = columns_of(count)
     rows = -(-count // columns)
     axes = figure.subplots(rows, columns, squeeze=False, sharey=share_y).ravel().tolist()
@@ -93,7 +93,7 @@ def panels(figure: Figure, count: int, *, share_y: bool = False) -> list[Axes]:
 
 
 def columns_of(count: int) -> int:
-    """Columns on which so many panels read well."""
+    """Return the number of columns in which a number of panels is readable."""
     return 2 if count in {2, 4} else min(count, 3)
 
 

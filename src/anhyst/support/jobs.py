@@ -68,13 +68,15 @@ def each(
     from concurrent.futures import ProcessPoolExecutor, as_completed  # of many processes alone
 
     with ProcessPoolExecutor(count, initializer=_leave_interrupts) as pool:
-        places: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
+        index_of: dict[Future[B], int] = {
+            pool.submit(work, item): i for i, item in enumerate(inputs)
+        }
         try:
-            for ready in as_completed(places):
+            for ready in as_completed(index_of):
                 done += 1
                 if progress is not None:
                     progress(done, len(inputs))
-                yield places[ready], ready.result()
+                yield index_of[ready], ready.result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
@@ -120,13 +122,13 @@ def _on_cluster(
     # What all tasks share goes to each worker once, and is made again where it was lost.
     shared = client.submit(partial, work, pure=False)
     futures = client.map(operator.call, [shared] * len(inputs), inputs, pure=False)
-    places = {future: index for index, future in enumerate(futures)}
+    index_of = {future: index for index, future in enumerate(futures)}
     # Results that are ready come together: asking for each alone costs a message there and back.
     waiting = _library().as_completed(futures, loop=client.loop, with_results=True)
     for done, (ready, result) in enumerate(waiting, start=1):
         if progress is not None:
             progress(done, len(inputs))
-        yield places[ready], result
+        yield index_of[ready], result
 
 
 def _library() -> Any:
@@ -149,5 +151,5 @@ def cores() -> int:
 
 
 def _leave_interrupts() -> None:
-    """Leave ctrl-C, which reaches all processes, to the one that hands out the work."""
+    """Ignore ctrl-C in a worker: it reaches all processes, and the parent handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -170,9 +170,9 @@ class ResultsFile:
 
     def _check(self, kept_settings: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
         for name, value in settings.items():
-            there = kept_settings.get(name)
-            if there != json.loads(json.dumps(value)):
-                text = f"is {_short(there)} in the file and {_short(value)} now"
+            stored = kept_settings.get(name)
+            if stored != json.loads(json.dumps(value)):
+                text = f"is {_short(stored)} in the file and {_short(value)} now"
                 raise InputError(
                     f"{self.path}: line 1: {name}: {text}, its results belong to something else; "
                     f"{_OTHER}",

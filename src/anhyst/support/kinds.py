@@ -89,7 +89,7 @@ def format_of(kind: FileKind) -> str:
 
 
 def kind_in(content: Mapping[str, object]) -> FileKind:
-    """Return the kind of a TOML file by what it holds."""
+    """Return the kind of a TOML file from its contents."""
     text, control = content.get("format"), content.get("control")
     if text == RIG_FORMAT:
         if content.get("version") == 1:

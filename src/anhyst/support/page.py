@@ -124,7 +124,7 @@ TEMPLATE = "page.html.j2"
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """One large figure of the head, and what it is."""
+    """One large number at the head of a page, with its label."""
 
     figure: str
     name: str
@@ -133,7 +133,7 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class Headline:
-    """What a reader sees first."""
+    """The head of a page: its verdict and key figures."""
 
     title: str
     what: str
@@ -235,7 +235,7 @@ def scale_for(quantity: Quantity, values: Iterable[float | None]) -> Scale:
 
 
 def number(value: float, digits: int = 3, *, short: bool = False) -> str:
-    """Write a number with so many significant digits, what is before the point always whole.
+    """Write a number with a number of significant digits, never rounding before the point.
 
     >>> number(0.76436), number(1234.4), number(0.3), number(0.3, short=True), number(2.5e-7)
     ('0.764', '1234', '0.300', '0.3', '2.5×10⁻⁷')

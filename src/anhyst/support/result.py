@@ -113,7 +113,7 @@ class Result(ABC):
 
 
 def dress(ax: Axes) -> None:
-    """Give axes a grid, and no frame above and to the right."""
+    """Add a grid to the axes and remove the top and right spines."""
     ax.grid(visible=True, alpha=0.25, lw=0.6)
     ax.spines[["top", "right"]].set_visible(False)
 
@@ -140,8 +140,8 @@ def shades(values: Sequence[float], *, moving: bool = False) -> Shades:
     from matplotlib import colormaps
 
     groups: list[float | None] = [*values, *([None] if moving else [])]
-    places = np.linspace(0.0, 0.85, max(len(groups), 2))
-    colours = [tuple(colour) for colour in colormaps["viridis"](places).tolist()]
+    positions = np.linspace(0.0, 0.85, max(len(groups), 2))
+    colours = [tuple(colour) for colour in colormaps["viridis"](positions).tolist()]
     return dict(zip(groups, colours, strict=False))
 
 

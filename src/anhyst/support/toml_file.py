@@ -40,7 +40,7 @@ class FileFault(NamedTuple):
 
 
 class Advice(NamedTuple):
-    """What is wrong and what to do, and its code as that of an `InputError`."""
+    """The text of a problem (what is wrong, what to do) and its code, as of an `InputError`."""
 
     text: str
     code: str
@@ -111,8 +111,8 @@ class TomlFileError(InputError):
         # Missing keys last: most are there, misspelt, and reported at their line.
         self.problems = tuple(sorted(problems, key=lambda p: (not p.written, p.line or 0)))
         first, *others = self.problems
-        place = str(path) if first.line is None else f"{path}:{first.line}"
-        text = f"{place}: {first.key}: {first.text}"
+        location = str(path) if first.line is None else f"{path}:{first.line}"
+        text = f"{location}: {first.key}: {first.text}"
         if others:
             named = [f"{o.key} (line {o.line})" if o.line else o.key for o in others[:SHOWN]]
             rest = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
@@ -153,12 +153,14 @@ class TomlFile:
         self,
         error: ValidationError,
         advice: Callable[[KeyPath, Any], Advice],
-        place: Callable[[KeyPath], KeyPath] = lambda location: location,
+        relocate: Callable[[KeyPath], KeyPath] = lambda location: location,
     ) -> None:
         """Note what a validation found, the first finding of each key."""
         seen = {problem.key for problem in self.problems}
         for finding in error.errors(include_url=False):
-            key = place(tuple(one for one in finding["loc"] if not str(one).startswith(BRANCH)))
+            key = relocate(
+                tuple(part for part in finding["loc"] if not str(part).startswith(BRANCH))
+            )
             if dotted(key) not in seen:
                 seen.add(dotted(key))
                 self.add(key, *advice(key, finding))
@@ -299,17 +301,17 @@ def _advice(schema: type[Table], path: KeyPath, finding: Any) -> Advice:
 
 def _known(schema: type[Table], path: KeyPath) -> list[str]:
     """Keys of the table that a path through the schema leads to, its tags included."""
-    here: list[type[BaseModel]] = [schema]
+    tables: list[type[BaseModel]] = [schema]
     annotation: Any = None
     for part in path:
         if isinstance(part, str) and part.startswith(BRANCH):
-            here = _tables(_tagged(annotation, part)) or here
+            tables = _tables(_tagged(annotation, part)) or tables
         elif isinstance(part, str):
-            annotation = _fields(here[0])[part].annotation
-            here = _tables(annotation)
-            if not here:
+            annotation = _fields(tables[0])[part].annotation
+            tables = _tables(annotation)
+            if not tables:
                 return []
-    return list(_fields(here[0]))
+    return list(_fields(tables[0]))
 
 
 def _fields(table: type[BaseModel]) -> dict[str, FieldInfo]:

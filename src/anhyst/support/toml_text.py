@@ -92,44 +92,44 @@ class _Scanner:
 
     def __init__(self, text: str) -> None:
         self.text = text
-        self.place = 0
+        self.position = 0
         self.lines: dict[Path, int] = {}
         self.last_index: dict[Path, int] = {}
 
     def scan(self) -> dict[Path, int]:
         table: Path = ()
         while self._skip_to_key():
-            line = self.text.count("\n", 0, self.place) + 1
-            if self.text[self.place] == "[":
+            line = self.text.count("\n", 0, self.position) + 1
+            if self.text[self.position] == "[":
                 table = self._header()
                 path = table
             else:
                 path = table + tuple(self._key())
-                self.place += 1  # the equals sign
+                self.position += 1  # the equals sign
                 self._skip_value()
             self.lines.setdefault(path, line)
         return self.lines
 
     def _skip_to_key(self) -> bool:
-        while self.place < len(self.text):
-            sign = self.text[self.place]
+        while self.position < len(self.text):
+            sign = self.text[self.position]
             if sign == "#":
                 self._skip_line()
             elif sign.isspace() or sign == "\ufeff":
-                self.place += 1
+                self.position += 1
             else:
                 return True
         return False
 
     def _skip_line(self) -> None:
-        end = self.text.find("\n", self.place)
-        self.place = len(self.text) if end < 0 else end
+        end = self.text.find("\n", self.position)
+        self.position = len(self.text) if end < 0 else end
 
     def _header(self) -> Path:
-        is_array = self.text.startswith("[[", self.place)
-        self.place += 2 if is_array else 1
+        is_array = self.text.startswith("[[", self.position)
+        self.position += 2 if is_array else 1
         parts = self._key()
-        self.place += 2 if is_array else 1
+        self.position += 2 if is_array else 1
         path: Path = ()
         for part in parts:
             path = (*self._element(path), part)
@@ -143,27 +143,27 @@ class _Scanner:
 
     def _key(self) -> list[str]:
         parts = []
-        while match := _KEY_PART.match(self.text, self.place):
+        while match := _KEY_PART.match(self.text, self.position):
             written = match[1]
             quoted = written[0] in "\"'"
             parts.append(next(iter(tomllib.loads(f"{written} = 0"))) if quoted else written)
-            self.place = match.end()
-            if not self.text.startswith(".", self.place):
+            self.position = match.end()
+            if not self.text.startswith(".", self.position):
                 break
-            self.place += 1
+            self.position += 1
         return parts
 
     def _skip_value(self) -> None:
         depth = 0
-        while self.place < len(self.text):
-            if plain := _PLAIN.match(self.text, self.place):
-                self.place = plain.end()
+        while self.position < len(self.text):
+            if plain := _PLAIN.match(self.text, self.position):
+                self.position = plain.end()
                 continue
-            quote = next((q for q in _QUOTES if self.text.startswith(q, self.place)), None)
+            quote = next((q for q in _QUOTES if self.text.startswith(q, self.position)), None)
             if quote:
                 self._skip_string(quote)
                 continue
-            match self.text[self.place]:
+            match self.text[self.position]:
                 case "#":
                     self._skip_line()
                     continue
@@ -173,14 +173,14 @@ class _Scanner:
                     depth -= 1
                 case "\n" if depth == 0:
                     return
-            self.place += 1
+            self.position += 1
 
     def _skip_string(self, quote: str) -> None:
-        self.place += len(quote)
-        while not self.text.startswith(quote, self.place):
-            escaped = quote[0] == '"' and self.text[self.place] == "\\"
-            self.place += 2 if escaped else 1
-        self.place += len(quote)
+        self.position += len(quote)
+        while not self.text.startswith(quote, self.position):
+            escaped = quote[0] == '"' and self.text[self.position] == "\\"
+            self.position += 2 if escaped else 1
+        self.position += len(quote)
         if len(quote) == 3:  # up to two quotes may stand before the closing three
-            while self.text.startswith(quote[0], self.place):
-                self.place += 1
+            while self.text.startswith(quote[0], self.position):
+                self.position += 1

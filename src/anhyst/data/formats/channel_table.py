@@ -52,7 +52,7 @@ class Clock:
 
 
 def shared_clock(
-    place: str, channels: Sequence[Channel], seconds: Callable[[Channel], FloatArray]
+    source: str, channels: Sequence[Channel], seconds: Callable[[Channel], FloatArray]
 ) -> tuple[Clock, tuple[str, ...]]:
     """Find the clock that channels are read on: the finest, as far as all of them reach."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
@@ -61,7 +61,7 @@ def shared_clock(
     if len(by_length) > 1 or (free and len(clocks) > 1):
         one, other = list(by_length.values())[:2] if len(by_length) > 1 else (free[0], clocks[1])
         raise InputError(
-            f"{place}: channels '{one.full_name}' ({one.length} samples) and '{other.full_name}' "
+            f"{source}: channels '{one.full_name}' ({one.length} samples) and '{other.full_name}' "
             f"({other.length}) have no common clock; leave one out, or export them with their times",
             code="no-common-clock",
             key=one.full_name,
@@ -71,7 +71,7 @@ def shared_clock(
     times = [seconds(clock) for clock in clocks]
     if all(np.array_equal(times[0], other) for other in times[1:]):
         return Clock(clocks[0], clocks[0].length, times[0]), ()
-    steps = [_step(place, clock, ticks) for clock, ticks in zip(clocks, times, strict=True)]
+    steps = [_step(source, clock, ticks) for clock, ticks in zip(clocks, times, strict=True)]
     finest = int(np.argmin(steps))
     begin, end = max(ticks[0] for ticks in times), min(ticks[-1] for ticks in times)
     start, stop = np.searchsorted(times[finest], [begin, np.nextafter(end, np.inf)])
@@ -80,7 +80,7 @@ def shared_clock(
         late = first[[ticks[0] for ticks in times].index(begin)]
         early = first[[ticks[-1] for ticks in times].index(end)]
         raise InputError(
-            f"{place}: channel '{early}' ends at {end:g} s and '{late}' begins at {begin:g} s: "
+            f"{source}: channel '{early}' ends at {end:g} s and '{late}' begins at {begin:g} s: "
             "nothing was recorded together; leave one out",
             code="no-common-time",
             key=late,
@@ -93,11 +93,11 @@ def shared_clock(
     return clock, (note + (outside if dropped else ""),)
 
 
-def _step(place: str, clock: Channel, times: FloatArray) -> float:
+def _step(source: str, clock: Channel, times: FloatArray) -> float:
     """Usual step of a clock that others are compared with."""
     if times.size < 2:
         raise InputError(
-            f"{place}: '{clock.full_name}' holds one time only, too few to bring others onto it; "
+            f"{source}: '{clock.full_name}' holds one time only, too few to bring others onto it; "
             "leave its channels out",
             code="clock-too-short",
             key=clock.full_name,
@@ -107,7 +107,7 @@ def _step(place: str, clock: Channel, times: FloatArray) -> float:
     if odd.any():
         row = int(np.argmax(odd))
         raise InputError(
-            f"{place}: time '{clock.full_name}' is {times[row]:g} s in sample {row + 1}, not later "
+            f"{source}: time '{clock.full_name}' is {times[row]:g} s in sample {row + 1}, not later "
             "than before; channels on several clocks need rising times",
             code="time-not-rising",
             key=clock.full_name,
@@ -115,7 +115,7 @@ def _step(place: str, clock: Channel, times: FloatArray) -> float:
     return float(np.median(np.diff(times))) or float(np.mean(np.diff(times)))
 
 
-def onto(place: str, channel: Channel, own: Clock, values: FloatArray, clock: Clock) -> FloatArray:
+def onto(source: str, channel: Channel, own: Clock, values: FloatArray, clock: Clock) -> FloatArray:
     """Bring a channel onto a clock."""
     stop = clock.start + clock.length
     if own.times is None or clock.times is None or own.channel is clock.channel:
@@ -129,7 +129,7 @@ def onto(place: str, channel: Channel, own: Clock, values: FloatArray, clock: Cl
     if long.any():
         row = int(np.argmax(long))
         raise InputError(
-            f"{place}: channel '{channel.full_name}' has no sample from {own.times[row]:g} to "
+            f"{source}: channel '{channel.full_name}' has no sample from {own.times[row]:g} to "
             f"{own.times[row + 1]:g} s, {steps[row] / usual:.0f} of its usual steps: it cannot be "
             "interpolated; leave it out, or give it as a constant",
             code="gap-in-channel",
@@ -140,7 +140,7 @@ def onto(place: str, channel: Channel, own: Clock, values: FloatArray, clock: Cl
     if odd.any():
         row = int(np.argmax(odd))
         raise InputError(
-            f"{place}: channel '{channel.full_name}', sample {row + 1}: {values[row]:g} is no "
+            f"{source}: channel '{channel.full_name}', sample {row + 1}: {values[row]:g} is no "
             "measured value; remove it",
             code="not-finite",
             key=channel.full_name,
@@ -171,7 +171,7 @@ class ChannelTable:
     file: ChannelFile
 
     @property
-    def place(self) -> str:
+    def source_name(self) -> str:
         """The file."""
         return str(self.file.path)
 
@@ -220,7 +220,7 @@ class ChannelTable:
         clocked = [channels[index] for index in wanted] or [
             channel for channel in self.file.channels if channel.clock is not None
         ][: 1 if shift else 0]
-        clock, notes = shared_clock(self.place, clocked, self.seconds)
+        clock, notes = shared_clock(self.source_name, clocked, self.seconds)
         columns: dict[int, FloatArray] = {}
         for index in wanted:
             values = self._numbers(index, channels[index])
@@ -238,7 +238,7 @@ class ChannelTable:
 
     def where(self, row: int) -> str:
         """Return the place of a row."""
-        return f"{self.place}: sample {row + 1}"
+        return f"{self.source_name}: sample {row + 1}"
 
     def channel(self, index: int) -> Channel:
         """Return the channel of a column; the time is the first clock."""
@@ -284,7 +284,7 @@ class ChannelTable:
             return np.array(values, dtype=np.float64)
         except (TypeError, ValueError):
             raise TextInNumbersError(
-                f"{self.place}: column '{self.header[index]}' holds text or complex numbers, no "
+                f"{self.source_name}: column '{self.header[index]}' holds text or complex numbers, no "
                 "real ones",
                 column=index,
                 code="text-in-numbers",
@@ -296,7 +296,7 @@ class ChannelTable:
         if clock.times is None:
             names = ", ".join(channel.full_name for channel in channels)
             raise InputError(
-                f"{self.place}: the time '{self.header[0]}' is not said to be that of {names}; "
+                f"{self.source_name}: the time '{self.header[0]}' is not said to be that of {names}; "
                 f'leave it out: --columns "{self.header[0]}="',
                 code="time-of-others",
                 key=self.header[0],
@@ -315,11 +315,11 @@ class ChannelTable:
             return np.full(clock.length, values[0])
         if channel.clock is None or (channel.clock is clock.channel and clock.whole):
             return values
-        return onto(self.place, channel, self._own_clock(channel), values, clock)
+        return onto(self.source_name, channel, self._own_clock(channel), values, clock)
 
 
 def open_channels(file: ChannelFile, least: int) -> ChannelTable:
-    """Make a table of a file's channels; there must be so many of numbers."""
+    """Make a table of a file's channels; refuse fewer numeric channels than ``least``."""
     table = ChannelTable(file)
     count = sum(not channel.is_text for channel in file.channels) + len(table.clocks[:1])
     if count < least:

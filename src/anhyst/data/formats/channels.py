@@ -60,7 +60,7 @@ class ChannelFile:
     notes: tuple[str, ...] = ()
 
     def read(self, wanted: Sequence[Channel], count: int | None = None) -> list[Values]:
-        """Read channels whole, or so many of their first samples."""
+        """Read channels whole, or only their first samples."""
         with one_line_if_damaged(self.path):
             arrays = [plain(values) for values in self.samples(wanted, count)]
         for channel, values in zip(wanted, arrays, strict=True):
@@ -124,7 +124,7 @@ def _free(group: str, name: str, used: Container[tuple[str, str]]) -> str:
 
 
 def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
-    """Give channels without a clock the one of their group and length that its name tells.
+    """Assign a clock to channels without one: the time channel of their group and length.
 
     It is a channel named as a time with a unit of time, such as ``t`` in s, and the only such one.
     """
@@ -135,16 +135,18 @@ def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         if channel.clock is None and not channel.is_text and is_time and header.problem is None:
             times.setdefault((channel.group, channel.length), []).append(channel)
     clocks = {index: unique[0] for index, unique in times.items() if len(unique) == 1}
-    given = []
+    clocked = []
     for channel in channels:
         clock = clocks.get((channel.group, channel.length))
         if clock is None or channel.clock is not None:
-            given.append(channel)
+            clocked.append(channel)
         elif channel is not clock:
-            given.append(replace(channel, clock=clock))
+            clocked.append(replace(channel, clock=clock))
     # A clock of nothing is a channel like any other.
-    alone = [clock for clock in clocks.values() if all(other.clock is not clock for other in given)]
-    return (*alone, *given)
+    alone = [
+        clock for clock in clocks.values() if all(other.clock is not clock for other in clocked)
+    ]
+    return (*alone, *clocked)
 
 
 def check_size(path: Path, name: str, samples: int, size: int) -> None:
@@ -285,8 +287,8 @@ class OpenTable(Protocol):
     """A table that has been looked at, and not yet read."""
 
     @property
-    def place(self) -> str:
-        """Where it stands, for messages."""
+    def source_name(self) -> str:
+        """The file, and the sheet or group in it, for messages."""
 
     @property
     def header(self) -> tuple[str, ...]:
@@ -297,7 +299,7 @@ class OpenTable(Protocol):
         """Units of the columns, where they stand apart from their names."""
 
     def find(self, name: str) -> int | None:
-        """Index of the column that a person calls by a name, ``None`` if there is none."""
+        """Return the index of the column that a user means by a name, ``None`` if there is none."""
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the fields of the first rows of data, as many as there are columns."""
@@ -315,7 +317,7 @@ class OpenTable(Protocol):
 class MemoryTable:
     """A table whose columns are in memory: a data frame, or a file that is read whole."""
 
-    place: str
+    source_name: str
     header: tuple[str, ...]
     columns: tuple[Any, ...]
     units: tuple[str, ...] | None = None
@@ -339,7 +341,7 @@ class MemoryTable:
             try:
                 columns[index] = np.array(self.columns[index], dtype=np.float64)
             except (TypeError, ValueError):
-                text = f"{self.place}: column '{self.header[index]}' holds text, not numbers"
+                text = f"{self.source_name}: column '{self.header[index]}' holds text, not numbers"
                 raise TextInNumbersError(
                     text, column=index, code="text-in-numbers", key=self.header[index]
                 ) from None
@@ -347,7 +349,7 @@ class MemoryTable:
 
     def where(self, row: int) -> str:
         """Return the place of a row."""
-        return f"{self.place}: row {row}"
+        return f"{self.source_name}: row {row}"
 
     def _text(self, index: int) -> Texts:
         return Texts.of([str(value) for value in self.columns[index]])

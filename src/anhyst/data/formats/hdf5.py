@@ -29,8 +29,8 @@ _DEEPEST = 40
 
 
 @dataclass(frozen=True)
-class _Place:
-    """Where samples stand: a dataset, and in it a field or a column."""
+class _Key:
+    """Where the samples of a channel are: a dataset, and a field or column of it."""
 
     name: str
     field: str | None = None
@@ -59,12 +59,12 @@ def open_hdf5(path: Path, least: int) -> ChannelTable:
                     clocks[len(channels)] = scale
                 channels.append(channel)
         used = {scales[name] for name in clocks.values() if name in scales}
-        given = [
-            _clocked(channel, scales.get(clocks.get(index, "")))
+        own = [
+            replace(channel, clock=scales.get(clocks.get(index, ""), channel.clock))
             for index, channel in enumerate(channels)
             if channel not in used
         ]
-    return open_channels(ChannelFile(path, clocks_by_name(given), _reader(path)), least)
+    return open_channels(ChannelFile(path, clocks_by_name(own), _reader(path)), least)
 
 
 def datasets(path: Path, group: Any) -> Iterator[Any]:
@@ -74,16 +74,16 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
     seen: set[Any] = set()
     waiting = [(group, 0)]
     while waiting:
-        here, depth = waiting.pop(0)
+        folder, depth = waiting.pop(0)
         if depth > _DEEPEST or len(seen) > MOST_CHANNELS:
             raise InputError(
                 f"{path}: holds more than {MOST_CHANNELS} objects, or groups more than {_DEEPEST} "
                 "deep; export the channels you need",
                 code="nested-too-deep",
             )
-        for name in here:
-            link = here.get(name, getlink=True)
-            member_path = f"{here.name.rstrip('/')}/{name}"
+        for name in folder:
+            link = folder.get(name, getlink=True)
+            member_path = f"{folder.name.rstrip('/')}/{name}"
             if isinstance(link, h5py.ExternalLink):
                 raise InputError(
                     f"{path}: '{member_path}' is a link to the file '{link.filename}', which is not "
@@ -93,7 +93,7 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
                 )
             if isinstance(link, h5py.SoftLink):
                 continue  # what it leads to is found in its own place
-            member = here[name]
+            member = folder[name]
             info = h5py.h5o.get_info(member.id)
             if info.addr in seen:
                 continue
@@ -106,7 +106,7 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
 
 
 def check_dataset(path: Path, dataset: Any) -> None:
-    """Refuse a dataset whose samples stand in another file, or are more than can be read."""
+    """Refuse a dataset whose samples are in another file, or are more than can be read."""
     if dataset.external or dataset.is_virtual:
         raise InputError(
             f"{path}: '{dataset.name}' has its samples in other files, which are not followed; "
@@ -127,9 +127,9 @@ def _channels(path: Path, dataset: Any) -> list[Channel]:
         if len(shape) != 1:
             return []
         return [
-            Channel(one, shape[0], _Place(dataset.name, field=one), group=dataset.name.strip("/"),
+            Channel(entry, shape[0], _Key(dataset.name, field=entry), group=dataset.name.strip("/"),
                     is_text=_is_text(dataset, sub))
-            for one, (sub, *_) in kind.fields.items()
+            for entry, (sub, *_) in kind.fields.items()
             if sub.kind in "biufSO" and sub.shape == ()
         ]  # fmt: skip
     is_text = _is_text(dataset, kind)
@@ -137,9 +137,9 @@ def _channels(path: Path, dataset: Any) -> list[Channel]:
         return []
     unit = _unit(dataset)
     if len(shape) < 2 or 1 in shape:
-        return [Channel(name, int(dataset.size), _Place(dataset.name), unit, group, None, is_text)]
+        return [Channel(name, int(dataset.size), _Key(dataset.name), unit, group, None, is_text)]
     return [
-        Channel(f"{name}_{n + 1}", shape[0], _Place(dataset.name, column=n), unit, group, None,
+        Channel(f"{name}_{n + 1}", shape[0], _Key(dataset.name, column=n), unit, group, None,
                 is_text)
         for n in range(min(shape[1], MOST_CHANNELS))
     ]  # fmt: skip
@@ -170,10 +170,6 @@ def _scale(dataset: Any) -> str | None:
     return str(scale.name) if scale.shape == dataset.shape[:1] else None
 
 
-def _clocked(channel: Channel, clock: Channel | None) -> Channel:
-    return channel if clock is None else replace(channel, clock=clock)
-
-
 def _reader(path: Path) -> Any:
     def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
         import h5py
@@ -185,13 +181,13 @@ def _reader(path: Path) -> Any:
 
 
 def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:
-    place: _Place = channel.key
+    key: _Key = channel.key
     if dataset.ndim == 0:
         values = np.atleast_1d(dataset[()])
-    elif place.field is not None:
-        values = dataset.fields(place.field)[:count]
-    elif place.column is not None:
-        values = dataset[:count, place.column]
+    elif key.field is not None:
+        values = dataset.fields(key.field)[:count]
+    elif key.column is not None:
+        values = dataset[:count, key.column]
     else:
         values = np.ravel(dataset[()])[:count] if dataset.ndim > 1 else dataset[:count]
     if channel.is_text:

@@ -219,7 +219,7 @@ def _find_run(
 
 
 def _are_enough(numbers: set[int], columns: int, least: int) -> bool:
-    """Whether so many columns of numbers make a table, and no list of settings."""
+    """Whether this number of numeric columns makes a table rather than a list of settings."""
     return len(numbers) >= least and 2 * len(numbers) > columns
 
 

@@ -154,12 +154,12 @@ class MatGuard:
             fields = len(names) // width if width > 0 else 0
             if count > _MOST_PARTS:
                 raise self._fault(f"holds more than {_MOST_PARTS} parts")
-        found = 0
+        present = 0
         for number, content in parts:
-            found += 1
+            present += 1
             if number == _MATRIX:
                 self._matrix(content, depth + 1)
-        if found < count * fields:
+        if present < count * fields:
             raise self._fault("has a structure with fewer parts than it says")
 
     def _numbers(self, parts: Iterator[tuple[int, memoryview]], code: str) -> tuple[int, ...]:
@@ -230,18 +230,16 @@ def _node(value: Any) -> Any:
         return value
     if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
         members = [_node(item) for item in (value if isinstance(value, list) else value.ravel())]
-        # An empty text is an empty array.
-        if any(isinstance(member, str) for member in members):
-            members = ["" if _is_empty(member) else member for member in members]
+        if any(isinstance(member, str) for member in members):  # an empty one is an empty array
+            members = [
+                "" if isinstance(member, ArrayInMemory) and member.values.size == 0 else member
+                for member in members
+            ]
         if members and all(isinstance(member, str) for member in members):
             return ArrayInMemory(np.array(members))
         return members
     array = np.asarray(value)
     return ArrayInMemory(array) if array.dtype.kind in "biufcU" else None
-
-
-def _is_empty(node: Any) -> bool:
-    return isinstance(node, ArrayInMemory) and node.values.size == 0
 
 
 def write_mat(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:

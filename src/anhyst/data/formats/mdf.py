@@ -64,14 +64,14 @@ def _channels(path: Path, file: Any) -> list[Channel]:
                 code="damaged-file",
             )
         own, clock = [], None
-        for index, one in enumerate(group.channels):
-            unit = one.unit or (one.conversion.unit if one.conversion else "") or ""
-            is_text = one.data_type in _TEXTS or _gives_text(one.conversion)
-            if not is_text and one.data_type > 5:
+        for index, raw in enumerate(group.channels):
+            unit = raw.unit or (raw.conversion.unit if raw.conversion else "") or ""
+            is_text = raw.data_type in _TEXTS or _gives_text(raw.conversion)
+            if not is_text and raw.data_type > 5:
                 continue  # bytes, pictures, structures
-            channel = Channel(one.name, count, (group_index, index), str(unit), name, None, is_text)
-            if one.channel_type in _MASTERS and one.sync_type == _OF_TIME:
-                clock = Channel(one.name, count, (group_index, index), str(unit) or "s", name)
+            channel = Channel(raw.name, count, (group_index, index), str(unit), name, None, is_text)
+            if raw.channel_type in _MASTERS and raw.sync_type == _OF_TIME:
+                clock = Channel(raw.name, count, (group_index, index), str(unit) or "s", name)
             else:
                 own.append(channel)
         channels += [
@@ -81,7 +81,7 @@ def _channels(path: Path, file: Any) -> list[Channel]:
 
 
 def _gives_text(conversion: Any) -> bool:
-    """Whether raw numbers stand for texts."""
+    """Whether a conversion turns raw numbers into texts."""
     return conversion is not None and conversion.conversion_type in {7, 8, 9, 10}
 
 

@@ -64,15 +64,15 @@ def _reader(path: Path) -> Any:
         import pyarrow
         from pyarrow import parquet
 
-        places = sorted({channel.key for channel in channels})
+        columns = sorted({channel.key for channel in channels})
         with parquet.ParquetFile(path) as file:
-            names = [file.schema_arrow.field(column).name for column in places]
+            names = [file.schema_arrow.field(column).name for column in columns]
             if count is None:
                 table = file.read(columns=names, use_threads=False)
             else:
                 batches = file.iter_batches(batch_size=count, columns=names, use_threads=False)
                 table = pyarrow.Table.from_batches([next(batches)])
-        return [_samples(table.column(places.index(channel.key)), channel) for channel in channels]
+        return [_samples(table.column(columns.index(channel.key)), channel) for channel in channels]
 
     return read
 

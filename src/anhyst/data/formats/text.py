@@ -40,7 +40,7 @@ class TextTable:
     layout: Layout
 
     @property
-    def place(self) -> str:
+    def source_name(self) -> str:
         """The file."""
         return str(self.layout.path)
 
@@ -81,7 +81,7 @@ class TextTable:
 
 
 def open_text(path: Path, least: int) -> TextTable:
-    """Look at a text table of at least so many columns."""
+    """Open a text table of at least ``least`` columns."""
     return TextTable(read_layout(path, least))
 
 
