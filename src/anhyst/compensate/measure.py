@@ -89,10 +89,8 @@ def paths(
     """Return everything that a compensator is measured on."""
     reach = find_reach(model, scales, limits)
     collected = []
-    for name, (title, part, gap_share) in _shapes(
-        model.needs_schedule, seed, 1500 * length
-    ).items():
-        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * gap_share
+    for name, (title, part, share) in _shapes(model.needs_schedule, seed, 1500 * length).items():
+        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * share
         shown = title if model.needs_schedule else title.removesuffix(", gap at rest")
         demand = reach.demand(part, gap, lifted)
         collected.append(Path(name, shown, demand, gap if model.needs_schedule else None))
@@ -324,10 +322,10 @@ def against_demand(
 
 
 def between(
-    model: Model, one: tuple[AnyBlock, Io], other: tuple[AnyBlock, Io], paths: Sequence[Path]
+    model: Model, tested: tuple[AnyBlock, Io], reference: tuple[AnyBlock, Io], paths: Sequence[Path]
 ) -> OutputDeviation:
     """Compare two compensators: what the exact model makes of their currents."""
-    first, second = (outputs(model, *each, paths) for each in (one, other))
+    first, second = (outputs(model, *each, paths) for each in (tested, reference))
     return apart(paths, first, second)
 
 
@@ -337,10 +335,10 @@ def outputs(model: Model, block: AnyBlock, io: Io, paths: Sequence[Path]) -> lis
 
 
 def apart(
-    paths: Sequence[Path], one: Sequence[FloatArray], other: Sequence[FloatArray]
+    paths: Sequence[Path], tested: Sequence[FloatArray], reference: Sequence[FloatArray]
 ) -> OutputDeviation:
     """Return how far two compensators are apart, from their outputs on each path."""
-    both = zip(paths, one, other, strict=True)
+    both = zip(paths, tested, reference, strict=True)
     return deviation((path.name, first - second) for path, first, second in both)
 
 

@@ -69,11 +69,9 @@ class FluxCalibration:
             return np.asarray(rest + slope * force)
         constants = []
         for node in nodes.tolist():
-            at_node = (self.gap == node) & (self.force > 0.0)
-            root = np.sqrt(self.force[at_node])
-            constant = (
-                float(root @ self.flux_density[at_node] / (root @ root)) if at_node.any() else 0.0
-            )
+            rows = (self.gap == node) & (self.force > 0.0)
+            root = np.sqrt(self.force[rows])
+            constant = float(root @ self.flux_density[rows] / (root @ root)) if rows.any() else 0.0
             if not constant > 0.0:
                 raise InputError(
                     f"flux calibration: at gap {node:g} m no flux density grows with the force",

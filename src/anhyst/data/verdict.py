@@ -352,13 +352,11 @@ class Closing:
 
     def step(self, loop: Loop, output: FloatArray) -> float:
         """Return how far an output without noise is off after the small loop."""
-        crossings = []
+        ends = []
         for rows in (self.before, self.after):
             order = np.argsort(loop.input[rows])
-            crossings.append(
-                float(np.interp(self.at, loop.input[rows][order], output[rows][order]))
-            )
-        return crossings[1] - crossings[0]
+            ends.append(float(np.interp(self.at, loop.input[rows][order], output[rows][order])))
+        return ends[1] - ends[0]
 
     def measured(self, loop: Loop, followed: FloatArray) -> tuple[float, float] | None:
         """Return that of the measured output and its standard error; None of too few samples.

@@ -59,14 +59,9 @@ class CellStart(NamedTuple):
 
 def draw_starts(kernel: CellKernel, count: int, seed: int, gapped: bool) -> list[CellStart]:
     """Draw starts evenly over the logarithms of their ranges (:func:`.screening.evenly`)."""
-    population = [_REVERSIBLE, _REVERSIBLE_WIDTH, _PINNED, _SPREAD]
+    own = [_REVERSIBLE, _REVERSIBLE_WIDTH, _PINNED, _SPREAD]
     further = [_SHARE, _WIDTH, _PINNED, _SPREAD]
-    ranges = [
-        _REACH,
-        _BEHIND_GAP if gapped else _CLOSED,
-        *population,
-        *further * (kernel.populations - 1),
-    ]
+    ranges = [_REACH, _BEHIND_GAP if gapped else _CLOSED, *own, *further * (kernel.populations - 1)]
     low, high = np.log(np.array(ranges)).T[:, :, None]
     drawn = low + (high - low) * evenly(len(ranges), count, seed)
     starts = []

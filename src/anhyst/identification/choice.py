@@ -89,7 +89,7 @@ def outcome_of(fit: FoundModel, loopset: Loops, why: str, *, interrupted: bool =
         fit.evaluations,
         why,
         interrupted,
-        found=fit,
+        fit=fit,
     )
 
 

@@ -306,11 +306,11 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
 
 def _go_on(run: SearchRun, loops: Loops, before: Outcome) -> Outcome:
     """Follow the fit of a search to its end on other records of the same loops."""
-    start = before.found
+    start = before.fit
     assert start is not None
     followed = follow(start.on(run.records).space, start.theta, *TO_END, start.tie)
     return replace(
-        before, model=model_of(followed, loops), uncertainty=assess(followed, loops), found=followed
+        before, model=model_of(followed, loops), uncertainty=assess(followed, loops), fit=followed
     )
 
 

@@ -207,7 +207,7 @@ def search_paper(
         steps=tuple(steps),
         per_gap=model_at_nodes(free, run, loopset) if bench.gaps > 1 else None,
         resumed=run.resumed,
-        found=fit,
+        fit=fit,
     )
 
 

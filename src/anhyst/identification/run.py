@@ -140,7 +140,7 @@ class Outcome:
     per_gap: Model | None = None  # bare, of the paper's search: everything free at each gap
     resumed: int = 0  # stages that a killed run had done already
     why_rate: str = ""  # how late solid iron answers, and why
-    found: FoundModel | None = None  # the same fit in gauge-free coordinates
+    fit: FoundModel | None = None  # the same fit in gauge-free coordinates
 
 
 def _key(run: SearchRun) -> str:

@@ -87,7 +87,7 @@ class DriveCheck:
     # largest fall of the output as the drive rises from rest, in parts of the largest output
     fall: float
     at_drive: float  # drive at which it has fallen most, in units of the input
-    place: str  # gap, and state at the start, for a person
+    where: str  # gap, and state at the start, for a person
     trouble: str = ""  # why it could not be computed; empty if it could
 
     @property
@@ -98,12 +98,12 @@ class DriveCheck:
     def text(self, unit: str) -> str:
         """One sentence for a person; ``unit`` is that of the drive."""
         if self.trouble:
-            return f"the model cannot be computed {self.place}: {self.trouble}"
+            return f"the model cannot be computed {self.where}: {self.trouble}"
         if self.passed:
             return "the output nowhere falls as the drive rises from rest"
         return (
             f"the output falls as the drive rises: by {100 * self.fall:.2g} % of the largest, at "
-            f"{self.at_drive:.4g} {unit} {self.place}; no electromagnet does that, do not use the "
+            f"{self.at_drive:.4g} {unit} {self.where}; no electromagnet does that, do not use the "
             "model there"
         )
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -165,8 +165,8 @@ class ActuatorRecord:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle by value: caches and the read-only view of the parameters are not picklable."""
-        kept = {f.name: getattr(self, f.name) for f in fields(self)}
-        return _rebuild, (type(self), kept | {"parameters": dict(self.parameters)})
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return partial(type(self), **values | {"parameters": dict(self.parameters)}), ()
 
     @cached_property
     def specs(self) -> Mapping[str, ParameterSpec]:
@@ -360,7 +360,3 @@ class ActuatorRecord:
     def _looked_up(self) -> dict[bytes, tuple[FloatArray, ...]]:
         """Cached parameters by rows of the scheduling variable."""
         return {}
-
-
-def _rebuild(kind: type[ActuatorRecord], kept: dict[str, Any]) -> ActuatorRecord:
-    return kind(**kept)

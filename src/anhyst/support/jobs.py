@@ -68,15 +68,13 @@ def each(
     from concurrent.futures import ProcessPoolExecutor, as_completed  # of many processes alone
 
     with ProcessPoolExecutor(count, initializer=_leave_interrupts) as pool:
-        index_of: dict[Future[B], int] = {
-            pool.submit(work, item): i for i, item in enumerate(inputs)
-        }
+        order: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
         try:
-            for ready in as_completed(index_of):
+            for ready in as_completed(order):
                 done += 1
                 if progress is not None:
                     progress(done, len(inputs))
-                yield index_of[ready], ready.result()
+                yield order[ready], ready.result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
@@ -122,13 +120,13 @@ def _on_cluster(
     # What all tasks share goes to each worker once, and is made again where it was lost.
     shared = client.submit(partial, work, pure=False)
     futures = client.map(operator.call, [shared] * len(inputs), inputs, pure=False)
-    index_of = {future: index for index, future in enumerate(futures)}
+    order = {future: index for index, future in enumerate(futures)}
     # Results that are ready come together: asking for each alone costs a message there and back.
     waiting = _library().as_completed(futures, loop=client.loop, with_results=True)
     for done, (ready, result) in enumerate(waiting, start=1):
         if progress is not None:
             progress(done, len(inputs))
-        yield index_of[ready], result
+        yield order[ready], result
 
 
 def _library() -> Any:

@@ -248,14 +248,16 @@ def parse_header(text: str, unit: str | None = None) -> Header:
     known = _known(name)
     if problem is not None:
         return Header(text, name, known or Quantity(name, name, "1"), None, problem)
-    found = find_unit(written) if written else None
+    header_unit = find_unit(written) if written else None
     if known is not None and known.unit == "1" and not written:
-        found = UNITS["1"]
+        header_unit = UNITS["1"]
     if known is None:
-        free = Quantity(name, name, found.si if found else "1")
-        problem = _unknown_unit(written) if written and not found else None
-        return Header(text, name, free, found, problem)
-    return Header(text, known.symbol, known, found, _unit_problem(known, written, found))
+        free = Quantity(name, name, header_unit.si if header_unit else "1")
+        problem = _unknown_unit(written) if written and not header_unit else None
+        return Header(text, name, free, header_unit, problem)
+    return Header(
+        text, known.symbol, known, header_unit, _unit_problem(known, written, header_unit)
+    )
 
 
 def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
