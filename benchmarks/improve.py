@@ -19,8 +19,8 @@ from anhyst.data.reading import read_loops
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.force.file import read_rig
-from anhyst.rig.force.programs import prepare
 from anhyst.study.bench import prepare_bench
+from anhyst.study.force.force_control import build_program
 from anhyst.study.improve import SAMPLES_HZ, BenchWatch
 from anhyst.study.prepared import PreparedForce
 from anhyst.support.numeric import FloatArray
@@ -82,7 +82,7 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
     loops = read_loops(improver.folder / "loops.csv")
     model = unknown.identify(loops)
     session.close()
-    program = prepare(
+    program = build_program(
         "full", model, unknown.whole.settings.timing.rate_Hz, "library", place / "off-line"
     )
     off_line = replace(unknown, program=program).open()

@@ -9,17 +9,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from anhyst.compensate.block import Block, Kind
 from anhyst.compensate.current_map import fit_ratio, fit_single_valued
 from anhyst.compensate.force_controller import Compensator
+from anhyst.compensate.plan import CompileRequest
+from anhyst.compilation.output import compile_model
 from anhyst.data import Loops
 from anhyst.data.table import check_format, read_columns
-from anhyst.link.firmware import check_compiler
+from anhyst.link.firmware import build, check_compiler
 from anhyst.link.virtual_boards import find_qemu
 from anhyst.model.actuator import Model
+from anhyst.model.writer import write_model
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.force.bench import Demand, triangle, with_lead_in
 from anhyst.rig.force.file import Rig, read_rig
-from anhyst.rig.force.programs import Program, find_model, loops_at, loops_of_rig, prepare
+from anhyst.rig.force.programs import Program, find_model, loops_at, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.recording import Recording
 from anhyst.study.engine.table import FIGURES, Judgement, StudyResult
@@ -240,8 +244,29 @@ def _compared(model: Model) -> tuple[MethodName, ...]:
     return ("full", "at-rest", "simplified") if model.has_eddy_currents else ("full", "simplified")
 
 
+def build_program(name: MethodName, model: Model, rate: float, board: str, folder: Path) -> Program:
+    """Compile a model and build the firmware around it."""
+    kind: Kind = "simplified" if name == "simplified" else "full"
+    model = model if name == "full" else model.at_rest
+    folder.mkdir(parents=True, exist_ok=True)
+    write_model(model, folder / "model.toml")
+    compiled = compile_model(
+        folder / "model.toml", folder / "controller", CompileRequest(kind, "q31", rate)
+    )
+    block = compiled.plan.block
+    assert isinstance(block, Block)
+    return Program(
+        kind=kind,
+        name=name,
+        model=model,
+        block=block,
+        cycles=compiled.plan.builder.conditioning.cycles,
+        firmware=build(board, folder / "controller", folder / "firmware"),
+    )
+
+
 def _program(task: tuple[MethodName, Model, float, str, Path]) -> Program:
-    return prepare(*task)
+    return build_program(*task)
 
 
 def _outcome(task: tuple[Rig, ForceTrial, Controllers]) -> ForceOutcome:
