@@ -21,7 +21,6 @@ from typing import Any
 
 from anhyst.compensate.block import DemandLimits, Kind
 from anhyst.compensate.plan import CompileRequest
-from anhyst.link.firmware import firmware_folder
 from anhyst.link.xcp import XcpMaster
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
@@ -49,7 +48,7 @@ from anhyst.study.prepared import (
     PreparedStage,
 )
 from anhyst.study.tracking.simulate import OWN, check_calibration, find_gains
-from anhyst.support.atomic import PathLike, cache_folder, core_folder
+from anhyst.support.atomic import PathLike, cache_folder, core_folder, firmware_folder
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, all_of, in_parts
