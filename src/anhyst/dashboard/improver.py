@@ -20,7 +20,6 @@ from anhyst.study.excite.on_board import DrivenBoard
 from anhyst.study.improve import (
     LOOPS,
     MODEL,
-    DrawnLoop,
     KnownModel,
     compile_block,
     identify_model,
@@ -188,11 +187,6 @@ class Improver:
         self._first = self.known
         self._found: KnownModel | None = None
         self._before: tuple[list[int], KnownModel] | None = None
-
-    @property
-    def curves(self) -> tuple[DrawnLoop, ...]:
-        """The loops of the model in force, as they are drawn."""
-        return self.known.curves
 
     @property
     def folder(self) -> Path:

@@ -272,7 +272,7 @@ class LiveSession:
         if self.improver is not None and not self.bench.lost:
             with suppress(InputError):  # it is lost again, and this comes again
                 self.improver.look_again()
-                self.curves = self.improver.curves
+                self.curves = self.improver.known.curves
 
     def _hand_on(self, rows: FloatArray) -> None:
         for listener in self._listeners:

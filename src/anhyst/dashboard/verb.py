@@ -194,7 +194,7 @@ def live(
             recording,
             Path() if place is None else place.parent,
             improver,
-            improver.curves if improver else (),
+            improver.known.curves if improver else (),
             learner,
         )
         title = rig.resolve().parent.name if url is None else f"{rig.resolve().name} at {url}"

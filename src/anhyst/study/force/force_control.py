@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,6 @@ from anhyst.compensate.current_map import fit_ratio, fit_single_valued
 from anhyst.compensate.force_controller import Compensator
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
-from anhyst.data import Loops
 from anhyst.data.table import check_format, read_columns
 from anhyst.link.firmware import build, check_compiler
 from anhyst.link.virtual_boards import find_qemu
@@ -219,7 +219,7 @@ def _run(
     }
     with whole_folder(out) as folder:
         rig = complete_rig(rig, loops)
-        found_models = all_of(_model, [(rig, end), (rig, loops)], next(parts))
+        found_models = all_of(partial(find_model, rig), [end, loops], next(parts))
         models = dict(zip(baselines, found_models, strict=True))
         programs = _programs(rig, models, board, folder, next(parts))
         controllers = {
@@ -233,10 +233,6 @@ def _run(
         results["verdict"] = None if results["lost_in"] else judge_stages(results["summary"])
         _write(rig, folder, results, outcomes, recordings)
     return ForceControl(rig, Path(out), results, tuple(outcomes), plant)
-
-
-def _model(task: tuple[Rig, Loops]) -> Model:
-    return find_model(*task)
 
 
 def _compared(model: Model) -> tuple[MethodName, ...]:
