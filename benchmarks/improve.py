@@ -12,15 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.dashboard.improver import SAMPLES_HZ, BenchWatch, Improver
+from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.orders import perform
 from anhyst.dashboard.session import LiveSession
 from anhyst.data.reading import read_loops
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.force.file import read_rig
-from anhyst.rig.force.programs import prepare
 from anhyst.study.bench import prepare_bench
+from anhyst.study.force.force_control import build_program
+from anhyst.study.improve import SAMPLES_HZ, BenchWatch
 from anhyst.study.prepared import PreparedForce
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, State
@@ -78,10 +79,10 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
     session.paced.pause()
     slips = session.paced.pace().slips
     after = session.do(lambda: force_error(bench))
-    loops = read_loops(improver.place / "loops.csv")
+    loops = read_loops(improver.folder / "loops.csv")
     model = unknown.identify(loops)
     session.close()
-    program = prepare(
+    program = build_program(
         "full", model, unknown.whole.settings.timing.rate_Hz, "library", place / "off-line"
     )
     off_line = replace(unknown, program=program).open()

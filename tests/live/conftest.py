@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from anhyst.dashboard.improver import DrawnLoop, Improver
+from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recording import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.verb import listen_on, make_server, opened
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Bench
+from anhyst.study.improve import DrawnLoop
 from anhyst.study.prepared import Prepared, PreparedForce
 from anhyst.study.tracking.beside import BenchLearner
 from tests.live.improving import unknown_iron

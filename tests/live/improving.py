@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.rig.force.file import read_rig
-from anhyst.rig.force.programs import loops_at, loops_of_rig, prepare
+from anhyst.rig.force.programs import loops_at, loops_of_rig
+from anhyst.study.force.force_control import build_program
 from anhyst.study.prepared import PreparedForce
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
@@ -43,7 +44,7 @@ def unknown_iron(folder: Path) -> PreparedForce:
     solenoid.write_text(text, encoding="utf-8")
     rig = read_rig(path)
     loops = loops_at(loops_of_rig(rig), GAP)
-    program = prepare(
+    program = build_program(
         "full", truth("solenoid-held"), rig.settings.timing.rate_Hz, "library", folder / "c"
     )
     return PreparedForce(rig, loops, program)

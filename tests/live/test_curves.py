@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.dashboard.improver import make_curves
 from anhyst.data.reading import read_loops
 from anhyst.rig.body import read_bearing
 from anhyst.rig.force.file import read_rig
+from anhyst.study.improve import make_curves
 from tests.study import bearings
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.dashboard.improver import BenchWatch, Improver
+from anhyst.dashboard.improver import Improver
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Signal
+from anhyst.study.improve import BenchWatch
 from anhyst.study.prepared import PreparedBearing, PreparedForce
 from anhyst.support.numeric import FloatArray
 from tests.live.improving import pinned_more, swung
@@ -72,7 +73,9 @@ def test_a_pair_of_magnets_is_refused_for_its_rows_say_the_sum_of_two_forces(
     for prepared, watched in ((single, True), (pair, False)):
         improver = Improver(prepared, bench)
         if watched:
-            BenchWatch(improver.to_watch(), bench.signals, bench.rate).take(bench.advance(400))
+            BenchWatch(improver.to_watch().model, bench.signals, bench.rate).take(
+                bench.advance(400)
+            )
         else:
             with refused("force-of-a-pair"):
                 improver.to_watch()

@@ -85,7 +85,7 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_while_the_bench_r
     session.do(lambda: reach(session, State.IDLE))
     before = force_error(session)
     assert session.improver is not None
-    known = session.improver.curves
+    known = session.improver.known.curves
     with refused("step-missing"):
         order(session, "identify")
     with refused("step-missing"):

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.control.position import next_step, refusal, standing
 from anhyst.link.client import Refused
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
-from anhyst.rig.bench.protocol import Bench
+from anhyst.rig.bench.protocol import Bench, next_step, refusal, standing
 from anhyst.support.states import Command, State
 from tests.rig import forces
 from tests.study import bearings

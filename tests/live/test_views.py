@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from anhyst.dashboard.improver import make_curves
+from anhyst.study.improve import make_curves
 from tests.live.conftest import Serve, Show
 from tests.live.test_page import lift, ready, seen, until
 from tests.live.test_recorder import numbers

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from anhyst.rig.force.file import Rig, read_rig
-from anhyst.rig.force.programs import Program, prepare
+from anhyst.rig.force.programs import Program
+from anhyst.study.force.force_control import build_program
 from tests.once import made_once
 from tests.truths import truth
 
@@ -25,7 +26,7 @@ def program(factory: pytest.TempPathFactory, board: str = "library") -> Program:
 
     def make(folder: Path) -> None:
         model = truth("solenoid-end")
-        built = prepare("full", model, example().settings.timing.rate_Hz, board, folder)
+        built = build_program("full", model, example().settings.timing.rate_Hz, board, folder)
         (folder / "program").write_bytes(pickle.dumps(built))
 
     return load(made_once(factory, f"force-{board}", make))

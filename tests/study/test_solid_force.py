@@ -26,11 +26,10 @@ from anhyst.model.fit_record import CHOSEN
 from anhyst.reports.force import draw
 from anhyst.rig.force.bench import ActuatorStand
 from anhyst.rig.force.file import Rig, read_rig
-from anhyst.rig.force.programs import prepare
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import straight
 from anhyst.rig.parts.magnet import Electromagnet
-from anhyst.study.force.force_control import force_control
+from anhyst.study.force.force_control import build_program, force_control
 from anhyst.support.units import QUANTITIES
 from anhyst.verification.verify import verify
 from tests.refusals import refused
@@ -298,8 +297,8 @@ def test_a_model_at_rest_is_compiled_as_one_without_layers(tmp_path: Path) -> No
         layers=Layers(2, 0.2, 0.3),
     )
     folders = [tmp_path / name for name in ("thin", "thick")]
-    alone = prepare("full", thin, 1000.0, "host", folders[0])
-    still = prepare("at-rest", thick, 1000.0, "host", folders[1])
+    alone = build_program("full", thin, 1000.0, "host", folders[0])
+    still = build_program("at-rest", thick, 1000.0, "host", folders[1])
     assert np.array_equal(alone.block.words, still.block.words)
 
 

@@ -17,6 +17,7 @@ from anhyst.cli.shared import (
     Clean,
     Columns,
     Constants,
+    ControllerPath,
     LoopColumn,
     LoopHistory,
     ModelPath,
@@ -271,13 +272,7 @@ def live(
             callback=of_its_kind,
         ),
     ],
-    controller: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Controller file; 'controller.toml' beside the rig file if left out.",
-        ),
-    ] = None,
+    controller: ControllerPath = None,
     xcp: Annotated[
         str | None,
         typer.Option(

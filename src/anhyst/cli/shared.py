@@ -45,6 +45,12 @@ LoopFiles = Annotated[
     list[Path],
     typer.Argument(metavar="LOOPS", help="CSV files, recordings or folders.", callback=of_its_kind),
 ]
+ControllerPath = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="Controller file; 'controller.toml' beside the rig file if left out."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Scheduler = Annotated[
     str | None,

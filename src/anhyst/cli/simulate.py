@@ -12,6 +12,7 @@ from anhyst.cli.compile import refuse_difference, run_and_write, show_tables
 from anhyst.cli.shared import (
     AsJson,
     BoardChoice,
+    ControllerPath,
     Scheduler,
     of_its_kind,
     print_json,
@@ -55,13 +56,7 @@ def simulate(
             "folder.",
         ),
     ],
-    controller: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Controller file; 'controller.toml' beside the rig file if left out.",
-        ),
-    ] = None,
+    controller: ControllerPath = None,
     monte_carlo: Annotated[
         int | None,
         typer.Option(

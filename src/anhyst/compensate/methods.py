@@ -330,37 +330,27 @@ Role = Literal["baseline", "model", "sensor"]
 class Method:
     """One way from a wanted force to a current."""
 
-    title: str  # in words
     # ``"model"``: with a model of the iron; ``"sensor"``: with another sensor; ``"baseline"``: with
     # neither
     role: Role
     # from what is known of a magnet and a number format to the parameters
     fit: Callable[[Sources, NumberFormat], MethodParameters]
-    probed: bool = False  # whether it needs a flux probe
 
 
 METHODS: Mapping[MethodName, Method] = {
-    "ratio": Method("constant force-current ratio", "baseline", ratio_map),
-    "secant": Method("force in proportion to current", "baseline", secant_map),
-    "linearised": Method("two constants, k_i and k_s", "baseline", linearised_map),
-    "single-valued": Method("best current without memory", "baseline", single_valued_map),
-    "play": Method("map with one play", "baseline", one_play),
-    "simplified": Method(
-        "simplified hysteresis compensator", "model", partial(compile_inverse, "simplified")
-    ),
-    "at-rest": Method("full hysteresis compensator, at rest", "model", full_at_rest),
-    "full": Method("full hysteresis compensator", "model", partial(compile_inverse, "full")),
-    "flux": Method("measured flux density", "sensor", flux_feedback, probed=True),
-    "fused": Method(
-        "full, and measured flux density",
-        "model",
-        fused_inverse,
-        probed=True,
-    ),
+    "ratio": Method("baseline", ratio_map),
+    "secant": Method("baseline", secant_map),
+    "linearised": Method("baseline", linearised_map),
+    "single-valued": Method("baseline", single_valued_map),
+    "play": Method("baseline", one_play),
+    "simplified": Method("model", partial(compile_inverse, "simplified")),
+    "at-rest": Method("model", full_at_rest),
+    "full": Method("model", partial(compile_inverse, "full")),
+    "flux": Method("sensor", flux_feedback),
+    "fused": Method("model", fused_inverse),
 }
 
 BASELINES = tuple(name for name, method in METHODS.items() if method.role == "baseline")
-PROBED = tuple(name for name, method in METHODS.items() if method.probed)
 MODELS = tuple(name for name, method in METHODS.items() if method.role == "model")
 
 

@@ -13,10 +13,17 @@ from anhyst.compilation.source import render
 from anhyst.support.block_layout import HEAD, MOST_WORDS
 from anhyst.support.block_words import ONES
 from anhyst.support.states import Command, Fault, Phase, State
-from anhyst.support.xcp_map import AREAS, EVENT, INPUTS, LISTS, PACKET, SETTINGS, SIGNALS, XcpValue
-
-HEARTBEAT_MS = 500
-"""Ceiling of the boards for the setting heartbeat_ticks."""
+from anhyst.support.xcp_map import (
+    AREAS,
+    EVENT,
+    HEARTBEAT_MS,
+    INPUTS,
+    LISTS,
+    PACKET,
+    SETTINGS,
+    SIGNALS,
+    XcpValue,
+)
 
 _ONES = {"q31": 2.0**31, "q30": 2.0**30, "integer": 1.0}
 _NAMED: dict[str, type[IntEnum]] = {

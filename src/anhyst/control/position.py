@@ -3,17 +3,14 @@
 ``core/include/anhyst/control/position.h`` runs it in fixed point, ``position_real.h`` in floating point,
 ``levitation.h`` says what happens when. The numbers of a format are given by name; the core's
 ``Position``, ``PositionF32`` and ``FixedPosition`` take them with the gains and the compensators.
-
-Which commands a controller takes now, and what leads to run: asked of the core's state machine.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +21,6 @@ from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray, as_factor, q31
-from anhyst.support.states import Command, Flag, Phase, State
 
 Settings = Mapping[str, float]
 
@@ -311,96 +307,3 @@ class Allocation(IntEnum):
 def shared_by_pair(net: FloatArray, idle: float) -> FloatArray:
     """Return the forces, N, that a pair of magnets makes of net ones, class AB; shape (2, n)."""
     return np.array([_core.allocate(force, idle) for force in net.tolist()]).T
-
-
-_WAY = (
-    (Command.CLEAR,),
-    (Command.CONDITION, Command.DEMAGNETISED),
-    (Command.LIFT,),
-    (Command.RUN,),
-)
-"""From a fault to run, a step after the other; one command of each."""
-_OF_STAGE = {Command.LIFT: State.IDLE, Command.LAND: State.READY}
-"""Of a stage of several coordinates, which goes from rest to ready and back: where it takes them."""
-
-
-class Standing(NamedTuple):
-    """State of a controller at a tick; ``levitates``: it is a position controller."""
-
-    state: State
-    conditioning: bool
-    plausible: bool
-    levitates: bool
-    resting: bool
-    at_zero: bool
-
-    @property
-    def name(self) -> str:
-        """Its state in words."""
-        return "conditioning" if self.conditioning else self.state.name.lower()
-
-
-def standing(values: Mapping[str, float]) -> Standing:
-    """Return the state of a controller at a tick, from its signals; only position has a phase.
-
-    One without flags, as of a stage, is held by its magnets while it stands.
-    """
-    flags = Flag(int(values.get("flags", Flag.CURRENT_ZERO)))
-    phase = values.get("phase")
-    return Standing(
-        State(int(values["state"])),
-        Flag.CONDITIONING in flags,
-        Flag.SAMPLE_IMPLAUSIBLE not in flags,
-        phase is not None,
-        phase is None or Phase(int(phase)) in {Phase.REST, Phase.CONDITION},
-        Flag.CURRENT_ZERO in flags,
-    )
-
-
-def refusal(command: Command, now: Standing) -> str:
-    """Return why a controller would refuse a command; empty where it would do it."""
-    states = _states_for(command, now.levitates)
-    if command in _OF_STAGE and not now.levitates:
-        return "" if now.name in states else f"only in the state {states[0]}, not in {now.name}"
-    obstacle = _core.obstacle(command, **now._asdict())
-    if obstacle == "current":
-        return "only once the current is zero"
-    if obstacle != "state":
-        return obstacle and "this controller has no such command"
-    if now.name not in states:
-        return f"only in the state {' or '.join(states)}, not in {now.name}"
-    return "only once the armature is down" if now.plausible else "only with a plausible sample"
-
-
-def next_step(commands: Sequence[Command], now: Standing) -> str:
-    """Return what leads to run, in words; empty in run."""
-    if now.state is State.RUN:
-        return ""
-    if Command.RUN in commands and now.state is not State.IDLE:
-        # It is up, or cleared so.
-        commands = [command for command in commands if command is not Command.LIFT]
-    known = [[command for command in step if command in commands] for step in _WAY]
-    path = [step for step in known if step]
-    begins = [n for n, step in enumerate(path) if any(_may(command, now) for command in step)]
-    begin = begins[-1] if begins else 1 + now.conditioning
-    steps = ", then ".join(_words(step) for step in path[begin:])
-    why = refusal(path[begin][0], now) if begins else f"after {now.name}"
-    return f"{why}: press {steps}" if why else f"press {steps}"
-
-
-def _words(step: Sequence[Command]) -> str:
-    first, *others = (command.name.lower() for command in step)
-    return f"{first} (or {others[0]}, if the iron is)" if others else first
-
-
-def _may(command: Command, now: Standing) -> bool:
-    return now.name in _states_for(command, now.levitates)
-
-
-def _states_for(command: Command, levitates: bool) -> list[str]:
-    """Return the states in which a command is done, once nothing moves and no current flows."""
-    if command in _OF_STAGE and not levitates:
-        return [_OF_STAGE[command].name.lower()]
-    still = [Standing(state, False, True, levitates, True, True) for state in State]
-    still.append(Standing(State.IDLE, True, True, levitates, True, True))
-    return [stand.name for stand in still if not _core.obstacle(command, **stand._asdict())]

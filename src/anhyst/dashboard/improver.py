@@ -14,127 +14,26 @@ from collections.abc import Callable, Mapping, Sequence
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
-from anhyst.data import Loops
-from anhyst.data.loops import Loop
-from anhyst.data.path import thinned
-from anhyst.data.reading import read_loops
-from anhyst.model.actuator import Model, read_model
-from anhyst.rig.bench.protocol import Signal
 from anhyst.study.excite.on_board import DrivenBoard
 from anhyst.study.improve import (
     LOOPS,
     MODEL,
+    KnownModel,
     compile_block,
     identify_model,
+    known_model,
     limits_of,
     measure_loops,
     measure_running,
+    read_known,
     within,
 )
 from anhyst.study.prepared import Improvable, PreparedBoard
-from anhyst.study.watch import LEARN, RUN_LENGTH, DriftWatch
 from anhyst.support.block_head import GENERATION_AT, regenerate
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
-from anhyst.support.numeric import FloatArray
-
-SAMPLES_HZ = 250.0
-"""Rows a second that are looked at."""
-
-_READ = (("current_read",), ("gap_read",), ("force_read", "force"))
-"""What is held against the model; a levitated armature has no force sensor, and the virtual one's
-true force is taken."""
-
-
-class BenchWatch:
-    """Watches one model over the rows of a bench, from its first row on."""
-
-    def __init__(self, model: Model, signals: Sequence[Signal], rate: float) -> None:
-        names = [signal.name for signal in signals]
-        self._columns = [_column_of(names, choice) for choice in _READ]
-        self._model, self._rate = model.at_rest, rate  # rows are too few to follow what is late
-        self._every = max(1, round(rate / SAMPLES_HZ))
-        self._watch: DriftWatch | None = None
-        self._trouble = ""
-
-    def take(self, rows: FloatArray) -> None:
-        """Go on by rows of the bench; does not depend on how they are cut."""
-        seen = rows[rows[:, 0] % self._every == 0]
-        if not len(seen) or self._trouble:
-            return
-        current, gap, force = (seen[:, column] for column in self._columns)
-        try:
-            if self._watch is None:
-                self._watch = DriftWatch(self._model, float(gap[0]))
-            self._watch.take(seen[:, 0], current, gap, force)
-        except InputError as error:
-            self._trouble = str(error)
-
-    def status(self) -> Mapping[str, Any]:
-        """Return what a page shows."""
-        if self._trouble:
-            return {"state": "ended", "text": self._trouble}
-        if self._watch is None:
-            return {"state": "learning", "text": "no rows yet"}
-        finding = self._watch.finding
-        drifted = finding.drifted is not None
-        state = "drifted" if drifted else "learning" if finding.learning else "fits"
-        return {
-            "state": state,
-            "text": finding.text(self._rate),
-            "cycles": finding.cycles,
-            "learn": LEARN + 1,
-            "run_length": RUN_LENGTH,
-            "least_N": self._watch.least,
-            "usual_N": finding.usual,
-            "left_N": finding.left,
-            "gain_N": finding.gain if drifted else 0.0,
-        }
-
-
-def _column_of(names: Sequence[str], choice: Sequence[str]) -> int:
-    for name in choice:
-        if name in names:
-            return 1 + names.index(name)
-    raise InputError(
-        f"watch: the bench has no signal {' or '.join(choice)}", code="no-such-signal", key="watch"
-    )
-
-
-_POINTS = 200
-"""Of a loop, as it is drawn; a record may hold several."""
-
-_LOOPS = 60
-
-
-class DrawnLoop(NamedTuple):
-    """A loop as it is drawn."""
-
-    kind: str  # ``measured`` or ``model``
-    gap: float | None  # at which it was measured, m
-    current: list[float]  # A and N
-    force: list[float]
-
-
-def make_curves(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ...]:
-    """Return loops of force over current, thinned; and those of a model along the same currents."""
-    if (loops.input.name, loops.output.name) != ("current", "force"):
-        return ()
-    curves = []
-    for loop in loops.loops[:_LOOPS]:
-        curves.append(_curve("measured", loop, loop.output))
-        if model is not None:
-            predicted = model.predict(loop.input, loop.schedule, loop.time, loop.history)
-            curves.append(_curve("model", loop, predicted.output))
-    return tuple(curves)
-
-
-def _curve(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:
-    kept = thinned(loop.input, _POINTS * max(1, loop.reversals // 2))
-    return DrawnLoop(kind, loop.schedule_value, loop.input[kept].tolist(), force[kept].tolist())
-
 
 Work = Callable[..., Mapping[str, Any]]
 """Called with a :data:`anhyst.support.jobs.Progress` and what else was given; of a module."""
@@ -276,8 +175,7 @@ class Improver:
     """What has been measured and found beside a bench, and the one job that may be under way."""
 
     def __init__(self, prepared: Improvable, bench: BlockHolder) -> None:
-        self.model = prepared.model
-        self.curves = make_curves(prepared.measured, prepared.model)
+        self.known = known_model(prepared.measured, prepared.model)
         self.results: Mapping[str, Mapping[str, Any]] = {}
         self._prepared = prepared
         self._bench = bench
@@ -286,12 +184,12 @@ class Improver:
         self._step, self._trouble, self._began = "", "", 0.0
         self._words: list[int] = []
         self._in_force: list[int] = []
-        self._first = self.model, self.curves
-        self._found: tuple[Model, tuple[DrawnLoop, ...]] | None = None
-        self._before: tuple[list[int], Model, tuple[DrawnLoop, ...]] | None = None
+        self._first = self.known
+        self._found: KnownModel | None = None
+        self._before: tuple[list[int], KnownModel] | None = None
 
     @property
-    def place(self) -> Path:
+    def folder(self) -> Path:
         """Folder of the files that the steps leave."""
         return Path(self._folder.name)
 
@@ -306,20 +204,20 @@ class Improver:
 
     def measure(self, tighter: Mapping[str, float], seat: Callable[[], Seat]) -> None:
         """Begin to measure loops, with some limits drawn tighter."""
-        prepared, place = self._prepared, self.place
+        prepared, folder = self._prepared, self.folder
         within(prepared.specimen(), tighter)
         if not isinstance(prepared, PreparedBoard):
             self._begin("measure", measure_loops, dict(tighter))
             return
 
         def work(progress: Progress, bench: Seat) -> Mapping[str, Any]:
-            return measure_running(progress, bench, prepared, place, tighter)
+            return measure_running(progress, bench, prepared, folder, tighter)
 
         self._start("measure", lambda ended: BoardJob(work, seat, ended))
 
     def identify(self) -> None:
         """Begin to identify a model of the loops."""
-        self._begin("identify", identify_model, self.model)
+        self._begin("identify", identify_model, self.known.model)
 
     def compile(self) -> None:
         """Begin to compile the model for the running board."""
@@ -329,7 +227,7 @@ class Improver:
         """Put the new model in force; in the thread of the bench."""
         self._check("swap")
         assert self._found is not None
-        tick = self._exchange(self._words, *self._found)
+        tick = self._exchange(self._words, self._found)
         self._leave("swap", {"tick": tick})
         return tick
 
@@ -339,10 +237,10 @@ class Improver:
         assert self._before is not None
         return self._exchange(*self._before)
 
-    def to_watch(self) -> Model:
+    def to_watch(self) -> KnownModel:
         """Return the model that the rows of the bench can be held against."""
         self._check("watch")
-        return self.model
+        return self.known
 
     def cancel(self) -> None:
         """End the job that is under way, without a result; one that drives stops the rig first."""
@@ -357,8 +255,8 @@ class Improver:
     def files(self) -> Mapping[str, str]:
         """Return the text of all files that the steps left, by name."""
         names = (LOOPS, str(Path(LOOPS).with_suffix(".toml")), MODEL)
-        places = [self.place / name for name in names]
-        return {path.name: path.read_text("utf-8") for path in places if path.exists()}
+        paths = [self.folder / name for name in names]
+        return {path.name: path.read_text("utf-8") for path in paths if path.exists()}
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows while a step is under way."""
@@ -403,12 +301,12 @@ class Improver:
         """See whether a controller that was lost still has what was swapped in; in its thread."""
         if self._before is None or self._bench.read_block() == self._in_force:
             return
-        self.model, self.curves = self._first
+        self.known = self._first
         self._before = None
         self.results = {name: one for name, one in self.results.items() if name != "swap"}
 
     def _begin(self, step: str, work: Work, *given: Any) -> None:
-        self._start(step, lambda ended: Job(work, self._prepared, self.place, *given, ended=ended))
+        self._start(step, lambda ended: Job(work, self._prepared, self.folder, *given, ended=ended))
 
     def _start(self, step: str, make: Callable[[Ended], Job | BoardJob]) -> None:
         self._check(step)
@@ -419,8 +317,7 @@ class Improver:
                 self._trouble = f"{step}: {outcome}"
             else:
                 if step == "identify":
-                    model = read_model(self.place / MODEL)
-                    self._found = model, make_curves(read_loops(self.place / LOOPS), model)
+                    self._found = read_known(self.folder)
                 self._leave(step, {**outcome, "took_s": time.monotonic() - self._began})
             self._job = None
 
@@ -437,10 +334,10 @@ class Improver:
             step: shown,
         }
 
-    def _exchange(self, words: Sequence[int], model: Model, curves: tuple[DrawnLoop, ...]) -> int:
+    def _exchange(self, words: Sequence[int], known: KnownModel) -> int:
         old = self._bench.read_block()
         self._in_force = regenerate(words, (old[GENERATION_AT] + 1) & 0xFFFF)
         tick = self._bench.swap_block(self._in_force)
-        self._before = old, self.model, self.curves
-        self.model, self.curves = model, curves
+        self._before = old, self.known
+        self.known = known
         return tick

@@ -134,7 +134,7 @@ def _exchange(exchange: Callable[[Improver], int], text: str) -> _Act:
         del fields
         tick = exchange(improver)
         session.note(who, text)
-        session.curves = improver.curves
+        session.curves = improver.known.curves
         if session.watched is not None:
             session.watch(improver.to_watch())  # anew: another model came into force
         return {"applied": tick}

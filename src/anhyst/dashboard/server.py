@@ -20,11 +20,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from anhyst.dashboard.browsers import Allowance, Guard, Outbox, encode
 from anhyst.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
-from anhyst.dashboard.improver import DrawnLoop
 from anhyst.dashboard.orders import BESIDE, parameters_of, perform
 from anhyst.dashboard.recording import KEPT_S, header
 from anhyst.dashboard.session import WATCHES, LiveSession, all_refused
 from anhyst.rig.bench.protocol import Parameter
+from anhyst.study.improve import DrawnLoop
 from anhyst.support.atomic import plain
 from anhyst.support.errors import InputError
 from anhyst.support.states import Fault, Phase, State

@@ -11,15 +11,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from anhyst.control.position import Standing, next_step, refusal, standing
 from anhyst.dashboard.generator import DrivenBench, Wave
-from anhyst.dashboard.improver import BenchWatch, DrawnLoop, Improver
+from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recording import RecordingFile, Span, TickRecorder
 from anhyst.dashboard.sets import ParameterSets
-from anhyst.model.actuator import Model
 from anhyst.rig.bench.force import demand_refusal
 from anhyst.rig.bench.pace import PacedBench, going_first
-from anhyst.rig.bench.protocol import Bench, Subscription
+from anhyst.rig.bench.protocol import Bench, Standing, Subscription, next_step, refusal, standing
+from anhyst.study.improve import BenchWatch, DrawnLoop, KnownModel
 from anhyst.study.tracking.beside import BenchLearner
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -193,11 +192,11 @@ class LiveSession:
         """Start a generator around the target, or stop it and go back to the target."""
         self.bench.generate(generator)
 
-    def watch(self, model: Model | None) -> None:
+    def watch(self, known: KnownModel | None) -> None:
         """Hold the rows from now on against a model, or no more."""
         watched = None
-        if model is not None:
-            watched = BenchWatch(model, self.bench.signals, self.bench.rate)
+        if known is not None:
+            watched = BenchWatch(known.model, self.bench.signals, self.bench.rate)
         self._unwatch()
         self.watched = watched
         if watched is not None:
@@ -273,7 +272,7 @@ class LiveSession:
         if self.improver is not None and not self.bench.lost:
             with suppress(InputError):  # it is lost again, and this comes again
                 self.improver.look_again()
-                self.curves = self.improver.curves
+                self.curves = self.improver.known.curves
 
     def _hand_on(self, rows: FloatArray) -> None:
         for listener in self._listeners:

@@ -6,8 +6,7 @@ import gc
 import secrets
 import socket
 import sys
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
 
 import uvicorn
@@ -17,12 +16,11 @@ from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recording import RecordingFile, start_recording
 from anhyst.dashboard.server import MESSAGE_MOST, LiveServer
 from anhyst.dashboard.session import LiveSession
-from anhyst.model.actuator import Model
 from anhyst.rig.bench.pace import going_first
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.study.bench import address_of, open_board, prepare_board, prepared_once
-from anhyst.study.prepared import Prepared, PreparedBearing, PreparedStage, block_of
+from anhyst.study.prepared import Prepared, PreparedBearing, PreparedStage
 from anhyst.study.tracking.beside import BearingLearner, BenchLearner, StageLearner
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -196,7 +194,7 @@ def live(
             recording,
             Path() if place is None else place.parent,
             improver,
-            improver.curves if improver else (),
+            improver.known.curves if improver else (),
             learner,
         )
         title = rig.resolve().parent.name if url is None else f"{rig.resolve().name} at {url}"
@@ -228,12 +226,7 @@ def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | N
     if isinstance(prepared, PreparedBearing):
         bearing = prepared.open()
         known = IdentifiedMagnet(prepared.measured, prepared.model)
-        learner = BearingLearner(prepared.setup, known, partial(_words, prepared), bearing)
+        learner = BearingLearner(prepared.setup, known, prepared.words, bearing)
         return bearing, Improver(prepared, bearing), learner
     bench = prepared.open()
     return bench, Improver(prepared, bench), None
-
-
-def _words(prepared: PreparedBearing, model: Model) -> Sequence[int]:
-    """Compile a model to a block for the running board."""
-    return [int(word) for word in block_of(prepared.compile(model)).words]

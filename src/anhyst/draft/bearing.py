@@ -348,6 +348,7 @@ def _controller(machine: Machine, reach: MeasuredMagnet, numbers: Numbers) -> Se
     cutoff = nearest(min(16.0 * bandwidth, numbers.rate / 5.0))
     ramp = nearest(numbers.force_high * bandwidth / LIFT_S)
     speed = nearest(machine.clearance * bandwidth / 6.0)
+    detect = step_up(max(0.01 * travel, 20.0 * numbers.sensor_step))
     pole = f"{bandwidth / numbers.pole:.2g} times the unstable pole of {numbers.pole:.3g} Hz"
     beyond = "a tenth of the travel beyond the stop"
     return [
@@ -395,7 +396,7 @@ def _controller(machine: Machine, reach: MeasuredMagnet, numbers: Numbers) -> Se
             "ramp of the force until the armature has left its rest, then of the reference",
             [
                 Entry("force_rate_N_per_s", ramp, "of the force", "36 over the bandwidth, in all"),
-                Entry("detect_m", _detect(travel, numbers), "off its rest", "1 % of the travel"),
+                Entry("detect_m", detect, "off its rest", "1 % of the travel"),
                 Entry("speed_m_per_s", speed, "of the reference", "6 over the bandwidth, in all"),
             ],
         ),
@@ -412,15 +413,12 @@ def _controller(machine: Machine, reach: MeasuredMagnet, numbers: Numbers) -> Se
             "what is done without a position",
             [
                 Entry("max_missing_samples", 3, "dropped samples that are bridged", EXAMPLE),
-                Entry("hold_ticks", _hold(numbers), "a lost position may come back", "0.1 s"),
+                Entry(
+                    "hold_ticks",
+                    min(round(0.1 * numbers.rate), 65535),
+                    "a lost position may come back",
+                    "0.1 s",
+                ),
             ],
         ),
     ]
-
-
-def _detect(travel: float, numbers: Numbers) -> float:
-    return step_up(max(0.01 * travel, 20.0 * numbers.sensor_step))
-
-
-def _hold(numbers: Numbers) -> int:
-    return min(round(0.1 * numbers.rate), 65535)

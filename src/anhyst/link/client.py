@@ -229,8 +229,9 @@ class ControllerLink:
             if status.state in states:
                 return status
             if status.state is State.FAULT and status.fault is not Fault.NONE:
+                fault = status.fault.name.lower().replace("_", " ")
                 raise InputError(
-                    f"{self.url}: the controller is in fault: {_fault(status.fault)}",
+                    f"{self.url}: the controller is in fault: {fault}",
                     code="controller-in-fault",
                 )
             time.sleep(_POLL)
@@ -343,7 +344,3 @@ def _begins(request: Message) -> bool:
 
 def _words(name: str) -> str:
     return "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
-
-
-def _fault(fault: Fault) -> str:
-    return fault.name.lower().replace("_", " ")

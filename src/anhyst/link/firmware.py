@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from anhyst.link.virtual_boards import check_runs_here
-from anhyst.support.atomic import PathLike, core_folder, write_bytes
+from anhyst.support.atomic import PathLike, core_folder, firmware_folder, write_bytes
 from anhyst.support.c_objects import compile_and_link
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.version import running_version
@@ -69,18 +69,6 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
 def check_compiler(board: str) -> None:
     """Check that the compiler for a board is there."""
     _compiler(board)
-
-
-def firmware_folder() -> Path:
-    """Return the folder with the sources of the firmware."""
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package.parents[1] / "firmware", package / "_firmware"):
-        if (folder / "boards").is_dir():
-            return folder
-    raise InputError(
-        f"{package}: the sources of the firmware are missing; install anhyst again",
-        code="installation-incomplete",
-    )
 
 
 def actuator_defines(name: str) -> dict[str, str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from anhyst.compensate.current_map import PlayMap
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.methods import PROBED, make_compensator
+from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import FluxCalibration, Operating, Sources
 from anhyst.data import Loops
 from anhyst.data.speeds import slow_loops
@@ -25,7 +25,7 @@ from anhyst.rig.drift import Drift, drifted_law
 from anhyst.rig.measurement_table import identify_loops, misclosures
 from anhyst.rig.plant import law_of, make_magnet, static_map
 from anhyst.support.errors import CreepWarning
-from anhyst.support.kinds import MethodName, NumberFormat
+from anhyst.support.kinds import PROBED, MethodName, NumberFormat
 
 
 @dataclass(frozen=True)

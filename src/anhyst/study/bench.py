@@ -21,7 +21,6 @@ from typing import Any
 
 from anhyst.compensate.block import DemandLimits, Kind
 from anhyst.compensate.plan import CompileRequest
-from anhyst.link.firmware import firmware_folder
 from anhyst.link.xcp import XcpMaster
 from anhyst.model.actuator import Model, read_model
 from anhyst.rig.bench.bearing import BearingBench
@@ -29,7 +28,7 @@ from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.hardware import HardwareBench
 from anhyst.rig.bench.stage import StageBench, StageVariant
 from anhyst.rig.force.file import read_rig
-from anhyst.rig.force.programs import find_model, loops_of_rig, prepare
+from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage, make_stage
@@ -39,6 +38,7 @@ from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.excite.design import Specimen
 from anhyst.study.excite.excite import Excitation, Measuring
 from anhyst.study.excite.on_board import measure_on_board
+from anhyst.study.force.force_control import build_program
 from anhyst.study.prepared import (
     Prepared,
     PreparedBearing,
@@ -47,7 +47,7 @@ from anhyst.study.prepared import (
     PreparedStage,
 )
 from anhyst.study.tracking.simulate import OWN, check_calibration, find_gains
-from anhyst.support.atomic import PathLike, cache_folder, core_folder
+from anhyst.support.atomic import PathLike, cache_folder, core_folder, firmware_folder
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, all_of, in_parts
@@ -187,7 +187,7 @@ def _force(rig_path: PathLike, folder: Path, progress: Progress | None) -> Prepa
     loops = loops_of_rig(rig)
     rig = complete_rig(rig, loops)
     next(parts)(1, 1)
-    program = prepare(
+    program = build_program(
         "full", find_model(rig, loops), rig.settings.timing.rate_Hz, "library", folder / "full"
     )
     next(parts)(1, 1)

@@ -1,11 +1,14 @@
-"""The steps to a better model, each from files to files: long work, done beside what runs."""
+"""The model beside a bench that runs: held against its rows, and the steps to a better one.
+
+Each step goes from files to files: long work, done beside what runs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,17 +19,122 @@ from anhyst.data.path import thinned
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
+from anhyst.rig.bench.protocol import Signal
 from anhyst.rig.recording import peak, rms
 from anhyst.study.excite.design import Bound, Specimen
 from anhyst.study.excite.excite import Excitation, measure, write_excitation
 from anhyst.study.excite.on_board import DrivenBoard, measure_on_board
 from anhyst.study.prepared import Improvable, PreparedBoard, block_of
+from anhyst.study.watch import LEARN, RUN_LENGTH, DriftWatch
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
 
-_POINTS = 100
-"""Of a loop, where it is drawn; a record may hold several."""
+SAMPLES_HZ = 250.0
+"""Rows a second that are looked at."""
+
+_READ = (("current_read",), ("gap_read",), ("force_read", "force"))
+"""What is held against the model; a levitated armature has no force sensor, and the virtual one's
+true force is taken."""
+
+
+class BenchWatch:
+    """Watches one model over the rows of a bench, from its first row on."""
+
+    def __init__(self, model: Model, signals: Sequence[Signal], rate: float) -> None:
+        names = [signal.name for signal in signals]
+        self._columns = [_column_of(names, choice) for choice in _READ]
+        self._model, self._rate = model.at_rest, rate  # rows are too few to follow what is late
+        self._every = max(1, round(rate / SAMPLES_HZ))
+        self._watch: DriftWatch | None = None
+        self._trouble = ""
+
+    def take(self, rows: FloatArray) -> None:
+        """Go on by rows of the bench; does not depend on how they are cut."""
+        seen = rows[rows[:, 0] % self._every == 0]
+        if not len(seen) or self._trouble:
+            return
+        current, gap, force = (seen[:, column] for column in self._columns)
+        try:
+            if self._watch is None:
+                self._watch = DriftWatch(self._model, float(gap[0]))
+            self._watch.take(seen[:, 0], current, gap, force)
+        except InputError as error:
+            self._trouble = str(error)
+
+    def status(self) -> Mapping[str, Any]:
+        """Return what a page shows."""
+        if self._trouble:
+            return {"state": "ended", "text": self._trouble}
+        if self._watch is None:
+            return {"state": "learning", "text": "no rows yet"}
+        finding = self._watch.finding
+        drifted = finding.drifted is not None
+        state = "drifted" if drifted else "learning" if finding.learning else "fits"
+        return {
+            "state": state,
+            "text": finding.text(self._rate),
+            "cycles": finding.cycles,
+            "learn": LEARN + 1,
+            "run_length": RUN_LENGTH,
+            "least_N": self._watch.least,
+            "usual_N": finding.usual,
+            "left_N": finding.left,
+            "gain_N": finding.gain if drifted else 0.0,
+        }
+
+
+def _column_of(names: Sequence[str], choice: Sequence[str]) -> int:
+    for name in choice:
+        if name in names:
+            return 1 + names.index(name)
+    raise InputError(
+        f"watch: the bench has no signal {' or '.join(choice)}", code="no-such-signal", key="watch"
+    )
+
+
+_POINTS, _COMPARED = 200, 100
+"""Of a loop, as it is drawn, alone and with two models; a record may hold several."""
+_LOOPS = 60
+
+
+class DrawnLoop(NamedTuple):
+    """A loop as it is drawn."""
+
+    kind: str  # ``measured`` or ``model``
+    gap: float | None  # at which it was measured, m
+    current: list[float]  # A and N
+    force: list[float]
+
+
+def make_curves(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ...]:
+    """Return loops of force over current, thinned; and those of a model along the same currents."""
+    if (loops.input.name, loops.output.name) != ("current", "force"):
+        return ()
+    curves = []
+    for loop in loops.loops[:_LOOPS]:
+        curves.append(_curve("measured", loop, loop.output))
+        if model is not None:
+            predicted = model.predict(loop.input, loop.schedule, loop.time, loop.history)
+            curves.append(_curve("model", loop, predicted.output))
+    return tuple(curves)
+
+
+def _curve(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:
+    kept = thinned(loop.input, _POINTS * max(1, loop.reversals // 2))
+    return DrawnLoop(kind, loop.schedule_value, loop.input[kept].tolist(), force[kept].tolist())
+
+
+class KnownModel(NamedTuple):
+    """A model beside a bench, and the loops that it stands for."""
+
+    model: Model
+    curves: tuple[DrawnLoop, ...]
+
+
+def known_model(loops: Loops, model: Model) -> KnownModel:
+    """Return a model with its loops."""
+    return KnownModel(model, make_curves(loops, model))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +189,7 @@ def _predicted(model: Model, loops: Loops) -> tuple[FloatArray, ...]:
 
 
 def _drawn(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, Any]:
-    kept = thinned(loop.input, _POINTS * max(1, loop.reversals // 2))
+    kept = thinned(loop.input, _COMPARED * max(1, loop.reversals // 2))
     columns = {"current": loop.input, "force": loop.output, "old": old, "new": new}
     rounded = {
         name: [float(f"{value:.5g}") for value in values[kept]] for name, values in columns.items()
@@ -177,6 +285,11 @@ def identify_model(
     new = prepared.identify(loops, progress)
     write_model(new, folder / MODEL)
     return {"law": new.law, **compare(old, new, loops).as_dict()}
+
+
+def read_known(folder: Path) -> KnownModel:
+    """Read what was identified, and the loops it was identified from."""
+    return known_model(read_loops(folder / LOOPS), read_model(folder / MODEL))
 
 
 def compile_block(progress: Progress, prepared: Improvable, folder: Path) -> dict[str, Any]:

@@ -98,6 +98,10 @@ class PreparedBearing:
         narrowed = bearing_model(followed, (0.0, current), (0.0, force), gaps)
         return make_plan(narrowed, request, 0, scales=scales)
 
+    def words(self, model: Model) -> list[int]:
+        """Compile another model to a block for the running board."""
+        return [int(word) for word in block_of(self.compile(model)).words]
+
 
 @dataclass(frozen=True)
 class ForceRig:

@@ -146,29 +146,30 @@ def seen_from(folder: Path, path: Path) -> str:
 
 
 def core_folder() -> Path:
-    """Return the folder with ``include/``, ``src/`` and ``port/`` of the core.
-
-    In a source tree it is the one that is edited, otherwise the copy inside the package.
-    """
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package.parents[1] / "core", package / "_core" / "c"):
-        if (folder / "include" / "anhyst" / "compensator" / "compensator.h").is_file():
-            return folder
-    raise InputError(
-        f"{package}: the C sources of the core are missing; install anhyst again",
-        code="installation-incomplete",
-    )
+    """Return the folder with ``include/``, ``src/`` and ``port/`` of the core."""
+    marked = "include/anhyst/compensator/compensator.h"
+    return _sources("core", "_core/c", marked, "C sources of the core")
 
 
 def plant_folder() -> Path:
-    """Return the folder with ``include/`` and ``src/`` of the virtual plant; see :func:`core_folder`."""
+    """Return the folder with ``include/`` and ``src/`` of the virtual plant."""
+    marked = "include/anhyst_plant/body.h"
+    return _sources("plant", "_core/plant", marked, "C sources of the plant")
+
+
+def firmware_folder() -> Path:
+    """Return the folder with the sources of the firmware."""
+    return _sources("firmware", "_firmware", "boards", "sources of the firmware")
+
+
+def _sources(edited: str, shipped: str, marked: str, what: str) -> Path:
+    """Return the folder that is edited, in a source tree, otherwise the copy inside the package."""
     package = Path(__file__).resolve().parents[1]
-    for folder in (package.parents[1] / "plant", package / "_core" / "plant"):
-        if (folder / "include" / "anhyst_plant" / "body.h").is_file():
+    for folder in (package.parents[1] / edited, package / shipped):
+        if (folder / marked).exists():
             return folder
     raise InputError(
-        f"{package}: the C sources of the plant are missing; install anhyst again",
-        code="installation-incomplete",
+        f"{package}: the {what} are missing; install anhyst again", code="installation-incomplete"
     )
 
 

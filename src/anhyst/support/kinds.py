@@ -169,6 +169,21 @@ MethodName = Literal[
     "fused",
 ]
 """How a force controller finds its current; a row of :data:`anhyst.compensate.methods.METHODS`."""
+METHOD_TITLES: Mapping[MethodName, str] = {
+    "ratio": "constant force-current ratio",
+    "secant": "force in proportion to current",
+    "linearised": "two constants, k_i and k_s",
+    "single-valued": "best current without memory",
+    "play": "map with one play",
+    "simplified": "simplified hysteresis compensator",
+    "at-rest": "full hysteresis compensator, at rest",
+    "full": "full hysteresis compensator",
+    "flux": "measured flux density",
+    "fused": "full, and measured flux density",
+}
+"""Every method in words."""
+PROBED: tuple[MethodName, ...] = ("flux", "fused")
+"""Those that need a flux probe."""
 
 
 NumberFormat = Literal["f64", "f32", "fixed"]

@@ -27,6 +27,9 @@ ENTRIES = 32
 SECRET = 0x616E6879
 EVENT = "tick"
 
+HEARTBEAT_MS = 500
+"""Ceiling of the boards for the setting heartbeat_ticks."""
+
 AREAS = {
     "signal": 0x00010000,
     "setting": 0x00020000,

@@ -11,7 +11,8 @@ from typing import Literal, Protocol
 import numpy as np
 
 from anhyst.compilation.toolchain import PIDD2, SRC, Build, core_files
-from anhyst.link.firmware import actuator_defines, firmware_folder
+from anhyst.link.firmware import actuator_defines
+from anhyst.support.atomic import firmware_folder
 from anhyst.verification.bundle import FORMATS, PLAY, Bundle, GoldenVectors
 from anhyst.verification.elf import Image
 from anhyst.verification.protocol import (

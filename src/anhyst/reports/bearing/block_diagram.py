@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from anhyst.compensate.methods import METHODS, PROBED
 from anhyst.control.controller_file import ControllerTable
 from anhyst.reports.study.page import (
     HIGH,
@@ -25,6 +24,7 @@ from anhyst.reports.study.page import (
 from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile
 from anhyst.support.figures import FALLING, RISING, styled
+from anhyst.support.kinds import METHOD_TITLES, PROBED
 from anhyst.support.page import number
 
 FORMATS = {"f64": "64-bit floating point", "f32": "32-bit floating point", "fixed": "fixed point"}
@@ -75,7 +75,7 @@ def _compensator(settings: ControllerTable) -> DiagramBlock:
     return DiagramBlock(
         "force to current",
         (
-            *METHODS[chosen.variant].title.split(", "),
+            *METHOD_TITLES[chosen.variant].split(", "),
             FORMATS[chosen.format],
             f"{limits.force_low_N:g} to {limits.force_high_N:g} N",
             f"{limits.current_low_A:g} to {limits.current_high_A:g} A",

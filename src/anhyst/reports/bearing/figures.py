@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from anhyst.compensate.methods import METHODS
 from anhyst.data.loops import Loops
 from anhyst.data.path import smooth_curve
 from anhyst.model.actuator import Model
@@ -32,7 +31,7 @@ from anhyst.study.bearing.linear import BOUNDARIES, zone
 from anhyst.study.bearing.responses import SETTLED
 from anhyst.study.engine.table import Interval
 from anhyst.support.figures import ALARM, new_figure, styled
-from anhyst.support.kinds import MethodName
+from anhyst.support.kinds import METHOD_TITLES, MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import number
 
@@ -144,7 +143,7 @@ def figure_forces(recordings: Recordings) -> Figure:
         error = force - demand
         below.plot(*thinned(time, error), **line_of(name))
         rms = float(np.sqrt(np.mean(error**2)))
-        above.set_title(METHODS[name].title, fontsize=8.5)
+        above.set_title(METHOD_TITLES[name], fontsize=8.5)
         below.set_title(
             f"rms {rms:.2f} N, worst {np.abs(error).max():.2f} N", fontsize=8.0, weight="normal"
         )

@@ -195,11 +195,8 @@ def section_between(subject: ModelSubject) -> Section | None:
     blocks: list[Block] = [Picture(svg_text(figure, subject.next_prefix()), alt, caption)]
     if subject.check is not None:
         blocks.insert(0, acceptance(subject))
-    return Section("between", f"Loops at and between the {_nodes(subject)}", tuple(blocks))
-
-
-def _nodes(subject: ModelSubject) -> str:
-    return "reference gaps" if subject.over == "gap" else f"nodes of the {subject.over}"
+    nodes = "reference gaps" if subject.over == "gap" else f"nodes of the {subject.over}"
+    return Section("between", f"Loops at and between the {nodes}", tuple(blocks))
 
 
 def section_gap_map(subject: ModelSubject) -> Section | None:

@@ -16,11 +16,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from matplotlib.text import Text
 
-from anhyst.compensate.methods import METHODS
 from anhyst.study.engine.table import TITLES, CaseFigures, Cases, Interval, Judgement, Level, Metric
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.figures import FALLING, RISING, new_figure, svg_text
-from anhyst.support.kinds import MethodName
+from anhyst.support.kinds import METHOD_TITLES, MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import (
     MINUS,
@@ -347,7 +346,7 @@ def case_table(
 def legend_table(methods: Sequence[MethodName]) -> PageTable:
     """Say what the variants are."""
     rows: list[list[str | Cell]] = [
-        [Cell(name, code=True), METHODS[name].title, _REMARKS[name]] for name in methods
+        [Cell(name, code=True), METHOD_TITLES[name], _REMARKS[name]] for name in methods
     ]
     return table(
         "Variants",

@@ -9,7 +9,7 @@ import numpy as np
 
 from anhyst._core import FixedPosition, LoopController, Position, PositionF32
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.methods import MODELS, PROBED
+from anhyst.compensate.methods import MODELS
 from anhyst.compensate.sources import Operating
 from anhyst.control.controller_file import ControllerFile, ControllerTable, PairTable, error_at_key
 from anhyst.control.position import PositionControl, ReferenceConverter
@@ -33,7 +33,7 @@ from anhyst.rig.recording import (
     find_loss,
 )
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import MethodName, NumberFormat
+from anhyst.support.kinds import PROBED, MethodName, NumberFormat
 from anhyst.support.states import Flag
 from anhyst.support.toml_file import FileFault, faults_error
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-from anhyst.compilation.a2l import HEARTBEAT_MS
 from anhyst.link.client import Refused
 from anhyst.link.frames import SETTINGS, Setting
 from anhyst.link.virtual_boards import Q30, Q31
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
+from anhyst.support.xcp_map import HEARTBEAT_MS
 
 _GAINS = {
     Setting.GAIN_P: ("N/m", "K_p of the controller of position"),

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from anhyst.compensate.force_controller import ForceController
-from anhyst.control.position import Standing, refusal
 from anhyst.rig.bench.protocol import (
     AXES_COMMANDS,
     STAGE_COMMANDS,
@@ -25,7 +24,9 @@ from anhyst.rig.bench.protocol import (
     Bench,
     Parameter,
     Signal,
+    Standing,
     of_axes_and_magnets,
+    refusal,
 )
 from anhyst.rig.bench.settings import check_values, stage_parameters
 from anhyst.rig.drift import NO_DRIFT, draw_plant, drifted_plant

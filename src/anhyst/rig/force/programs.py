@@ -1,4 +1,4 @@
-"""Models of force control, from a rig's loops, and the controller programs built of them."""
+"""Models of force control, from a rig's loops, and what a controller program built of one is."""
 
 from __future__ import annotations
 
@@ -11,14 +11,10 @@ from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Kind
-from anhyst.compensate.plan import CompileRequest
-from anhyst.compilation.output import compile_model
 from anhyst.data import Loops
-from anhyst.link.firmware import build
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
 from anhyst.model.parameters import Parameter
-from anhyst.model.writer import write_model
 from anhyst.rig.force.file import Rig
 from anhyst.rig.measurement_table import identify_loops
 from anhyst.support.block_words import Scales
@@ -75,27 +71,6 @@ class Session:
     first: int  # first tick of the run
     # whether the controller got this command just before: what was before does not count
     demagnetised: bool
-
-
-def prepare(name: MethodName, model: Model, rate: float, board: str, folder: Path) -> Program:
-    """Compile a model and build the firmware around it."""
-    kind: Kind = "simplified" if name == "simplified" else "full"
-    model = model if name == "full" else model.at_rest
-    folder.mkdir(parents=True, exist_ok=True)
-    write_model(model, folder / "model.toml")
-    compiled = compile_model(
-        folder / "model.toml", folder / "controller", CompileRequest(kind, "q31", rate)
-    )
-    block = compiled.plan.block
-    assert isinstance(block, Block)
-    return Program(
-        kind=kind,
-        name=name,
-        model=model,
-        block=block,
-        cycles=compiled.plan.builder.conditioning.cycles,
-        firmware=build(board, folder / "controller", folder / "firmware"),
-    )
 
 
 def ticks_that_differ(program: Program, session: Session) -> int:

@@ -14,7 +14,6 @@ from scipy.optimize import linprog
 
 from anhyst._core import AXES_ODD, WrenchLayout
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.methods import PROBED
 from anhyst.control.position import Allocation
 from anhyst.rig.body import BodyRig, plant_faults, travel_m
 from anhyst.rig.calibration import (
@@ -29,7 +28,7 @@ from anhyst.rig.old_files import rig_error
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.tables import AXES
 from anhyst.support.atomic import PathLike
-from anhyst.support.kinds import FileKind
+from anhyst.support.kinds import PROBED, FileKind
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import (
     FileFault,

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from anhyst.compensate.methods import BASELINES, MODELS, PROBED
+from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
 from anhyst.model.compilable import has_layers
@@ -40,7 +40,7 @@ from anhyst.study.engine.table import FIGURES, Judgement, StudyResult, keep_lost
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, in_parts
-from anhyst.support.kinds import MethodName
+from anhyst.support.kinds import PROBED, MethodName
 from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:

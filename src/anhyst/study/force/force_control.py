@@ -4,22 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from anhyst.compensate.block import Block, Kind
 from anhyst.compensate.current_map import fit_ratio, fit_single_valued
 from anhyst.compensate.force_controller import Compensator
-from anhyst.data import Loops
+from anhyst.compensate.plan import CompileRequest
+from anhyst.compilation.output import compile_model
 from anhyst.data.table import check_format, read_columns
-from anhyst.link.firmware import check_compiler
+from anhyst.link.firmware import build, check_compiler
 from anhyst.link.virtual_boards import find_qemu
 from anhyst.model.actuator import Model
+from anhyst.model.writer import write_model
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.force.bench import Demand, triangle, with_lead_in
 from anhyst.rig.force.file import Rig, read_rig
-from anhyst.rig.force.programs import Program, find_model, loops_at, loops_of_rig, prepare
+from anhyst.rig.force.programs import Program, find_model, loops_at, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.recording import Recording
 from anhyst.study.engine.table import FIGURES, Judgement, StudyResult
@@ -215,7 +219,7 @@ def _run(
     }
     with whole_folder(out) as folder:
         rig = complete_rig(rig, loops)
-        found_models = all_of(_model, [(rig, end), (rig, loops)], next(parts))
+        found_models = all_of(partial(find_model, rig), [end, loops], next(parts))
         models = dict(zip(baselines, found_models, strict=True))
         programs = _programs(rig, models, board, folder, next(parts))
         controllers = {
@@ -231,17 +235,34 @@ def _run(
     return ForceControl(rig, Path(out), results, tuple(outcomes), plant)
 
 
-def _model(task: tuple[Rig, Loops]) -> Model:
-    return find_model(*task)
-
-
 def _compared(model: Model) -> tuple[MethodName, ...]:
     """Return what is compiled of a model: where iron answers late, the same at rest besides."""
     return ("full", "at-rest", "simplified") if model.has_eddy_currents else ("full", "simplified")
 
 
+def build_program(name: MethodName, model: Model, rate: float, board: str, folder: Path) -> Program:
+    """Compile a model and build the firmware around it."""
+    kind: Kind = "simplified" if name == "simplified" else "full"
+    model = model if name == "full" else model.at_rest
+    folder.mkdir(parents=True, exist_ok=True)
+    write_model(model, folder / "model.toml")
+    compiled = compile_model(
+        folder / "model.toml", folder / "controller", CompileRequest(kind, "q31", rate)
+    )
+    block = compiled.plan.block
+    assert isinstance(block, Block)
+    return Program(
+        kind=kind,
+        name=name,
+        model=model,
+        block=block,
+        cycles=compiled.plan.builder.conditioning.cycles,
+        firmware=build(board, folder / "controller", folder / "firmware"),
+    )
+
+
 def _program(task: tuple[MethodName, Model, float, str, Path]) -> Program:
-    return prepare(*task)
+    return build_program(*task)
 
 
 def _outcome(task: tuple[Rig, ForceTrial, Controllers]) -> ForceOutcome:

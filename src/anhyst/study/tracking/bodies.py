@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.bearing.loop import fit_magnets, pair_of
 from anhyst.rig.body import BodyRig
@@ -31,7 +30,7 @@ from anhyst.rig.recording import HOVER, column
 from anhyst.rig.stage.file import axes_of, believed, head_rows, mass_matrix, pull_rows, weight
 from anhyst.rig.stage.loop import demand_columns, pose_columns
 from anhyst.study.tracking.motion import DEAD, UPDATES_HZ, Motion, MotionLaw, on_grid
-from anhyst.support.kinds import MethodName
+from anhyst.support.kinds import PROBED, MethodName
 from anhyst.support.numeric import FloatArray
 
 _STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-3)}

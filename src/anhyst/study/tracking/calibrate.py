@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.table import read_columns
 from anhyst.model.compilable import has_layers
@@ -34,7 +33,7 @@ from anhyst.study.tracking.learner import fit
 from anhyst.study.tracking.motion import DEAD, MOVED, Motion, MotionLaw, refuse_uncalibratable
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind, MethodName, kind_of
+from anhyst.support.kinds import PROBED, FileKind, MethodName, kind_of
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, columns_of
 from anhyst.support.toml_text import toml_value

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from anhyst.compensate.methods import PROBED, FluxFeedback, FusedInverse
+from anhyst.compensate.methods import FluxFeedback, FusedInverse
 from anhyst.control.position import shared_by_pair
 from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterName, kind_of
@@ -25,7 +25,7 @@ from anhyst.rig.recording import rms
 from anhyst.rig.stage.file import per_root
 from anhyst.rig.stage.loop import COMMANDS, PROBES, StageSetup, corrected, fit_method
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import MethodName
+from anhyst.support.kinds import PROBED, MethodName
 from anhyst.support.numeric import FloatArray
 
 FILTER_HZ = 250.0

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import minimize
 
-from anhyst.compensate.methods import METHODS, PROBED
+from anhyst.compensate.methods import METHODS
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.model.compilable import has_layers
 from anhyst.rig.body import BodyRig
@@ -61,7 +61,7 @@ from anhyst.study.tracking.motion import refuse_uncalibratable
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import MethodName
+from anhyst.support.kinds import PROBED, MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import columns_of
 

@@ -70,9 +70,9 @@ class BearingLoop:
         plant = self.setup.rig.settings
         return GainSpace(plant.timing.rate_Hz, plant.body.mass_kg)
 
-    def at(self, place: FloatArray) -> BearingLoop:
-        """Return the same with the gains at a place of the box."""
-        table = self.space.controller(place, self.setup.controller)
+    def at(self, point: FloatArray) -> BearingLoop:
+        """Return the same with the gains at a point of the box."""
+        table = self.space.controller(point, self.setup.controller)
         return replace(self, setup=replace(self.setup, controller=table))
 
     def brief(self) -> BearingLoop:
@@ -104,7 +104,7 @@ class BearingLoop:
         return replace(outcome, peak_sensitivity=peak_of(measured))
 
     def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return what finds the places that linear loops like best.
+        """Return what finds the points that linear loops like best.
 
         It does so for several peaks of the sensitivity and softnesses.
         """
@@ -116,8 +116,8 @@ class BearingLoop:
         screen, aims = task
         return refine(partial(self._costs, screen, aims), self.space.size, seed)
 
-    def _costs(self, screen: Screen, aims: Aims, places: FloatArray) -> FloatArray:
-        gains = self.space.per_tick(places, self.setup.controller)
+    def _costs(self, screen: Screen, aims: Aims, points: FloatArray) -> FloatArray:
+        gains = self.space.per_tick(points, self.setup.controller)
         return screen.look(gains).costs(aims, screen.horizon)
 
     def least_settling(self, seed: int, eased: tuple[Screen, Aims]) -> float:
@@ -197,7 +197,7 @@ class BearingLoop:
         }
 
     def meaning(self, numbers: Mapping[str, float]) -> list[str]:
-        """Return lines that say what the numbers of a place mean."""
+        """Return lines that say what the numbers of a point mean."""
         return [
             f"Poles of the moving mass: pair at {numbers['bandwidth_Hz']:.4g} Hz with damping "
             f"{numbers['damping']:.3g}, real one at "
@@ -357,7 +357,11 @@ def _would_help(loop: BearingLoop, aims: Aims, seed: int, jobs: int | None) -> l
         "pinning": ("an iron without pinning", screen.of(range(0, len(loops), 2)), aims),
     }
     if isinstance(loops[0].amplifier, CurrentLoop):
-        quick = [_quick(one.amplifier) for one in loops if isinstance(one.amplifier, CurrentLoop)]
+        quick = [
+            CurrentLoop(gain=2.0 * amplifier.gain, reset=2.0 * amplifier.reset)
+            for amplifier in (one.amplifier for one in loops)
+            if isinstance(amplifier, CurrentLoop)
+        ]
         eased["amplifier"] = (
             "an amplifier of twice the bandwidth",
             screen.around(
@@ -372,7 +376,3 @@ def _would_help(loop: BearingLoop, aims: Aims, seed: int, jobs: int | None) -> l
         jobs,
         lambda what, one, base: text.format(what, 1e3 * one, 1e3 * base),
     )
-
-
-def _quick(amplifier: CurrentLoop) -> CurrentLoop:
-    return CurrentLoop(gain=2.0 * amplifier.gain, reset=2.0 * amplifier.reset)

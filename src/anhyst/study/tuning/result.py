@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from anhyst.compensate.methods import BASELINES, MODELS, PROBED
+from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.rig.body import BodyRig
@@ -18,7 +18,7 @@ from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.search import FoundGains
 from anhyst.study.tuning.trial import Limit
 from anhyst.support.atomic import atomic_writer, write_json
-from anhyst.support.kinds import MethodName
+from anhyst.support.kinds import PROBED, MethodName
 from anhyst.support.result import Result, columns_of
 from anhyst.support.version import running_version
 

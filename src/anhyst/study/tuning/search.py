@@ -54,7 +54,7 @@ _BAND = 0.02
 SPREAD = 1024
 """Places that are spread over the box at first; a power of two."""
 REFINED = (24, 32)
-"""Generations, and places in each, in which the best of them is improved."""
+"""Generations, and points in each, in which the best of them is improved."""
 
 
 @dataclass(frozen=True)
@@ -100,9 +100,9 @@ class Screen:
         """Return a screen with other loops at the same conditions."""
         return Screen(loops, self._reserves, self.horizon)
 
-    def of(self, places: Iterable[int]) -> Screen:
+    def of(self, indices: Iterable[int]) -> Screen:
         """Return a screen of some of the loops."""
-        some = list(places)
+        some = list(indices)
         reserves = [self._reserves[index] for index in some]
         return Screen([self.loops[index] for index in some], reserves, self.horizon)
 
@@ -189,18 +189,18 @@ def closed_loop(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, Flo
 
 
 def spread_over(size: int, seed: int) -> FloatArray:
-    """Return :data:`SPREAD` places spread evenly over the unit box."""
+    """Return :data:`SPREAD` points spread evenly over the unit box."""
     from scipy.stats import qmc  # slow to load, and used here alone
 
-    places: FloatArray = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SPREAD)
-    return places
+    points: FloatArray = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SPREAD)
+    return points
 
 
 def refine(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> FloatArray:
-    """Return the place of a box that costs least, beginning at the best of many places."""
-    places = spread_over(size, seed)
-    cost = costs(places)
-    best: FloatArray = places[int(np.argmin(cost))]
+    """Return the point of a box that costs least, beginning at the best of many points."""
+    points = spread_over(size, seed)
+    cost = costs(points)
+    best: FloatArray = points[int(np.argmin(cost))]
     least = float(np.min(cost))
     strategy = Strategy(best, 0.1, [seed, 2], REFINED[1])
     for _ in range(REFINED[0]):
@@ -270,7 +270,7 @@ _WORK_AFTER = 40.0  # finding out what limits the best gains
 class TriedGains:
     """Gains that were tried, and what they gave."""
 
-    place: FloatArray  # in the box that is searched
+    point: FloatArray  # in the box that is searched
     outcome: GainOutcome  # with one noise seed
 
 
@@ -279,7 +279,7 @@ class FoundGains:
     """What a search found."""
 
     loop: Tunable  # with the best gains
-    numbers: dict[str, float]  # the best place in the box, by name
+    numbers: dict[str, float]  # the best point of the box, by name
     check: Check | None  # of the best; None if the search was interrupted before
     before: GainOutcome  # of the gains as they were, one noise seed
     # all that were tried at every condition, those of the front included
@@ -333,8 +333,8 @@ class GainSearch:
             best, reached = self._best(self.aims)[0], None
         others = [one for one in self._candidates if one is not best]
         return FoundGains(
-            loop=self.loop.at(best.place),
-            numbers=self.loop.space.numbers(best.place),
+            loop=self.loop.at(best.point),
+            numbers=self.loop.space.numbers(best.point),
             check=reached,
             before=before,
             candidates=(best, *others),
@@ -352,7 +352,7 @@ class GainSearch:
             self._search(aims, generations if round_ == 0 else _BACK, round_)
             seen = [one for _, one, _ in checked]
             for candidate in [one for one in self._best(aims) if one not in seen][:_CHECKED]:
-                found = self.loop.at(candidate.place).check(self.jobs)
+                found = self.loop.at(candidate.point).check(self.jobs)
                 checked.append((self.aims.cost(found.worst), candidate, found))
                 self._report(_WORK_OF_CHECK)
             _, _, best = min(checked, key=lambda each: each[0])
@@ -367,11 +367,11 @@ class GainSearch:
         """Try what linear loops like best."""
         tasks = list(self.loop.starts(self.aims, self.seed))
         self._whole += 2.0 * len(tasks)
-        places = all_of(call, tasks, lambda *_: self._report(1.0), self.jobs)
-        self._try(np.array(places), self.loop.conditions, self.aims, math.inf)
+        points = all_of(call, tasks, lambda *_: self._report(1.0), self.jobs)
+        self._try(np.array(points), self.loop.conditions, self.aims, math.inf)
         if not self._candidates:
             raise NegativeResult(
-                f"none of {len(places)} sets of gains that linear loops like best holds the body "
+                f"none of {len(points)} sets of gains that linear loops like best holds the body "
                 "wherever it is tried; 'anhyst simulate' reports how it is lost: look at the limits "
                 "and the load",
                 code="no-gains-hold",
@@ -382,7 +382,7 @@ class GainSearch:
         starts = self._apart(aims, _STARTS if round_ == 0 else 1)
         paths = [
             _Path(
-                Strategy(one.place, _SIGMA / (1 + 2 * round_), [self.seed, 3, round_, i], CHILDREN)
+                Strategy(one.point, _SIGMA / (1 + 2 * round_), [self.seed, 3, round_, i], CHILDREN)
             )
             for i, one in enumerate(starts)
         ]
@@ -395,8 +395,8 @@ class GainSearch:
     def _generations(self, path: _Path, aims: Aims, count: int) -> None:
         for _ in range(count):
             order = _hardest_first(self._best(aims)[0].outcome, self.loop.conditions, aims)
-            places = path.strategy.ask()
-            costs = np.array([one.cost for one in self._try(places, order, aims, path.ceiling)])
+            points = path.strategy.ask()
+            costs = np.array([one.cost for one in self._try(points, order, aims, path.ceiling)])
             path.strategy.tell(costs)
             path.least = min(path.least, float(costs.min()))
             path.ceiling = float(np.sort(costs)[CHILDREN // 2 - 1])
@@ -405,22 +405,22 @@ class GainSearch:
         """Return the best that lie apart from each other."""
         chosen: list[TriedGains] = []
         for one in self._best(aims):
-            if all(np.max(np.abs(one.place - other.place)) > _CLOSE for other in chosen):
+            if all(np.max(np.abs(one.point - other.point)) > _CLOSE for other in chosen):
                 chosen.append(one)
         return chosen[:count]
 
     def _try(
-        self, places: FloatArray, order: Sequence[Any], aims: Aims, ceiling: float
+        self, points: FloatArray, order: Sequence[Any], aims: Aims, ceiling: float
     ) -> list[GainOutcome]:
         trials = [
-            GainTrial(self._brief.at(place), tuple(order), aims, ceiling, self.seed)
-            for place in places
+            GainTrial(self._brief.at(point), tuple(order), aims, ceiling, self.seed)
+            for point in points
         ]
         outcomes = all_of(run_trial, trials, lambda *_: self._report(1.0), self.jobs)
         self._tried += len(trials)
         self._candidates += [
-            TriedGains(place, outcome)
-            for place, outcome in zip(places, outcomes, strict=True)
+            TriedGains(point, outcome)
+            for point, outcome in zip(points, outcomes, strict=True)
             if outcome.complete
         ]
         return outcomes

@@ -130,9 +130,9 @@ class LinearStage:
             np.sqrt(np.trapezoid(left**2, frequency, axis=1)),
         )
 
-    def costs(self, space: StageSpace, aims: Aims, places: FloatArray) -> FloatArray:
-        """Return what places of the box cost: those that keep the peak what they leave."""
-        rows = [space.numbers(place) for place in places]
+    def costs(self, space: StageSpace, aims: Aims, points: FloatArray) -> FloatArray:
+        """Return what points of the box cost: those that keep the peak what they leave."""
+        rows = [space.numbers(point) for point in points]
         measured = self.look({name: np.array([row[name] for row in rows]) for name in space.axes})
         over = np.clip(measured.peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
         return np.where(over > 0.0, MISSED + over, measured.average)
@@ -174,9 +174,9 @@ class StageLoop:
         """The linear loop, whatever the gains."""
         return linear_stage(self.setup.rig)
 
-    def at(self, place: FloatArray) -> StageLoop:
-        """Return the same with the gains at a place of the box."""
-        numbers = self.space.numbers(place)
+    def at(self, point: FloatArray) -> StageLoop:
+        """Return the same with the gains at a point of the box."""
+        numbers = self.space.numbers(point)
         changes = {f"control.{name}": rounded(value) for name, value in numbers.items()}
         rig = self.setup.rig
         rig = replace(rig, settings=rig.settings.changed(changes))
@@ -240,7 +240,7 @@ class StageLoop:
         )
 
     def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return what finds the places that linear loops like best, for several peaks."""
+        """Return what finds the points that linear loops like best, for several peaks."""
         return [
             partial(_liked, self.linear, self.space, seed, aims.tightened({"peak_sensitivity": p}))
             for p in _STRICTER
@@ -366,7 +366,7 @@ class StageLoop:
         }
 
     def meaning(self, numbers: Mapping[str, float]) -> list[str]:
-        """Return lines that say what the numbers of a place mean."""
+        """Return lines that say what the numbers of a point mean."""
         crossover = numbers["crossover_Hz"]
         return [
             f"Crossover {crossover:.4g} Hz; integral up to "

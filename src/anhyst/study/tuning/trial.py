@@ -1,6 +1,6 @@
 """What is tuned, and one set of gains of it in the nonlinear loop.
 
-What is searched: a box of numbers; of a bearing, seven, and the controller that a place stands for.
+What is searched: a box of numbers; of a bearing, seven, and the controller that a point stands for.
 
 With the mass m that moves, the poles of the design rule lie at the distance w from the origin; here
 the real one may lie elsewhere, at a w, so that every set of gains can be reached::
@@ -50,10 +50,10 @@ class Box:
         """How many numbers there are."""
         return len(self.axes)
 
-    def numbers(self, place: FloatArray) -> dict[str, float]:
-        """Return the numbers at a place of the unit box."""
+    def numbers(self, point: FloatArray) -> dict[str, float]:
+        """Return the numbers at a point of the unit box."""
         values = {}
-        for (name, axis), part in zip(self.axes.items(), place.tolist(), strict=True):
+        for (name, axis), part in zip(self.axes.items(), point.tolist(), strict=True):
             if axis.ratio:
                 values[name] = axis.low * (axis.high / axis.low) ** part
             else:
@@ -82,9 +82,9 @@ class GainSpace(Box):
             "cutoff_2_Hz": Axis(rate / 100.0, 0.45 * rate, True),
         }
 
-    def controller(self, place: FloatArray, like: ControllerTable) -> ControllerTable:
-        """Return the controller at a place of the unit box; what is not searched stays as it is."""
-        at = self.numbers(place)
+    def controller(self, point: FloatArray, like: ControllerTable) -> ControllerTable:
+        """Return the controller at a point of the unit box; what is not searched stays as it is."""
+        at = self.numbers(point)
         w, z, a = 2.0 * math.pi * at["bandwidth_Hz"], at["damping"], at["real_pole"]
         total = self.mass * (1.0 + at["virtual_mass"])
         gains = GainsTable(
@@ -105,9 +105,9 @@ class GainSpace(Box):
             }
         )
 
-    def per_tick(self, places: FloatArray, like: ControllerTable) -> FloatArray:
-        """Return the gains per tick of many places, as :attr:`Pidd2.per_tick`, shape (n, 11)."""
-        found: list[Pidd2] = [self.controller(place, like).pidd2() for place in places]
+    def per_tick(self, points: FloatArray, like: ControllerTable) -> FloatArray:
+        """Return the gains per tick of many points, as :attr:`Pidd2.per_tick`, shape (n, 11)."""
+        found: list[Pidd2] = [self.controller(point, like).pidd2() for point in points]
         return np.array([one.per_tick for one in found])
 
 
@@ -199,8 +199,8 @@ class Tunable(Protocol):
     def space(self) -> Box:
         """The box that is searched."""
 
-    def at(self, place: FloatArray) -> Tunable:
-        """Return the same with the gains at a place of the box."""
+    def at(self, point: FloatArray) -> Tunable:
+        """Return the same with the gains at a point of the box."""
 
     def brief(self) -> Tunable:
         """Return the same as it is tried in the search; what is checked takes longer."""
@@ -215,7 +215,7 @@ class Tunable(Protocol):
         """
 
     def starts(self, aims: Aims, seed: int) -> Sequence[Callable[[], FloatArray]]:
-        """Return what finds the places that linear loops like best."""
+        """Return what finds the points that linear loops like best."""
 
     def check(self, jobs: int | None) -> Check:
         """Try the gains with all noise seeds."""
@@ -234,7 +234,7 @@ class Tunable(Protocol):
         """Return what tuning.json says of the rig."""
 
     def meaning(self, numbers: Mapping[str, float]) -> list[str]:
-        """Return lines that say what the numbers of a place mean."""
+        """Return lines that say what the numbers of a point mean."""
 
 
 Loop = TypeVar("Loop")

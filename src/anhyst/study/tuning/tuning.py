@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
 from anhyst.rig.bearing.loop import make_setups
 from anhyst.rig.body import BodyRig
@@ -41,7 +40,7 @@ from anhyst.study.tuning.trial import Tunable
 from anhyst.support.atomic import PathLike, check_writable, seen_from
 from anhyst.support.errors import InputError, Interrupted
 from anhyst.support.jobs import Progress, all_of, workers_of
-from anhyst.support.kinds import NAMES, TAKES, FileKind, MethodName
+from anhyst.support.kinds import NAMES, PROBED, TAKES, FileKind, MethodName
 from anhyst.support.toml_file import take_kind
 from anhyst.support.toml_text import Path as KeyPath
 
