@@ -23,7 +23,7 @@ from anhyst.data.speeds import slow_loops, speeds_of
 from anhyst.data.verdict import largest_output
 from anhyst.rig.distance import along, along_in_time, follower, thinned
 from anhyst.rig.file import RigFile
-from anhyst.rig.magnet_table import FROM_LOOPS, MagnetTable, SolidTable
+from anhyst.rig.magnet_table import FROM_LOOPS, POLES, MagnetTable, SolidTable
 from anhyst.rig.parts.iron import NamedCells
 from anhyst.rig.parts.magnet import Poles, iron_magnet
 from anhyst.support.errors import InputError
@@ -85,17 +85,8 @@ class FittedPlant:
     @property
     def keys(self) -> Mapping[str, Any]:
         """What ``[[magnet]]`` of a rig file would say beside its iron."""
-        poles = self.poles
-        return {
-            "turns": poles.turns,
-            "resistance_ohm": poles.resistance,
-            "pole_width_m": poles.width,
-            "pole_depth_m": poles.depth,
-            "leakage_H": poles.leakage,
-            "iron_length_m": poles.iron_length,
-            "joints_m": poles.joints,
-            "solid": self.solid,
-        }
+        poles = {key: getattr(self.poles, name) for name, key in POLES.items()}
+        return {**poles, "solid": self.solid}
 
 
 def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
