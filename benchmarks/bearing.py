@@ -16,8 +16,8 @@ from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
-from anhyst.rig.iron_table import SteelTable
 from anhyst.rig.measuring import measure_loops
+from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.sensor_table import GapSensorTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
@@ -53,7 +53,7 @@ class Iron:
     def title(self) -> str:
         """For tables: its reversible fraction, and whether it is pathological."""
         steel = self.rig.settings.steel
-        assert isinstance(steel, SteelTable)
+        assert isinstance(steel, CellSteel)
         share = f"{steel.reversible_fraction:g}"
         return f"{share} (pathological)" if self.at.slopes.label == "pathological" else share
 

@@ -92,17 +92,17 @@ def plant_of(rig: BodyRig) -> Plant:
     """Hand the numbers of a rig file to the baselines."""
     magnet, mechanics = rig.settings.magnet, rig.settings.body
     poles = magnet.poles
-    steel, sensor = rig.settings.steel.steel(), rig.settings.gap_sensor
+    steel, sensor = rig.settings.steel, rig.settings.gap_sensor
     gain, reset = current_gains(rig)
     stop = 2.0 * math.pi * STOP_RESONANCE
     assert isinstance(steel, CellSteel)
     return Plant(
         thresholds=steel.thresholds,
         weights=steel.weights,
-        sharp=steel.saturation_sharp,
-        knee_sharp=steel.knee_sharp,
-        slow=steel.saturation_slow,
-        knee_slow=steel.knee_slow,
+        sharp=steel.saturation_sharp_T,
+        knee_sharp=steel.knee_sharp_A_per_m,
+        slow=steel.saturation_slow_T,
+        knee_slow=steel.knee_slow_A_per_m,
         turns=float(poles.turns),
         resistance=poles.resistance,
         length=poles.iron_length,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,13 +47,28 @@ def _curve(rng: np.random.Generator) -> Numbers:
     }
 
 
+def _keys(curve: Numbers) -> dict[str, Any]:
+    """Return a curve by the keys of a rig file."""
+    return {
+        f"{name}_{'T' if name.startswith('saturation') else 'A_per_m'}": value
+        for name, value in curve.items()
+    }
+
+
 def _cells(rng: np.random.Generator) -> tuple[Steel, Numbers]:
     curve, one = _curve(rng), from_ranges(SETTINGS["cells"], rng)
     shape = one["shape"]
     pinning = curve["knee_sharp"] * one["pinning_by_knee"]
     free, further = one["reversible"], one["further_share"]
-    first = CellSteel(_CELLS, free, pinning, shape, **curve)
-    other = replace(first, pinning_scale=pinning * one["further_by_first"])
+    first = CellSteel(
+        cells=_CELLS,
+        reversible_fraction=free,
+        pinning_scale_A_per_m=pinning,
+        pinning_shape=shape,
+        **_keys(curve),
+    )
+    further_pinning = {"pinning_scale_A_per_m": pinning * one["further_by_first"]}
+    other = first.model_copy(update=further_pinning)
     both = np.concatenate([first.thresholds, other.thresholds[1:]])
     weights = np.concatenate(
         [first.weights[:1], (1.0 - further) * first.weights[1:], further * other.weights[1:]]
@@ -68,23 +82,25 @@ def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:
     pinning, relays = one["pinning_A_per_m"], one["saturation"]
     knee = pinning * one["knee_by_pinning"]
     steel = PreisachSteel(
-        saturation=relays,
-        pinning=pinning,
+        family="preisach",
+        saturation_T=relays,
+        pinning_A_per_m=pinning,
         pinning_spread=one["pinning_spread"],
-        bias=pinning * one["bias_by_pinning_0"],
+        bias_A_per_m=pinning * one["bias_by_pinning_0"],
         bias_by_pinning=one["bias_by_pinning"],
-        feedback=0.0,
-        saturation_sharp=relays * one["sharp_part"],
-        knee_sharp=knee,
-        saturation_slow=relays * one["slow_part"],
-        knee_slow=knee * one["slow_by_sharp"],
+        feedback_A_per_m_T=0.0,
+        saturation_sharp_T=relays * one["sharp_part"],
+        knee_sharp_A_per_m=knee,
+        saturation_slow_T=relays * one["slow_part"],
+        knee_slow_A_per_m=knee * one["slow_by_sharp"],
     )
     # A part of what it bears: the largest is found by what the steel refuses.
     low, high = 0.0, 4.0 * pinning / relays
     for _ in range(6):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if _bears(replace(steel, feedback=middle)) else (low, middle)
-    steel = replace(steel, feedback=one["feedback"] * low)
+        tried = steel.model_copy(update={"feedback_A_per_m_T": middle})
+        low, high = (middle, high) if _bears(tried) else (low, middle)
+    steel = steel.model_copy(update={"feedback_A_per_m_T": one["feedback"] * low})
     return steel.plant(), one | {"knee_sharp": steel.knee, "saturation_sharp": relays}
 
 
@@ -100,7 +116,13 @@ def _duhem(rng: np.random.Generator) -> tuple[Steel, Numbers]:
     while True:  # some numbers make no iron
         curve, one = _curve(rng), from_ranges(SETTINGS["duhem"], rng)
         coercivity = one["coercivity_by_knee"] * curve["knee_sharp"]
-        steel = DuhemSteel(coercivity, one["turning"], one["fading"], **curve)
+        steel = DuhemSteel.model_construct(
+            family="duhem",
+            coercivity_A_per_m=coercivity,
+            turning_T=one["turning"],
+            fading=one["fading"],
+            **_keys(curve),
+        )
         if _bears(steel):
             return steel.plant(), curve | one
 

@@ -26,9 +26,9 @@ from anhyst.rig.bearing.loop import BearingSetup, fit_magnets, make_setup
 from anhyst.rig.bearing.scenario import parts_of_run
 from anhyst.rig.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant
 from anhyst.rig.fitting import calibrated, identify_magnet
-from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.measuring import measure_loops
+from anhyst.rig.parts.iron import IronEntry, NamedIron
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.operating import Ready, make_ready, read_files

@@ -16,8 +16,8 @@ from pydantic import TypeAdapter
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import changed
 from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.measuring import measure_loops
+from anhyst.rig.parts.iron import IronEntry, NamedIron
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import tomllib
 
-from anhyst.rig.iron_table import DuhemTable, PreisachTable
+from anhyst.rig.parts.iron import DuhemSteel, PreisachSteel
 from rows import ROOT
 
 FILE = ROOT / "examples" / "irons" / "irons.toml"
 
 
-def irons() -> dict[str, PreisachTable | DuhemTable]:
+def irons() -> dict[str, PreisachSteel | DuhemSteel]:
     """Return them by name, as a rig file holds them."""
-    families = {"preisach": PreisachTable, "duhem": DuhemTable}
+    families = {"preisach": PreisachSteel, "duhem": DuhemSteel}
     tables = tomllib.loads(FILE.read_text(encoding="utf-8"))
     return {name: families[table["family"]](**table) for name, table in tables.items()}

@@ -130,12 +130,12 @@ def load(path: Path = HERE / "magnet.toml") -> tuple[Magnet, dict[str, Any]]:
         CellSteel(
             reversible_fraction=iron["reversible_fraction"],
             cells=iron["cells"],
-            pinning_scale=iron["pinning_scale_A_per_m"],
+            pinning_scale_A_per_m=iron["pinning_scale_A_per_m"],
             pinning_shape=iron["pinning_shape"],
-            saturation_sharp=iron["saturation_sharp_T"],
-            knee_sharp=iron["knee_sharp_A_per_m"],
-            saturation_slow=iron["saturation_slow_T"],
-            knee_slow=iron["knee_slow_A_per_m"],
+            saturation_sharp_T=iron["saturation_sharp_T"],
+            knee_sharp_A_per_m=iron["knee_sharp_A_per_m"],
+            saturation_slow_T=iron["saturation_slow_T"],
+            knee_slow_A_per_m=iron["knee_slow_A_per_m"],
         ),
         iron["length_m"],
         Circuit(

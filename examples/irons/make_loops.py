@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from anhyst._core import Coil, Magnet
-from anhyst.rig.iron_table import IronEntry, NamedIron
-from anhyst.rig.parts.iron import AnySteel
+from anhyst.rig.parts.iron import IronEntry, NamedIron
 from anhyst.rig.parts.magnet import Electromagnet, Poles, iron_magnet
 from anhyst.support.numeric import FloatArray, sine
 
@@ -71,14 +70,9 @@ def tables(path: Path = HERE / "irons.toml") -> dict[str, NamedIron]:
     return {name: schema.validate_python({"name": name, **table}) for name, table in irons.items()}
 
 
-def irons() -> dict[str, AnySteel]:
-    """Return what they are made of."""
-    return {name: table.steel() for name, table in tables().items()}
-
-
 def magnet(name: str) -> Magnet:
     """Return the bundled electromagnet with this iron."""
-    return iron_magnet(POLES, irons()[name])
+    return iron_magnet(POLES, tables()[name])
 
 
 @dataclass(frozen=True)

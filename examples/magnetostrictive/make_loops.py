@@ -42,16 +42,17 @@ def rod(load: float) -> PreisachSteel:
     """Return the rod under a prestress, MPa."""
     harder = 1.0 + load / 12.0
     return PreisachSteel(
-        saturation=0.85 * SATURATION,
-        pinning=2.2e3 * harder**0.3,
+        family="preisach",
+        saturation_T=0.85 * SATURATION,
+        pinning_A_per_m=2.2e3 * harder**0.3,
         pinning_spread=0.45,
-        bias=14e3 * harder,
+        bias_A_per_m=14e3 * harder,
         bias_by_pinning=0.6,
-        feedback=2e3,
-        saturation_sharp=0.05 * SATURATION,
-        knee_sharp=12e3 * harder,
-        saturation_slow=0.10 * SATURATION,
-        knee_slow=60e3,
+        feedback_A_per_m_T=2e3,
+        saturation_sharp_T=0.05 * SATURATION,
+        knee_sharp_A_per_m=12e3 * harder,
+        saturation_slow_T=0.10 * SATURATION,
+        knee_slow_A_per_m=60e3,
     )
 
 

@@ -14,7 +14,16 @@ from anhyst.rig.parts.magnet import Poles
 from anhyst.support.numeric import FloatArray
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
-STEEL = CellSteel(20, 0.1, 90.0, 2.0, 1.2, 150.0, 0.5, 3000.0)
+STEEL = CellSteel(
+    cells=20,
+    reversible_fraction=0.1,
+    pinning_scale_A_per_m=90.0,
+    pinning_shape=2.0,
+    saturation_sharp_T=1.2,
+    knee_sharp_A_per_m=150.0,
+    saturation_slow_T=0.5,
+    knee_slow_A_per_m=3000.0,
+)
 POLES = Poles(200.0, 1.0, 0.02, 0.02, 0.0, 0.2, 2e-5)
 
 

@@ -15,7 +15,6 @@ from scipy.optimize import brentq
 from anhyst.data.reading import read_loops
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.drift import with_iron
-from anhyst.rig.iron_table import SteelTable
 from anhyst.rig.measuring import measure_loops
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.plant import static_map
@@ -99,7 +98,7 @@ def test_the_table_of_gaps(rig: BodyRig) -> None:
 def test_the_table_of_reversible_fractions(rig: BodyRig) -> None:
     table = rows(r"^\| 0\.\d\d \|.*$")
     steel, gap = rig.settings.steel, rig.settings.gap_m
-    assert isinstance(steel, SteelTable)
+    assert isinstance(steel, CellSteel)
     assert float(table[0][0]) == steel.reversible_fraction
     for fraction, on, back, part, width in table:
         changed = with_iron(rig, float(fraction))
@@ -122,7 +121,7 @@ def test_the_table_of_reversible_fractions(rig: BodyRig) -> None:
 
 def test_the_numbers_in_the_text(rig: BodyRig) -> None:
     settings = rig.settings
-    steel = settings.steel.steel()
+    steel = settings.steel
     assert isinstance(steel, CellSteel)
     thresholds = steel.thresholds
     low, high = map(float, re.findall(r"thresholds between\s+(\d+) and (\d+) A/m", README)[0])

@@ -90,7 +90,7 @@ def test_the_table_of_positions(rig: Rig) -> None:
 
 def test_the_thresholds_of_the_cells(rig: Rig) -> None:
     assert rig.solenoid_file is not None
-    steel = rig.solenoid_file.iron.steel()
+    steel = rig.solenoid_file.iron
     assert isinstance(steel, CellSteel)
     thresholds = steel.thresholds
     text = (FOLDER / "README.md").read_text()

@@ -90,7 +90,7 @@ def test_a_rig_with_iron_from_its_loops_becomes_whole(tmp_path: Path) -> None:
     assert rig.settings.iron is None
     whole = complete_rig(rig, rig.measured.read())
     assert whole.fitted is not None
-    assert whole.settings.steel.steel() == whole.fitted.steel
+    assert whole.settings.steel == whole.fitted.steel
     assert whole.settings.magnet.poles == whole.fitted.poles
     assert complete_rig(whole, rig.measured.read()).settings == whole.settings
 

@@ -31,13 +31,13 @@ class CellIron:
         """Return flux density and slope if the field moved there; the memory is not touched."""
         steel = self.steel
         cells = self._moved(field)
-        sharp = 1.0 / np.sqrt(cells * cells + steel.knee_sharp**2)
-        ratio = cells * (1.0 / steel.knee_slow)
-        slow = 2.0 / math.pi * steel.saturation_slow
-        polarisation = steel.saturation_sharp * cells * sharp + slow * np.arctan(ratio)
-        slopes = (steel.saturation_sharp * steel.knee_sharp**2) * (sharp * sharp * sharp) + (
-            slow / steel.knee_slow
-        ) / (1.0 + ratio * ratio)
+        sharp = 1.0 / np.sqrt(cells * cells + steel.knee_sharp_A_per_m**2)
+        ratio = cells * (1.0 / steel.knee_slow_A_per_m)
+        slow = 2.0 / math.pi * steel.saturation_slow_T
+        polarisation = steel.saturation_sharp_T * cells * sharp + slow * np.arctan(ratio)
+        slopes = (steel.saturation_sharp_T * steel.knee_sharp_A_per_m**2) * (
+            sharp * sharp * sharp
+        ) + (slow / steel.knee_slow_A_per_m) / (1.0 + ratio * ratio)
         moving = self._weights * (cells != self._cells)
         return (MU_0 * field + float(self._weights @ polarisation), MU_0 + float(moving @ slopes))
 

@@ -30,7 +30,7 @@ def generator() -> ModuleType:
     return module
 
 
-STEELS: dict[str, AnySteel] = generator().irons()
+STEELS: dict[str, AnySteel] = generator().tables()
 PREISACH = {name: s for name, s in STEELS.items() if isinstance(s, PreisachSteel)}
 DUHEM = {name: s for name, s in STEELS.items() if isinstance(s, DuhemSteel)}
 WITH_CELLS = STEELS | {"cells": example_steel()}
@@ -41,8 +41,8 @@ WIPED_OUT = PREISACH | {"cells": example_steel()}
 def width(steel: AnySteel) -> float:
     """Return a field that goes with the coercivity of a steel, A/m."""
     if isinstance(steel, PreisachSteel):
-        return steel.pinning
-    return steel.coercivity if isinstance(steel, DuhemSteel) else 150.0
+        return steel.pinning_A_per_m
+    return steel.coercivity_A_per_m if isinstance(steel, DuhemSteel) else 150.0
 
 
 def fields(turns: list[float], samples: int) -> FloatArray:

@@ -156,14 +156,14 @@ def middles(values: Floats) -> Floats:
 
 def polarisation(steel: CellSteel, field: Floats) -> Floats:
     """Return that of cells at their own fields, T."""
-    sharp = steel.saturation_sharp * field / np.hypot(field, steel.knee_sharp)
-    slow = steel.saturation_slow * np.arctan2(field, steel.knee_slow) / (0.5 * math.pi)
+    sharp = steel.saturation_sharp_T * field / np.hypot(field, steel.knee_sharp_A_per_m)
+    slow = steel.saturation_slow_T * np.arctan2(field, steel.knee_slow_A_per_m) / (0.5 * math.pi)
     return np.asarray(sharp + slow)
 
 
 def given_back(steel: CellSteel, field: Floats) -> Floats:
     """Return the integral of the field over the polarisation of a cell, J/m^3."""
-    knee = steel.knee_sharp
-    sharp = steel.saturation_sharp * knee * (1.0 - knee / np.hypot(field, knee))
-    slow = steel.saturation_slow * steel.knee_slow / math.pi
-    return np.asarray(sharp + slow * np.log1p((field / steel.knee_slow) ** 2))
+    knee = steel.knee_sharp_A_per_m
+    sharp = steel.saturation_sharp_T * knee * (1.0 - knee / np.hypot(field, knee))
+    slow = steel.saturation_slow_T * steel.knee_slow_A_per_m / math.pi
+    return np.asarray(sharp + slow * np.log1p((field / steel.knee_slow_A_per_m) ** 2))

@@ -55,7 +55,7 @@ def bearing(changes: dict[str, Any] | None = None, seed: int = 0, pair: bool = F
 
 
 def example_steel() -> CellSteel:
-    steel = rig().settings.steel.steel()
+    steel = rig().settings.steel
     assert isinstance(steel, CellSteel)
     return steel
 

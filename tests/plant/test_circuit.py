@@ -19,8 +19,26 @@ from tests.plant.rigs import GAP, example_poles, example_steel
 
 STEELS = {
     "example": example_steel(),
-    "nothing pins": CellSteel(1, 1.0, 170.0, 3.0, 1.3, 120.0, 0.75, 3000.0),
-    "all is pinned": CellSteel(63, 0.0, 400.0, 1.2, 1.1, 60.0, 0.9, 2000.0),
+    "nothing pins": CellSteel(
+        cells=1,
+        reversible_fraction=1.0,
+        pinning_scale_A_per_m=170.0,
+        pinning_shape=3.0,
+        saturation_sharp_T=1.3,
+        knee_sharp_A_per_m=120.0,
+        saturation_slow_T=0.75,
+        knee_slow_A_per_m=3000.0,
+    ),
+    "all is pinned": CellSteel(
+        cells=63,
+        reversible_fraction=0.0,
+        pinning_scale_A_per_m=400.0,
+        pinning_shape=1.2,
+        saturation_sharp_T=1.1,
+        knee_sharp_A_per_m=60.0,
+        saturation_slow_T=0.9,
+        knee_slow_A_per_m=2000.0,
+    ),
 }
 
 
@@ -65,7 +83,16 @@ def test_a_path_leaves_the_same_memory_in_one_step_as_in_many() -> None:
 
 @pytest.mark.parametrize("fraction", [0.05, 0.15, 0.3])
 def test_after_a_reversal_only_the_unpinned_iron_answers(fraction: float) -> None:
-    steel = CellSteel(24, fraction, 170.0, 3.0, 1.3, 120.0, 0.75, 3000.0)
+    steel = CellSteel(
+        cells=24,
+        reversible_fraction=fraction,
+        pinning_scale_A_per_m=170.0,
+        pinning_shape=3.0,
+        saturation_sharp_T=1.3,
+        knee_sharp_A_per_m=120.0,
+        saturation_slow_T=0.75,
+        knee_slow_A_per_m=3000.0,
+    )
     shape, current, turn = Shape(), 2.8, 1e-4
     at = np.full(3, GAP)
     force, psi, _ = (

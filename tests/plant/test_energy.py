@@ -126,7 +126,16 @@ def test_a_voice_coil_gives_its_motion_what_its_amplifier_gave_less_the_heat_of_
 
 @pytest.mark.parametrize("at", [GAP - 0.3e-3, GAP, GAP + 0.3e-3])
 def test_a_voice_coil_of_soft_iron_makes_its_force_constant_wherever_it_is(at: float) -> None:
-    soft = CellSteel(1, 1.0, 1e-3, 3.0, 1.3, 1e-3, 0.0, 1.0)
+    soft = CellSteel(
+        cells=1,
+        reversible_fraction=1.0,
+        pinning_scale_A_per_m=1e-3,
+        pinning_shape=3.0,
+        saturation_sharp_T=1.3,
+        knee_sharp_A_per_m=1e-3,
+        saturation_slow_T=1e-12,
+        knee_slow_A_per_m=1.0,
+    )
     current = np.linspace(-2.0, 2.0, 41)
     force, _, _ = Coil(iron_magnet(voice_coil(), soft, 0.0, GAP)).run(current, np.full(41, at)).T
     assert force == pytest.approx(20.0 * current, abs=1e-3 * 40.0)
@@ -138,7 +147,7 @@ def test_over_a_cycle_of_a_stage_no_energy_is_lost_in_its_steps() -> None:
     a quarter of it with twice as many steps."""
     rig = read_stage(STAGE)
     magnet = rig.settings.magnet
-    steel = rig.settings.steel.steel()
+    steel = rig.settings.steel
     assert isinstance(steel, CellSteel)
 
     def balance(substeps: int) -> tuple[float, float, float]:
@@ -215,12 +224,12 @@ steels = st.builds(
     CellSteel,
     cells=st.integers(1, 40),
     reversible_fraction=st.floats(0.0, 1.0),
-    pinning_scale=st.floats(1.0, 500.0),
+    pinning_scale_A_per_m=st.floats(1.0, 500.0),
     pinning_shape=st.floats(0.5, 5.0),
-    saturation_sharp=st.floats(0.3, 1.5),
-    knee_sharp=st.floats(50.0, 500.0),
-    saturation_slow=st.floats(0.0, 1.0),
-    knee_slow=st.floats(1000.0, 5000.0),
+    saturation_sharp_T=st.floats(0.3, 1.5),
+    knee_sharp_A_per_m=st.floats(50.0, 500.0),
+    saturation_slow_T=st.floats(1e-9, 1.0),
+    knee_slow_A_per_m=st.floats(1000.0, 5000.0),
 )
 
 

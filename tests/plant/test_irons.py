@@ -40,17 +40,17 @@ names = st.sampled_from(sorted(WITH_CELLS))
 def test_a_preisach_iron_is_the_sum_of_its_relays(steel: PreisachSteel) -> None:
     relays, piece = Relays(steel), Piece(steel.plant())
     rng = np.random.default_rng(5)
-    for seen in (steel.pinning * 3.0 * rng.standard_normal(40)).tolist():
+    for seen in (steel.pinning_A_per_m * 3.0 * rng.standard_normal(40)).tolist():
         field, density = relays.move(seen)
         piece.commit(field)
-        assert piece.density == pytest.approx(density, abs=3e-4 * steel.saturation)
+        assert piece.density == pytest.approx(density, abs=3e-4 * steel.saturation_T)
 
 
 @walking
 def test_a_duhem_iron_is_the_solution_of_its_equation(steel: DuhemSteel) -> None:
     oracle, piece = Duhem(steel), Piece(steel.plant())
     rng = np.random.default_rng(6)
-    for field in (steel.coercivity * 4.0 * rng.standard_normal(25)).tolist():
+    for field in (steel.coercivity_A_per_m * 4.0 * rng.standard_normal(25)).tolist():
         piece.commit(field)
         assert piece.density == pytest.approx(oracle.move(field), abs=1e-8)
 
@@ -102,14 +102,18 @@ def test_no_closed_cycle_gives_energy(name: str, ends: list[float]) -> None:
 @given(st.sampled_from(sorted(DUHEM)), turns)
 def test_no_way_of_a_duhem_iron_gives_more_than_it_had_stored(name: str, ends: list[float]) -> None:
     steel = DUHEM[name]
-    path = fields([0.0, *(steel.coercivity * end for end in ends)], 400)
+    path = fields([0.0, *(steel.coercivity_A_per_m * end for end in ends)], 400)
     polarisation = run(steel, path) - MU_0 * path
-    at = np.linspace(-60.0, 60.0, 400_001) * steel.coercivity
+    at = np.linspace(-60.0, 60.0, 400_001) * steel.coercivity_A_per_m
     curve = steel.curve(at)[0]
     x = np.interp(polarisation, curve, at)
     given_back = np.concatenate(([0.0], np.cumsum(middles(at) * np.diff(curve))))
-    saturation = steel.saturation_sharp + steel.saturation_slow
-    q = steel.coercivity / steel.turning * (1.0 - steel.fading * (polarisation / saturation) ** 2)
+    saturation = steel.saturation_sharp_T + steel.saturation_slow_T
+    q = (
+        steel.coercivity_A_per_m
+        / steel.turning_T
+        * (1.0 - steel.fading * (polarisation / saturation) ** 2)
+    )
     stored = np.interp(x, at, given_back) + (path - x) ** 2 / (2.0 * q)
     spent = middles(path) * np.diff(polarisation) - np.diff(stored)
     assert np.min(np.cumsum(spent)) > -1e-4 * np.max(np.abs(stored))
@@ -169,7 +173,7 @@ def test_a_small_loop_about_a_bias_closes_at_once(steel: AnySteel) -> None:
 @walking
 def test_a_small_loop_of_a_duhem_iron_walks_and_comes_to_rest(steel: DuhemSteel) -> None:
     """What it has not: a turning point that is kept. The walk shrinks and is bounded."""
-    unit = steel.coercivity
+    unit = steel.coercivity_A_per_m
     density = run(steel, [unit * one for one in (6.0, 0.0, *(1.0, 0.0) * 400)])[1::2]
     walk = -np.diff(density)
     assert walk[0] > 1e-4

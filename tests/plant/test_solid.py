@@ -22,12 +22,12 @@ PART = Solid(length=0.05, depth=4e-3, conductivity=2e6)
 LINEAR = CellSteel(
     cells=1,
     reversible_fraction=1.0,
-    pinning_scale=1.0,
+    pinning_scale_A_per_m=1.0,
     pinning_shape=1.0,
-    saturation_sharp=1.0,
-    knee_sharp=1e6,
-    saturation_slow=1e-6,
-    knee_slow=1e9,
+    saturation_sharp_T=1.0,
+    knee_sharp_A_per_m=1e6,
+    saturation_slow_T=1e-6,
+    knee_slow_A_per_m=1e9,
 )
 MU = MU_0 + 1e-6  # of it, T m/A
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from anhyst.rig.parts import sensors
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.sensors import Amplifier, Converter, Lag, Sensor
-from anhyst.rig.parts.solenoid import Geometry, Solenoid
+from anhyst.rig.parts.solenoid import CircuitTable, FluxPath, Solenoid
 from anhyst.support.numeric import passed
 from anhyst.support.units import MU_0
 from tests.oracles.cell_iron import CellIron
@@ -21,28 +21,27 @@ from tests.oracles.cell_iron import CellIron
 STEEL = CellSteel(
     cells=12,
     reversible_fraction=0.25,
-    pinning_scale=300.0,
+    pinning_scale_A_per_m=300.0,
     pinning_shape=2.5,
-    saturation_sharp=1.15,
-    knee_sharp=330.0,
-    saturation_slow=0.9,
-    knee_slow=5000.0,
+    saturation_sharp_T=1.15,
+    knee_sharp_A_per_m=330.0,
+    saturation_slow_T=0.9,
+    knee_slow_A_per_m=5000.0,
 )
-GEOMETRY = Geometry(
+PATH = FluxPath(length_m=0.13, area_m2=2.3e-4)
+CIRCUIT = CircuitTable(
     turns=900,
-    iron_length=0.13,
-    iron_area=2.3e-4,
-    slide_reluctance=2.2e5,
-    leakage=6e-8,
-    face_area=0.6e-4,
+    slide_reluctance_per_H=2.2e5,
+    leakage_H=6e-8,
+    face_area_m2=0.6e-4,
     fringe=0.5,
-    cone_diameter=0.016,
-    cone_clearance=0.4e-3,
-    cone_depth=3.2e-3,
-    cone_onset=1e-3,
-    tip_thickness=2.2e-3,
+    cone_diameter_m=0.016,
+    cone_clearance_m=0.4e-3,
+    cone_depth_m=3.2e-3,
+    cone_onset_m=1e-3,
+    tip_thickness_m=2.2e-3,
     tip_taper=0.45,
-    tip_saturation=1.7,
+    tip_saturation_T=1.7,
 )
 GAPS = (0.8e-3, 1.5e-3, 2.8e-3)
 
@@ -104,7 +103,7 @@ def test_a_loop_of_iron_costs_energy() -> None:
 
 @pytest.mark.parametrize("gap", GAPS)
 def test_flux_and_ampere_turns_of_the_gap_invert_each_other(gap: float) -> None:
-    place = Solenoid(STEEL, GEOMETRY)._gap(gap)
+    place = Solenoid(STEEL, PATH, CIRCUIT)._gap(gap)
     for mmf in (-700.0, -1.0, 0.0, 20.0, 900.0, 3000.0):
         flux, slope = place.flux(mmf)
         found, inverse = place.mmf(flux)
@@ -114,7 +113,7 @@ def test_flux_and_ampere_turns_of_the_gap_invert_each_other(gap: float) -> None:
 
 @pytest.mark.parametrize("gap", GAPS)
 def test_the_force_is_the_coenergy_that_the_gap_gives_up(gap: float) -> None:
-    solenoid = Solenoid(STEEL, GEOMETRY)
+    solenoid = Solenoid(STEEL, PATH, CIRCUIT)
 
     def coenergy(at: float, mmf: float) -> float:
         place = solenoid._gap(at)
@@ -128,15 +127,15 @@ def test_the_force_is_the_coenergy_that_the_gap_gives_up(gap: float) -> None:
 
 @pytest.mark.parametrize("gap", GAPS)
 def test_the_ampere_turns_of_a_step_are_used_up(gap: float) -> None:
-    ours, rng = Solenoid(STEEL, GEOMETRY), np.random.default_rng(1)
+    ours, rng = Solenoid(STEEL, PATH, CIRCUIT), np.random.default_rng(1)
     before = CellIron(STEEL)
     for current in rng.uniform(0.0, 1.2, 30).tolist():
 
         def excess(field: float, iron: CellIron = before, drive: float = current) -> float:
-            flux = GEOMETRY.iron_area * iron.flux_density(field)[0]
+            flux = PATH.area_m2 * iron.flux_density(field)[0]
             outside = ours._gap(gap).mmf(flux)[0]
-            used = GEOMETRY.iron_length * field + GEOMETRY.slide_reluctance * flux + outside
-            return GEOMETRY.turns * drive - used
+            used = PATH.length_m * field + CIRCUIT.slide_reluctance_per_H * flux + outside
+            return CIRCUIT.turns * drive - used
 
         ours.step(current, gap)
         wanted = brentq(excess, -1e5, 1e5, xtol=1e-10)
@@ -145,7 +144,7 @@ def test_the_ampere_turns_of_a_step_are_used_up(gap: float) -> None:
 
 
 def test_a_solenoid_may_be_stepped_coarsely_and_in_both_directions_of_the_gap() -> None:
-    coarse, fine = Solenoid(STEEL, GEOMETRY), Solenoid(STEEL, GEOMETRY)
+    coarse, fine = Solenoid(STEEL, PATH, CIRCUIT), Solenoid(STEEL, PATH, CIRCUIT)
     coarse.step(1.0, 1e-3)
     for share in np.linspace(0.02, 1.0, 50):
         fine.step(share, 1e-3)

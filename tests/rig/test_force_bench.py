@@ -1,4 +1,4 @@
-"""The virtual bench of a force rig: what a session of force control gives, operated by hand."""
+"""The virtual bench of a force rig: its firmware led along a demand, and operated by hand."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from anhyst.compensate.current_map import fit_ratio
 from anhyst.link.client import Refused
 from anhyst.rig.bench.force import Armature, ForceBench, run_firmware
 from anhyst.rig.case_table import ForceCase
-from anhyst.rig.force.bench import ActuatorStand, triangle
+from anhyst.rig.force.bench import ActuatorStand, run_open_loop, triangle
 from anhyst.rig.force.file import Rig
-from anhyst.rig.force.programs import Program, loops_at, loops_of_rig
+from anhyst.rig.force.programs import Program, loops_at, loops_of_rig, ticks_that_differ
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
@@ -51,27 +51,19 @@ def column(bench: ForceBench, rows: FloatArray, name: str) -> FloatArray:
     return found
 
 
-def test_a_bench_gives_what_a_session_gives(rig: Rig, program: Program, bench: ForceBench) -> None:
+def test_a_firmware_drives_what_its_simulated_program_gives(rig: Rig, program: Program) -> None:
     shape = ForceCase(kind="force", name="wide", low=0.05, high=0.95, period_s=0.4, cycles=1)
-    demand = triangle(shape, rig.settings.force.force_max_N, bench.rate)
+    demand = triangle(shape, rig.settings.force.force_max_N, 1.0 / rig.dt)
     gap = np.full(demand.force.size, rig.settings.force.end_m)
     stand = ActuatorStand(rig, [2, 0])
-    wanted, _ = run_firmware(rig, program, stand, gap, demand, "library", demagnetised=True)
-    run(bench)
-    rows = []
-    for force in demand.force.tolist():
-        bench.demand(force)
-        rows.append(bench.advance(1))
-    found = np.concatenate(rows)
-    for name, values in (
-        ("command", wanted["command_A"]),
-        ("current", wanted["current_A"]),
-        ("force", wanted["force_N"]),
-        ("gap_read", wanted["gap_read_m"]),
-        ("force_read", wanted["force_read_N"]),
-    ):
-        assert (column(bench, found, name) == values).all(), name
-    assert (found[:, 0] == np.arange(UP + 1, UP + 1 + len(found))).all()
+    found, session = run_firmware(rig, program, stand, gap, demand, "library", demagnetised=True)
+    assert ticks_that_differ(program, session) == 0
+    # Nothing moved before the run: its commands alone make the currents and forces.
+    alone = run_open_loop(ActuatorStand(rig, [2, 0]), gap, found["command_A"])
+    for name in ("t_s", "command_A", "current_A", "force_N", "gap_m"):
+        assert (found[name] == alone[name]).all(), name
+    gauge = rig.settings.gap_sensor
+    assert found["gap_read_m"] == pytest.approx(gap, abs=6.0 * gauge.noise_m + gauge.step)
 
 
 def test_compensation_is_switched_while_it_runs(

@@ -57,7 +57,7 @@ def solenoid(tmp_path: Path) -> Path:
 @every
 def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, name: str) -> None:
     rig = read_bearing(with_keys(bearing, keys_of(name)))
-    assert rig.settings.steel.steel() == STEELS[name]
+    assert rig.settings.steel.numbers() == STEELS[name].numbers()
     plant = make_plant(changed(rig, {"body.mass_kg": 1e200}), 0)  # welded in place
     plant.place([0.45e-3], [0.0])
     plant.hold(2.5, 0)
@@ -77,22 +77,22 @@ def test_a_solenoid_uses_up_its_ampere_turns_whatever_its_iron(solenoid: Path, n
     with_keys(solenoid.with_name("solenoid.toml"), keys_of(name))
     actuator = read_rig(solenoid).actuator()
     assert isinstance(actuator, Solenoid)
-    shape = actuator.geometry
+    path, circuit = actuator.path, actuator.circuit
     forces = []
     for current in (0.0, 1.2, 0.4, 1.0, 0.7, 0.1):
         forces.append(actuator.step(current, 1.6e-3))
         outside = actuator._gap(1.6e-3).mmf(actuator.flux)[0]
-        used = shape.iron_length * actuator.iron.field + shape.slide_reluctance * actuator.flux
-        assert used + outside == pytest.approx(shape.turns * current, abs=1e-5)
+        used = path.length_m * actuator.iron.field
+        used += circuit.slide_reluctance_per_H * actuator.flux
+        assert used + outside == pytest.approx(circuit.turns * current, abs=1e-5)
     assert forces[1] > forces[3] > forces[4] > forces[2] > forces[5] >= 0.0
 
 
 def test_a_solenoid_follows_the_same_path_cut_finely(solenoid: Path) -> None:
     file = read_rig(solenoid).solenoid_file
     assert file is not None
-    geometry = file.solenoid().geometry
     for name in ("preisach-hard", "duhem-hard"):
-        coarse, fine = (Solenoid(STEELS[name], geometry) for _ in range(2))
+        coarse, fine = (Solenoid(STEELS[name], file.iron, file.circuit) for _ in range(2))
         for start, end in ((0.0, 1.2), (1.2, 0.3), (0.3, 0.9)):
             coarse.step(end, 1.6e-3)
             for current in np.linspace(start, end, 40)[1:].tolist():
@@ -170,8 +170,8 @@ def test_a_drifted_iron_of_any_family_is_another_one(bearing: Path) -> None:
         rig = read_bearing(path)
         drift = Drift(pinning=0.2, saturation=0.05)
         wide = drifted_file(rig.settings, drift)
-        iron, other = (one.steel.steel() for one in (rig.settings, wide))
-        assert other.saturation_sharp == pytest.approx(1.05 * iron.saturation_sharp)
+        iron, other = (one.steel for one in (rig.settings, wide))
+        assert other.saturation_sharp_T == pytest.approx(1.05 * iron.saturation_sharp_T)
         assert other != iron
         shutil.copy(EXAMPLES / "bearing" / "rig.toml", bearing)
 

@@ -223,7 +223,7 @@ def test_the_pulls_of_all_magnets_make_the_wrench_and_their_gaps_the_pose(axes: 
 
 def test_a_pull_is_told_from_the_flux_density_as_the_plant_makes_it() -> None:
     file = stages.stage().settings
-    poles, steel = file.magnet.poles, file.steel.steel()
+    poles, steel = file.magnet.poles, file.steel
     for one in (poles, replace(poles, outer=poles.reluctance(0.5e-3), bias=2e5, spring=300.0)):
         coil = Coil(Magnet(circuit_numbers(one, 0.0, 0.5e-3), steel.plant()))
         for current, gap in ((2.0, 0.45e-3), (0.5, 0.55e-3)):

@@ -37,7 +37,7 @@ def true_force(rig: Rig, current: FloatArray, gap: FloatArray, pinning: float = 
     scale = file.iron.pinning_scale_A_per_m * pinning  # type: ignore[union-attr]
     iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
     actuator = file.model_copy(update={"iron": iron}).solenoid()
-    assert isinstance(iron.steel(), CellSteel)
+    assert isinstance(iron, CellSteel)
     pairs = zip(current.tolist(), gap.tolist(), strict=True)
     return np.array([actuator.step(*pair) for pair in pairs])
 

@@ -128,7 +128,7 @@ def fields(numbers: object) -> str:
 
 def _iron(rig: BodyRig) -> tuple[str, str]:
     """Return the iron of all magnets as a structure, and the arrays to which it points."""
-    steel = rig.settings.steel.steel()
+    steel = rig.settings.steel
     numbers, table = steel.numbers(), ""
     own: dict[str, object] = {key: value for key, value in numbers.items() if key not in CURVE}
     own["curve"] = {key: numbers[key] for key in CURVE}

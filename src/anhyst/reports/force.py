@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from anhyst.reports.study.page import (
+    COLOURS,
     HIGH,
     PLANT,
     REPORT,
@@ -32,7 +33,7 @@ from anhyst.reports.study.page import (
 from anhyst.rig.force.file import Rig
 from anhyst.rig.recording import peak
 from anhyst.study.force.force_control import ForceControl
-from anhyst.study.force.trials import STAGES, TITLES, ForceOutcome
+from anhyst.study.force.trials import STAGES, TITLES, ForceOutcome, stage_of, worst_errors
 from anhyst.support.figures import (
     FALLING,
     MEASURED,
@@ -42,6 +43,7 @@ from anhyst.support.figures import (
     write_png,
     write_svg,
 )
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import Headline, Note, PageTable, Section, Text, Tile, number, table
 
@@ -120,18 +122,13 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
 
 
 DEMAND = "#C4C4C4"
-AT_REST = "#8C8C8C"
-SIMPLIFIED = "#009E73"
-SINGLE = "#CC79A7"
 SIMULATED = "#F0E442"
-COLOURS: Mapping[str, str] = {
-    "full": RISING,
-    "at-rest": AT_REST,
-    "simplified": SIMPLIFIED,
-    "single": SINGLE,
-    "ratio": FALLING,
+_COMPARED: Mapping[str, MethodName] = {
+    "full": "full",
+    "at-rest": "at-rest",
+    "simplified": "simplified",
+    "single": "single-valued",
 }
-_COMPARED = ("full", "at-rest", "simplified", "single")
 """Whose errors are drawn, where they are: the models, and the strongest curve without memory."""
 TITLE_LETTERS = 62
 """Of a line above a panel."""
@@ -215,40 +212,35 @@ def _tiles(result: ForceControl) -> tuple[Tile, ...]:
     """Return the worst errors of the fastest demand while the armature is held."""
     demands = {outcome.trial.demand.name: outcome.trial.demand for outcome in result.outcomes}
     fastest = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
-    worst: dict[str, float] = {}
-    for trial in result.figures["trials"]:
-        if trial["demand"] == fastest and trial["stage"] != "moving":
-            for name, figures in trial["controllers"].items():
-                worst[name] = max(worst.get(name, 0.0), figures["true"]["worst_percent"])
+    held = (
+        trial
+        for trial in result.figures["trials"]
+        if trial["demand"] == fastest and trial["stage"] != "moving"
+    )
+    errors = worst_errors(held, lambda _: fastest)[fastest]
     detail = f"worst error, {fastest}, held, % of {result.figures['force_max_N']:g} N"
     return tuple(
-        Tile(number(worst[figures], 2), TITLES[figures], detail)
-        for figures in _COMPARED
-        if figures in worst
+        Tile(number(errors[name]["worst_percent"], 2), TITLES[name], detail)
+        for name in _COMPARED
+        if name in errors
     )
 
 
 def comparison(result: ForceControl) -> PageTable:
     """Return worst and rms errors of every controller, by group of trials and demand."""
-    groups: dict[tuple[str, str], dict[str, tuple[float, float]]] = {}
-    for trial in result.figures["trials"]:
-        past = "_demagnetised" if trial["start"] == "demagnetised" else ""
-        errors = groups.setdefault((trial["stage"] + past, trial["demand"]), {})
-        for name, figures in trial["controllers"].items():
-            before = errors.get(name, (0.0, 0.0))
-            new = figures["true"]["worst_percent"], figures["true"]["rms_percent"]
-            errors[name] = max(before[0], new[0]), max(before[1], new[1])
+    groups = worst_errors(
+        result.figures["trials"], lambda trial: f"{STAGES[stage_of(trial)]}, {trial['demand']}"
+    )
     shown = [name for name in TITLES if any(name in errors for errors in groups.values())]
+
+    def cell(errors: Mapping[str, float] | None) -> str:
+        return "{worst_percent:.2f} / {rms_percent:.2f}".format(**errors) if errors else ""
+
     rows = [
-        [f"{STAGES[stage]}, {demand}"]
-        + [
-            "{:.2f} / {:.2f}".format(*errors[figures]) if figures in errors else ""
-            for figures in shown
-        ]
-        for (stage, demand), errors in groups.items()
+        [group, *(cell(errors.get(name)) for name in shown)] for group, errors in groups.items()
     ]
     title = f"Errors of the true force, worst / rms, % of {result.figures['force_max_N']:g} N"
-    return table(title, ["", *(TITLES[figures] for figures in shown)], rows)
+    return table(title, ["", *(TITLES[name] for name in shown)], rows)
 
 
 @styled
@@ -275,7 +267,7 @@ def _columns(
     )
     for column, outcome in zip(axes.T, outcomes, strict=True):
         _forces(column[0], rig, outcome)
-        _deviations(column[1], rig, outcome, _COMPARED)
+        _deviations(column[1], rig, outcome)
         if "gap (mm)" in rows:
             time, gap = _curve(rig, outcome, 1e3 * outcome.recordings["full"]["gap_m"])
             column[2].plot(time, gap, color=MEASURED, lw=1.0)
@@ -305,7 +297,7 @@ def figure_positions(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
             _forces(ax, rig, outcome)
             ax.set_title(f"{_place(outcome)}\n{name}")
             ax.tick_params(labelbottom=False)
-            _deviations(below, rig, outcome, _COMPARED, title=False)
+            _deviations(below, rig, outcome, title=False)
             worst = (f"{one} {_worst(rig, outcome, one):.1f}" for one in ("full", "single"))
             below.set_title(f"{'; '.join(worst)} %", fontsize=8.0, weight="normal")
             below.set_xlabel("time (s)")
@@ -329,15 +321,18 @@ def _forces(ax: Axes, rig: Rig, outcome: ForceOutcome) -> None:
         ax.plot(*_curve(rig, outcome, force), color=colour, lw=width, ls=dashes, label=label)
 
 
-def _deviations(
-    ax: Axes, rig: Rig, outcome: ForceOutcome, names: Sequence[str], *, title: bool = True
-) -> None:
+def _deviations(ax: Axes, rig: Rig, outcome: ForceOutcome, *, title: bool = True) -> None:
     worst = []
-    for name in (one for one in names if one in outcome.recordings):
+    for name in (one for one in _COMPARED if one in outcome.recordings):
         deviation = outcome.recordings[name]["force_N"] - outcome.trial.demand.force
         deviation[: outcome.trial.demand.lead_in] = np.nan
         label = f"error, {TITLES[name]}"
-        ax.plot(*_curve(rig, outcome, deviation), color=COLOURS[name], lw=1.0, label=label)
+        ax.plot(
+            *_curve(rig, outcome, deviation),
+            color=COLOURS[_COMPARED[name]],
+            lw=1.0,
+            label=label,
+        )
         worst.append(f"{TITLES[name]} {_worst(rig, outcome, name):.2f}\N{NO-BREAK SPACE}%")
     if title:
         text = textwrap.fill(f"worst: {'; '.join(worst)}", TITLE_LETTERS)

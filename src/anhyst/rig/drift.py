@@ -17,7 +17,7 @@ from anhyst.model.parameters import Parameter
 from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import AnyRig
-from anhyst.rig.iron_table import NamedCells
+from anhyst.rig.parts.iron import NamedCells
 from anhyst.rig.parts.magnet import iron_magnet
 from anhyst.rig.plant import make_magnet, make_plant, plant_numbers
 from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
@@ -196,7 +196,7 @@ def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
         steel = steel.model_copy(update=steel.drifted(drift.pinning, 0.0, 0.0))
     poles = replace(magnet.poles, turns=magnet.poles.turns * (1.0 + drift.first_scale))
     lag = magnet.eddy_time_s + drift.eddy
-    return iron_magnet(poles, steel.steel(), lag, file.gap_m, magnet.solid_iron)
+    return iron_magnet(poles, steel, lag, file.gap_m, magnet.solid_iron)
 
 
 def drifted_law(model: Model, drift: Drift) -> Model:

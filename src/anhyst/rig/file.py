@@ -23,9 +23,9 @@ from anhyst.rig.case_table import (
     StepCase,
     TrajectoryCase,
 )
-from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.magnet_table import LikeTable, MagnetEntry, MagnetTable, SolenoidTable
 from anhyst.rig.measurement_table import CampaignTable, ExciteTable, LoopsTable
+from anhyst.rig.parts.iron import IronEntry, NamedIron
 from anhyst.rig.sensor_table import (
     CurrentSensorTable,
     FluxSensorTable,

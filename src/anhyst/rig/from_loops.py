@@ -23,9 +23,8 @@ from anhyst.data.speeds import slow_loops, speeds_of
 from anhyst.data.verdict import largest_output
 from anhyst.rig.distance import along, along_in_time, follower, thinned
 from anhyst.rig.file import RigFile
-from anhyst.rig.iron_table import steel_table
-from anhyst.rig.magnet_table import FROM_LOOPS, MagnetTable, SolidTable
-from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.magnet_table import FROM_LOOPS, POLES, MagnetTable, SolidTable
+from anhyst.rig.parts.iron import NamedCells
 from anhyst.rig.parts.magnet import Poles, iron_magnet
 from anhyst.support.errors import InputError
 from anhyst.support.kept import kept
@@ -72,7 +71,7 @@ class FittedPlant:
     """A magnet that makes the loops."""
 
     poles: Poles
-    steel: CellSteel
+    steel: NamedCells
     zero_current: float  # what the sensors of the loops read where there is nothing, A and N
     zero_force: float
     guessed: tuple[str, ...]  # keys of the rig file that the loops leave open and nobody gave
@@ -86,17 +85,8 @@ class FittedPlant:
     @property
     def keys(self) -> Mapping[str, Any]:
         """What ``[[magnet]]`` of a rig file would say beside its iron."""
-        poles = self.poles
-        return {
-            "turns": poles.turns,
-            "resistance_ohm": poles.resistance,
-            "pole_width_m": poles.width,
-            "pole_depth_m": poles.depth,
-            "leakage_H": poles.leakage,
-            "iron_length_m": poles.iron_length,
-            "joints_m": poles.joints,
-            "solid": self.solid,
-        }
+        poles = {key: getattr(self.poles, name) for name, key in POLES.items()}
+        return {**poles, "solid": self.solid}
 
 
 def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
@@ -141,8 +131,7 @@ def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
         return rig
     fitted = fit_magnet(loops, file.magnet)
     whole = file.replaced(file.magnet, file.magnet.model_copy(update=fitted.keys))
-    steel = steel_table("fitted", fitted.steel).model_copy(update={"name": FROM_LOOPS})
-    irons = [*file.irons, steel]
+    irons = [*file.irons, fitted.steel]
     return replace(rig, settings=whole.model_copy(update={"irons": irons}), fitted=fitted)
 
 
@@ -242,7 +231,7 @@ class _AtRest:
     def _values(self, at: FloatArray) -> dict[str, float]:
         return dict(zip(self._names, (self._middle + self._spread * at).tolist(), strict=True))
 
-    def _poles(self, values: Mapping[str, float]) -> tuple[Poles, CellSteel]:
+    def _poles(self, values: Mapping[str, float]) -> tuple[Poles, NamedCells]:
         table = self._table
         width, depth = table.pole_width_m, table.pole_depth_m
         side = (
@@ -261,15 +250,16 @@ class _AtRest:
         )
         saturation, knee = math.exp(values["saturation"]), math.exp(values["knee"])
         sharp = _share(values["sharp"])
-        steel = CellSteel(
+        steel = NamedCells.model_construct(
+            name=FROM_LOOPS,
             cells=CELLS,
             reversible_fraction=_share(values["reversible"]),
-            pinning_scale=math.exp(values["pinning"]),
+            pinning_scale_A_per_m=math.exp(values["pinning"]),
             pinning_shape=math.exp(values["shape"]),
-            saturation_sharp=saturation * sharp,
-            knee_sharp=knee,
-            saturation_slow=saturation * (1.0 - sharp),
-            knee_slow=knee * math.exp(values["knee_ratio"]),
+            saturation_sharp_T=saturation * sharp,
+            knee_sharp_A_per_m=knee,
+            saturation_slow_T=saturation * (1.0 - sharp),
+            knee_slow_A_per_m=knee * math.exp(values["knee_ratio"]),
         )
         return poles, steel
 

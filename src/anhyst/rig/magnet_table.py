@@ -115,8 +115,8 @@ class MagnetTable(Table):
                 f'needs solid.conductivity_S_per_m; add it, or write iron = "{FROM_LOOPS}"',
                 code="missing",
             )
-        for key in ("turns", "resistance_ohm", *_GEOMETRY):
-            if getattr(self, key) is None:
+        for name, key in POLES.items():
+            if name != "joints" and getattr(self, key) is None:
                 raise InputError(
                     f'needs {key}; add it, or write iron = "{FROM_LOOPS}"', code="missing"
                 )
@@ -173,27 +173,23 @@ class MagnetTable(Table):
     @property
     def poles(self) -> Poles:
         """Winding and poles, once they are known."""
-        assert self.turns is not None
-        assert self.resistance_ohm is not None
-        assert self.pole_width_m is not None
-        assert self.pole_depth_m is not None
-        assert self.leakage_H is not None
-        assert self.iron_length_m is not None
-        poles = Poles(
-            turns=self.turns,
-            resistance=self.resistance_ohm,
-            width=self.pole_width_m,
-            depth=self.pole_depth_m,
-            leakage=self.leakage_H,
-            iron_length=self.iron_length_m,
-            joints=self.joints_m or 0.0,
-        )
+        numbers = {name: getattr(self, key) for name, key in POLES.items()}
+        poles = Poles(**{**numbers, "joints": self.joints_m or 0.0})
         return poles if self.kind == LAW else ACTUATORS[self.kind].circuit(poles, self.numbers)
 
 
 SLOWEST_S = 1e3
 """Inductance over resistance of a winding, beyond which nothing moves."""
-_GEOMETRY = ("pole_width_m", "pole_depth_m", "leakage_H", "iron_length_m")
+POLES = {
+    "turns": "turns",
+    "resistance": "resistance_ohm",
+    "width": "pole_width_m",
+    "depth": "pole_depth_m",
+    "leakage": "leakage_H",
+    "iron_length": "iron_length_m",
+    "joints": "joints_m",
+}
+"""Keys of the numbers of winding and poles."""
 
 
 class LikeTable(Table):

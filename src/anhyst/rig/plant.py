@@ -138,7 +138,7 @@ def make_magnet(rig: BodyRig, law: Model | None = None) -> Magnet:
     """Return the magnet of a rig."""
     settings, middle = rig.settings.magnet, rig.settings.gap_m
     if settings.kind != LAW:
-        steel = rig.settings.steel.steel()
+        steel = rig.settings.steel
         return iron_magnet(settings.poles, steel, settings.eddy_time_s, middle, settings.solid_iron)
     table = flux_table(rig)
     model = law or law_of(rig)
@@ -178,7 +178,7 @@ def flux_table(rig: BodyRig) -> FluxTable:
     settings = rig.settings
     ends = (0.8 * settings.body.stop_low_m, 1.2 * settings.body.stop_high_m)
     high = 1.5 * settings.amplifier.current_high_A
-    return flux_table_of(settings.magnet.poles, settings.steel.steel(), high, ends)
+    return flux_table_of(settings.magnet.poles, settings.steel, high, ends)
 
 
 def static_map(

@@ -3,8 +3,6 @@
 Everything is SI and the unit stands in the key. Every key is described in docs/force-control.md.
 """
 
-# ruff: noqa: N815 - keys of the file carry units
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -12,7 +10,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, Tag
+from pydantic import Tag
 
 from anhyst._core import Magnet
 from anhyst.data import Loop, Loops
@@ -21,34 +19,27 @@ from anhyst.model.actuator import Model
 from anhyst.rig.distance import Follow, PlantCheck, along, along_in_time, distance, model_distance
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
-from anhyst.rig.iron_table import BY_FAMILY, DuhemTable, PreisachTable, SteelTable
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.measurement_table import Measured, MeasurementTable
+from anhyst.rig.parts.iron import BY_FAMILY, CellSteel, DuhemSteel, PreisachSteel
 from anhyst.rig.parts.magnet import Electromagnet, iron_magnet
 from anhyst.rig.parts.sensors import Amplifier, Converter, Sensor
-from anhyst.rig.parts.solenoid import Geometry, Solenoid
+from anhyst.rig.parts.solenoid import CircuitTable, FluxPath, Solenoid
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray
-from anhyst.support.toml_file import BRANCH, NotNegative, Positive, Table, read_toml
+from anhyst.support.toml_file import BRANCH, Table, read_toml
 
 
-class FluxPathTable(Table):
-    """What ``[iron]`` says of its shape."""
-
-    length_m: Positive
-    area_m2: Positive
-
-
-class CellPathTable(SteelTable, FluxPathTable):
+class CellPathTable(CellSteel, FluxPath):
     """``[iron]``: a flux path of cells."""
 
 
-class PreisachPathTable(PreisachTable, FluxPathTable):
+class PreisachPathTable(PreisachSteel, FluxPath):
     """``[iron]``: a flux path of Preisach iron."""
 
 
-class DuhemPathTable(DuhemTable, FluxPathTable):
+class DuhemPathTable(DuhemSteel, FluxPath):
     """``[iron]``: a flux path of Duhem iron."""
 
 
@@ -60,23 +51,6 @@ IronEntry = Annotated[
 ]
 
 
-class CircuitTable(Table):
-    """``[circuit]``: winding and poles."""
-
-    turns: Annotated[int, Field(ge=1)]
-    slide_reluctance_per_H: NotNegative
-    leakage_H: NotNegative
-    face_area_m2: Positive
-    fringe: NotNegative
-    cone_diameter_m: Positive
-    cone_clearance_m: Positive
-    cone_depth_m: Positive
-    cone_onset_m: Positive
-    tip_thickness_m: Positive
-    tip_taper: NotNegative
-    tip_saturation_T: Positive
-
-
 class SolenoidFile(Table):
     """A file that describes a solenoid, and perhaps how its loops were measured."""
 
@@ -86,24 +60,7 @@ class SolenoidFile(Table):
 
     def solenoid(self) -> Solenoid:
         """Return it demagnetised."""
-        circuit = self.circuit
-        geometry = Geometry(
-            turns=circuit.turns,
-            iron_length=self.iron.length_m,
-            iron_area=self.iron.area_m2,
-            slide_reluctance=circuit.slide_reluctance_per_H,
-            leakage=circuit.leakage_H,
-            face_area=circuit.face_area_m2,
-            fringe=circuit.fringe,
-            cone_diameter=circuit.cone_diameter_m,
-            cone_clearance=circuit.cone_clearance_m,
-            cone_depth=circuit.cone_depth_m,
-            cone_onset=circuit.cone_onset_m,
-            tip_thickness=circuit.tip_thickness_m,
-            tip_taper=circuit.tip_taper,
-            tip_saturation=circuit.tip_saturation_T,
-        )
-        return Solenoid(self.iron.steel(), geometry)
+        return Solenoid(self.iron, self.iron, self.circuit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +101,7 @@ class Rig:
     @property
     def _magnet(self) -> Magnet:
         table = self.settings.magnet
-        return iron_magnet(table.poles, self.settings.steel.steel(), solid=table.solid_iron)
+        return iron_magnet(table.poles, self.settings.steel, solid=table.solid_iron)
 
     @property
     def solid(self) -> bool:

@@ -1,55 +1,79 @@
-"""Iron that is no Jiles-Atherton material: pinned cells, and a moving Preisach iron.
+"""The irons of a virtual plant, one table of a rig file for each family.
 
-The equations of the latter, whose density is not separable, stand in
-``plant/include/anhyst_plant/preisach.h``.
+A table without ``family`` is one of pinned cells. Each gives the plant its numbers, and knows how it
+drifts and how a diagram names it. The equations stand in ``plant/include/anhyst_plant``.
 """
+
+# ruff: noqa: N815 - keys of the file carry units
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from abc import abstractmethod
 from functools import lru_cache
-from typing import Protocol
+from typing import Annotated, Literal, Self
 
 import numpy as np
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from anhyst._core import Steel, exp, log
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, power
+from anhyst.support.toml_file import BRANCH, Name, NotNegative, Positive, Share, Table, tag_by
 
 CURVE = {
-    "sharp": "saturation_sharp",
-    "knee_sharp": "knee_sharp",
-    "slow": "saturation_slow",
-    "knee_slow": "knee_slow",
+    "sharp": "saturation_sharp_T",
+    "knee_sharp": "knee_sharp_A_per_m",
+    "slow": "saturation_slow_T",
+    "knee_slow": "knee_slow_A_per_m",
 }
 """Of the numbers of a steel those of the curve that nothing pins, by ``anhyst_plant/curve.h``."""
 MOST_CELLS = 64
 """Of an iron, the unpinned one included."""
 
 
-class AnySteel(Protocol):
-    """A steel of any family."""
+class AnySteel(Table):
+    """A steel of any family, and the curve of it that nothing pins.
+
+    The polarisation, ``mu0*M``, has two parts: one that a sharp knee reaches, one that is approached
+    slowly; each with the field of its knee.
+    """
+
+    saturation_sharp_T: Positive
+    knee_sharp_A_per_m: Positive
+    saturation_slow_T: Positive
+    knee_slow_A_per_m: Positive
+
+    @model_validator(mode="after")
+    def _makes_an_iron(self) -> Self:
+        self.plant()
+        return self
 
     def numbers(self) -> dict[str, float]:
         """Return its numbers by the names of ``plant/include/anhyst_plant``, without its arrays."""
-        ...
+        return {name: getattr(self, key) for name, key in CURVE.items()}
 
+    @abstractmethod
     def plant(self) -> Steel:
         """Return it as the plant computes it."""
-        ...
 
+    @abstractmethod
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, the same steel without what makes its loops wide."""
-        ...
+
+    @abstractmethod
+    def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
+        """Return the keys of an iron that has drifted, by parts of each quantity."""
+
+    @abstractmethod
+    def lines(self) -> list[str]:
+        """Return what a diagram says of it."""
+
+    def _saturated(self, factor: float) -> dict[str, float]:
+        keys = ("saturation_sharp_T", "saturation_slow_T")
+        return {key: getattr(self, key) * factor for key in keys}
 
 
-def curve_numbers(steel: AnySteel) -> dict[str, float]:
-    """Return the curve of a steel that nothing pins by the names of ``anhyst_plant/curve.h``."""
-    return {name: getattr(steel, attribute) for name, attribute in CURVE.items()}
-
-
-@dataclass(frozen=True, slots=True)
-class CellSteel:
+class CellSteel(AnySteel):
     """A steel as a stack of cells: what they weigh, what pins them, and the curve they follow.
 
     A cell follows the field only when that has moved by more than its threshold (a play operator);
@@ -57,22 +81,26 @@ class CellSteel:
     thresholds are quantiles of a Weibull distribution; cells without one are the reversible part.
     """
 
-    cells: int  # pinned cells, of equal weights
-    reversible_fraction: float  # weight of the iron that nothing pins, 0 to 1
-    pinning_scale: float  # weibull distribution of the thresholds; the scale in A/m
-    pinning_shape: float
-    # two parts of the saturation, ``mu0*M`` in T: one that a sharp knee reaches, one that is
-    # approached slowly
-    saturation_sharp: float
-    knee_sharp: float  # fields of these knees, A/m
-    saturation_slow: float
-    knee_slow: float
+    family: Literal["cells"] = "cells"
+    cells: Annotated[int, Field(ge=1, le=1000)]  # pinned ones, of equal weights
+    reversible_fraction: Share  # weight of the iron that nothing pins
+    pinning_scale_A_per_m: Positive  # Weibull distribution of the thresholds
+    pinning_shape: Positive
+
+    @field_validator("cells")
+    @classmethod
+    def _few(cls, cells: int) -> int:
+        if cells >= MOST_CELLS:
+            raise InputError(
+                f"the plant has room for {MOST_CELLS - 1}; lower it", code="too-many-cells"
+            )
+        return cells
 
     @property
     def thresholds(self) -> FloatArray:
         """Pinning thresholds, A/m, shape (cells + 1,): zero for the reversible part first."""
         above = (self.cells - np.arange(self.cells) - 0.5) / self.cells
-        pinned = self.pinning_scale * power(-log(above), 1.0 / self.pinning_shape)
+        pinned = self.pinning_scale_A_per_m * power(-log(above), 1.0 / self.pinning_shape)
         return np.concatenate(([0.0], pinned))
 
     @property
@@ -83,44 +111,45 @@ class CellSteel:
 
     def plant(self) -> Steel:
         """Return it as the plant computes it."""
-        if self.cells + 1 > MOST_CELLS:
-            raise InputError(
-                f"cells: {self.cells} are too many; use up to {MOST_CELLS - 1}",
-                code="too-many-cells",
-                key="cells",
-            )
         return Steel(self.numbers(), self.thresholds, self.weights)
-
-    def numbers(self) -> dict[str, float]:
-        """Return the curve that nothing pins."""
-        return curve_numbers(self)
 
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""
-        return replace(self, cells=1, reversible_fraction=1.0).plant()
+        return self.model_copy(update={"cells": 1, "reversible_fraction": 1.0}).plant()
+
+    def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
+        """Return its keys after a drift."""
+        return {
+            "pinning_scale_A_per_m": self.pinning_scale_A_per_m * (1.0 + pinning),
+            "reversible_fraction": min(self.reversible_fraction * (1.0 + reversible), 1.0),
+            **self._saturated(1.0 + saturation),
+        }
+
+    def lines(self) -> list[str]:
+        """Return what a diagram says of it."""
+        return [
+            f"iron of {self.cells} pinned cells",
+            f"reversible fraction {self.reversible_fraction:.3g}",
+            f"pinning {self.pinning_scale_A_per_m:.3g} A/m",
+        ]
 
 
 _FIELDS = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 2000)))
 """Where the slope is looked at, in knees."""
 
 
-@dataclass(frozen=True, slots=True)
-class DuhemSteel:
+class DuhemSteel(AnySteel):
     """A steel whose field is that of a curve, and a part that goes with the way of the flux.
 
     It keeps no turning points: small loops about a bias walk towards the curve, and a larger loop
     wipes smaller ones out only as fast as it forgets all else.
     """
 
-    coercivity: float  # half the width of a wide loop about zero, A/m; 0 is an iron without a loop
-    turning: float  # way, in T, on which this part turns round after a reversal, by a factor e
-    fading: float  # share of the coercive field that is gone at saturation, 0 to below 1
-    # two parts of the saturation, ``mu0*M`` in T: one that a sharp knee reaches, one that is
-    # approached slowly
-    saturation_sharp: float
-    knee_sharp: float  # fields of these knees, A/m
-    saturation_slow: float
-    knee_slow: float
+    family: Literal["duhem"]
+    coercivity_A_per_m: Positive  # half the width of a wide loop about zero
+    turning_T: Positive  # way on which this part turns round after a reversal, by a factor e
+    # share of the coercive field that is gone at saturation
+    fading: Annotated[float, Field(ge=0.0, lt=1.0)]
 
     def plant(self) -> Steel:
         """Return it as the plant computes it."""
@@ -130,43 +159,55 @@ class DuhemSteel:
     def numbers(self) -> dict[str, float]:
         """Return its numbers by the names of ``anhyst_plant/duhem.h``."""
         return {
-            "coercivity": self.coercivity,
-            "rate": 1.0 / self.turning,
+            "coercivity": self.coercivity_A_per_m,
+            "rate": 1.0 / self.turning_T,
             "fading": self.fading,
-            **curve_numbers(self),
+            **super().numbers(),
         }
 
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""
-        return replace(self, coercivity=0.0).plant()
+        return self.model_copy(update={"coercivity_A_per_m": 0.0}).plant()
+
+    def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
+        """Return its keys after a drift."""
+        del reversible
+        return {
+            "coercivity_A_per_m": self.coercivity_A_per_m * (1.0 + pinning),
+            **self._saturated(1.0 + saturation),
+        }
+
+    def lines(self) -> list[str]:
+        """Return what a diagram says of it."""
+        return ["Duhem iron", f"coercivity {self.coercivity_A_per_m:.3g} A/m"]
 
     def curve(self, field: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return polarisation, T, of the curve at fields, A/m, and its slope."""
-        root = np.sqrt(field * field + self.knee_sharp**2)
-        slow = self.saturation_slow * 2.0 / np.pi
-        polarisation = self.saturation_sharp * field / root + slow * np.arctan(
-            field / self.knee_slow
+        root = np.sqrt(field * field + self.knee_sharp_A_per_m**2)
+        slow = self.saturation_slow_T * 2.0 / np.pi
+        polarisation = self.saturation_sharp_T * field / root + slow * np.arctan(
+            field / self.knee_slow_A_per_m
         )
-        slope = self.saturation_sharp * self.knee_sharp**2 / root**3
-        slope += slow * self.knee_slow / (field * field + self.knee_slow**2)
+        slope = self.saturation_sharp_T * self.knee_sharp_A_per_m**2 / root**3
+        slope += slow * self.knee_slow_A_per_m / (field * field + self.knee_slow_A_per_m**2)
         return polarisation, slope
 
     def _check(self) -> None:
-        saturation = self.saturation_sharp + self.saturation_slow
-        turn = self.turning / saturation
+        saturation = self.saturation_sharp_T + self.saturation_slow_T
+        turn = self.turning_T / saturation
         if self.fading * (1.0 + 2.0 * turn + 2.0 * turn * turn) > 1.0:
             raise InputError(
-                f"fading: {self.fading:g} with a turning of {self.turning:g} T lets small loops "
+                f"fading: {self.fading:g} with a turning of {self.turning_T:g} T lets small loops "
                 "give energy; lower one of them",
                 code="small-loops-give-energy",
                 key="fading",
             )
-        polarisation, slope = self.curve(_FIELDS * self.knee_sharp)
-        falls = 2.0 * self.coercivity * self.fading / saturation**2
-        if np.max(falls * (polarisation - self.turning) * slope) > 0.9:
+        polarisation, slope = self.curve(_FIELDS * self.knee_sharp_A_per_m)
+        falls = 2.0 * self.coercivity_A_per_m * self.fading / saturation**2
+        if np.max(falls * (polarisation - self.turning_T) * slope) > 0.9:
             raise InputError(
-                f"coercivity: {self.coercivity:g} A/m fades too fast for a knee of "
-                f"{self.knee_sharp:g} A/m; lower it or fading, or raise knee_sharp",
+                f"coercivity: {self.coercivity_A_per_m:g} A/m fades too fast for a knee of "
+                f"{self.knee_sharp_A_per_m:g} A/m; lower it or fading, or raise knee_sharp",
                 code="fades-too-fast",
                 key="coercivity",
             )
@@ -176,8 +217,7 @@ NODES = 257
 """Of an Everett table, odd: one of them is zero."""
 
 
-@dataclass(frozen=True, slots=True)
-class PreisachSteel:
+class PreisachSteel(AnySteel):
     """A steel of relays whose bias scatters the more, the harder they are to turn.
 
     A relay turns up at ``bias + pinning`` and down at ``bias - pinning``. The pinnings have a
@@ -186,34 +226,29 @@ class PreisachSteel:
     share of the polarisation.
     """
 
-    saturation: float  # of the relays, ``mu0*M`` in T
-    pinning: float  # median, A/m
-    pinning_spread: float  # standard deviation of its logarithm
-    bias: float  # standard deviation of the biases of relays without pinning, A/m
-    bias_by_pinning: float  # what it grows by for each A/m of pinning
-    feedback: float  # what the polarisation adds to the field, A/m for each T
-    # reversible part: polarisation in T that a sharp knee reaches, and one that is approached
-    # slowly
-    saturation_sharp: float
-    knee_sharp: float  # fields of these knees, A/m
-    saturation_slow: float
-    knee_slow: float
+    family: Literal["preisach"]
+    saturation_T: Positive  # of the relays, ``mu0*M``
+    pinning_A_per_m: Positive  # median
+    pinning_spread: Positive  # standard deviation of its logarithm
+    bias_A_per_m: Positive  # standard deviation of the biases of relays without pinning
+    bias_by_pinning: NotNegative  # what it grows by for each A/m of pinning
+    feedback_A_per_m_T: NotNegative  # what the polarisation adds to the field
 
     @property
     def knee(self) -> float:
         """Field around which the nodes of the table are dense, A/m."""
-        return self.pinning + self.bias
+        return self.pinning_A_per_m + self.bias_A_per_m
 
     @property
     def reach(self) -> float:
         """Field beyond which no relay turns, A/m: three standard deviations of all that scatters."""
-        hardest = self.pinning * float(exp(np.array([3.0 * self.pinning_spread]))[0])
-        return hardest + 3.0 * (self.bias + self.bias_by_pinning * hardest)
+        hardest = self.pinning_A_per_m * float(exp(np.array([3.0 * self.pinning_spread]))[0])
+        return hardest + 3.0 * (self.bias_A_per_m + self.bias_by_pinning * hardest)
 
     def density(self, pinning: FloatArray, bias: FloatArray) -> FloatArray:
         """Return relays for each A/m of pinning and of bias, up to a constant factor."""
-        scatter = self.bias + self.bias_by_pinning * pinning
-        ways = log(pinning / self.pinning) / self.pinning_spread
+        scatter = self.bias_A_per_m + self.bias_by_pinning * pinning
+        ways = log(pinning / self.pinning_A_per_m) / self.pinning_spread
         across = bias / scatter
         density: FloatArray = exp(-0.5 * (ways * ways + across * across)) / (pinning * scatter)
         return density
@@ -227,13 +262,26 @@ class PreisachSteel:
         return {
             "knee": self.knee,
             "reach": self.reach / (self.reach + self.knee),
-            "feedback": self.feedback,
-            **curve_numbers(self),
+            "feedback": self.feedback_A_per_m_T,
+            **super().numbers(),
         }
 
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel of relays with the same biases, unpinned."""
         return _plant(self, False)
+
+    def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
+        """Return its keys after a drift."""
+        del reversible
+        return {
+            "pinning_A_per_m": self.pinning_A_per_m * (1.0 + pinning),
+            "saturation_T": self.saturation_T * (1.0 + saturation),
+            **self._saturated(1.0 + saturation),
+        }
+
+    def lines(self) -> list[str]:
+        """Return what a diagram says of it."""
+        return ["Preisach iron", f"pinning {self.pinning_A_per_m:.3g} A/m"]
 
 
 def nodes(steel: PreisachSteel) -> FloatArray:
@@ -250,7 +298,7 @@ def everett(steel: PreisachSteel, pinned: bool) -> FloatArray:
     rising = np.zeros((NODES, NODES))
     from_below = np.cumsum(inside[::-1], axis=0)[::-1]
     rising[:-1, 1:] = np.triu(np.cumsum(from_below, axis=1))
-    rising *= 2.0 * steel.saturation / rising[0, -1]
+    rising *= 2.0 * steel.saturation_T / rising[0, -1]
     return rising - rising.T
 
 
@@ -279,7 +327,7 @@ def _biased(steel: PreisachSteel, at: FloatArray) -> FloatArray:
     """Return the relays whose bias lies between two nodes, whatever their pinning."""
     middle, slope = 0.5 * (at[1:] + at[:-1]), np.zeros(at.size - 1)
     for spread in np.linspace(-3.0, 3.0, 61).tolist():
-        pinning = steel.pinning * exp(np.full(middle.size, spread * steel.pinning_spread))
+        pinning = steel.pinning_A_per_m * exp(np.full(middle.size, spread * steel.pinning_spread))
         slope += pinning * steel.density(pinning, middle)
     return slope * np.diff(at)
 
@@ -289,13 +337,46 @@ def _plant(steel: PreisachSteel, pinned: bool) -> Steel:
     table = everett(steel, pinned)
     # The steepest way comes from far below, past the middle of the reversible part.
     relays = float(np.max(np.diff(table[0]) / np.diff(nodes(steel))))
-    slope = steel.saturation_sharp / steel.knee_sharp + relays
-    slope += steel.saturation_slow * 2.0 / np.pi / steel.knee_slow
-    if steel.feedback * slope > 0.9:
+    slope = steel.saturation_sharp_T / steel.knee_sharp_A_per_m + relays
+    slope += steel.saturation_slow_T * 2.0 / np.pi / steel.knee_slow_A_per_m
+    if steel.feedback_A_per_m_T * slope > 0.9:
         raise InputError(
-            f"feedback: {steel.feedback:g} A/m for each T would make the polarisation jump; this "
+            f"feedback: {steel.feedback_A_per_m_T:g} A/m for each T would make the polarisation jump; this "
             f"steel bears up to {0.9 / slope:.3g}",
             code="reversible-part-jumps",
             key="feedback",
         )
     return Steel(steel.numbers(), np.ascontiguousarray(table))
+
+
+class NamedCells(CellSteel):
+    """``[[iron]]`` of cells."""
+
+    name: Name
+
+
+class NamedPreisach(PreisachSteel):
+    """``[[iron]]`` after Preisach."""
+
+    name: Name
+
+
+class NamedDuhem(DuhemSteel):
+    """``[[iron]]`` after Duhem."""
+
+    name: Name
+
+
+NamedIron = NamedCells | NamedPreisach | NamedDuhem
+BY_FAMILY = Discriminator(
+    tag_by("family", default="cells"),
+    custom_error_type="unknown_choice",
+    custom_error_message='family must be "cells", "preisach" or "duhem"; correct it',
+)
+"""By it an iron of a file is read as the table of its family."""
+IronEntry = Annotated[
+    Annotated[NamedCells, Tag(f"{BRANCH}cells")]
+    | Annotated[NamedPreisach, Tag(f"{BRANCH}preisach")]
+    | Annotated[NamedDuhem, Tag(f"{BRANCH}duhem")],
+    BY_FAMILY,
+]

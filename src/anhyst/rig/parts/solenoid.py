@@ -7,14 +7,18 @@ follows from the coenergy of the working gap, ``F = -dW'(u, gap)/dgap`` at its m
 ``u``, so that force and flux belong to one circuit.
 """
 
+# ruff: noqa: N815 - keys of the file carry units
+
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
 
 from anhyst._core import Piece
 from anhyst.rig.parts.iron import AnySteel
+from anhyst.support.toml_file import NotNegative, Positive, Table
 from anhyst.support.units import MU_0
 
 _ITERATIONS = 100
@@ -22,26 +26,30 @@ _TOLERANCE = 1e-7
 """Of the ampere-turns, A."""
 
 
-@dataclass(frozen=True, slots=True)
-class Geometry:
-    """Winding and poles."""
+class FluxPath(Table):
+    """What ``[iron]`` says of its shape."""
 
-    turns: int  # of the winding
-    iron_length: float  # mean length of the flux path in iron, m
-    iron_area: float  # its cross-section, m^2
-    slide_reluctance: float  # reluctance of the sliding clearance, 1/H
-    leakage: float  # permeance parallel to the working gap, H
-    face_area: float  # flat face of the plunger, m^2
+    length_m: Positive  # mean length of the flux path in iron
+    area_m2: Positive
+
+
+class CircuitTable(Table):
+    """``[circuit]``: winding and poles."""
+
+    turns: Annotated[int, Field(ge=1)]
+    slide_reluctance_per_H: NotNegative  # of the sliding clearance
+    leakage_H: NotNegative  # permeance parallel to the working gap
+    face_area_m2: Positive  # flat face of the plunger
     # how far the face field reaches beyond the edge: it widens the face by ``fringe`` times the gap
     # all round
-    fringe: float
-    cone_diameter: float  # mean diameter of the wall of the cone, m
-    cone_clearance: float  # radial clearance between plunger and wall, m
-    cone_depth: float  # gap at which the plunger begins to dip into the cone, m
-    cone_onset: float  # length over which this beginning is washed out by fringing, m
-    tip_thickness: float  # thickness of the wall at its end, m
-    tip_taper: float  # how much thicker it is for each metre of depth
-    tip_saturation: float  # flux density at which the wall saturates, T
+    fringe: NotNegative
+    cone_diameter_m: Positive  # mean diameter of the wall of the cone
+    cone_clearance_m: Positive  # radial clearance between plunger and wall
+    cone_depth_m: Positive  # gap at which the plunger begins to dip into the cone
+    cone_onset_m: Positive  # length over which this beginning is washed out by fringing
+    tip_thickness_m: Positive  # thickness of the wall at its end
+    tip_taper: NotNegative  # how much thicker it is for each metre of depth
+    tip_saturation_T: Positive  # flux density at which the wall saturates
 
 
 class _Gap(NamedTuple):
@@ -90,9 +98,9 @@ class _Gap(NamedTuple):
 class Solenoid:
     """Iron and circuit together, with the memory of the iron; starts demagnetised."""
 
-    def __init__(self, steel: AnySteel, geometry: Geometry) -> None:
+    def __init__(self, steel: AnySteel, path: FluxPath, circuit: CircuitTable) -> None:
         self.iron = Piece(steel.plant())
-        self.geometry = geometry
+        self.path, self.circuit = path, circuit
         self.flux = 0.0
         """Flux in the iron after the last step, Wb; times the turns it is the flux linkage."""
         self._slope = 0.0
@@ -106,8 +114,8 @@ class Solenoid:
         Exact for a step of any size, as long as the field in the iron does not turn within it.
         """
         here = self._gap(gap)
-        field, density = self._field(self.geometry.turns * current, here)
-        self.flux = self.geometry.iron_area * density
+        field, density = self._field(self.circuit.turns * current, here)
+        self.flux = self.path.area_m2 * density
         self.iron.commit(field)
         self._outside = here.mmf(self.flux, self._outside)[0]
         self.force = here.force(self._outside)
@@ -120,8 +128,8 @@ class Solenoid:
         Newton inside the bracket. Where the field stands nothing moves yet: the way from there is
         begun with the slope that the last way ended with.
         """
-        area, length = self.geometry.iron_area, self.geometry.iron_length
-        slide = self.geometry.slide_reluctance
+        area, length = self.path.area_m2, self.path.length_m
+        slide = self.circuit.slide_reluctance_per_H
         field = self.iron.field
         low, high = -math.inf, math.inf
         least, outside = self._slope, self._outside
@@ -141,23 +149,23 @@ class Solenoid:
         return field, density
 
     def _gap(self, gap: float) -> _Gap:
-        shape = self.geometry
-        width = math.sqrt(shape.face_area) + 2.0 * shape.fringe * gap
+        shape = self.circuit
+        width = math.sqrt(shape.face_area_m2) + 2.0 * shape.fringe * gap
         face = MU_0 * width * width / gap
         d_face = MU_0 * (4.0 * shape.fringe * width / gap - width * width / (gap * gap))
-        dip = shape.cone_depth - gap
-        reach = math.hypot(dip, shape.cone_onset)
+        dip = shape.cone_depth_m - gap
+        reach = math.hypot(dip, shape.cone_onset_m)
         overlap = 0.5 * (dip + reach)
         d_overlap = -0.5 * (1.0 + dip / reach)
-        around = math.pi * shape.cone_diameter
-        by_length = MU_0 * around / shape.cone_clearance
-        thickness = shape.tip_thickness + shape.tip_taper * overlap
+        around = math.pi * shape.cone_diameter_m
+        by_length = MU_0 * around / shape.cone_clearance_m
+        thickness = shape.tip_thickness_m + shape.tip_taper * overlap
         return _Gap(
             face=face,
             d_face=d_face,
             cone=by_length * overlap,
             d_cone=by_length * d_overlap,
-            limit=shape.tip_saturation * around * thickness,
-            d_limit=shape.tip_saturation * around * shape.tip_taper * d_overlap,
-            leakage=shape.leakage,
+            limit=shape.tip_saturation_T * around * thickness,
+            d_limit=shape.tip_saturation_T * around * shape.tip_taper * d_overlap,
+            leakage=shape.leakage_H,
         )

@@ -17,8 +17,8 @@ from anhyst.rig.bearing.loop import check_controller, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import with_iron
 from anhyst.rig.fitting import identify_magnet
-from anhyst.rig.iron_table import NamedCells
 from anhyst.rig.measuring import measure_loops
+from anhyst.rig.parts.iron import NamedCells
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
 from anhyst.study.engine.table import Interval, Quotient, mean_interval, quotient

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -195,28 +195,38 @@ def score(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
     return scores
 
 
-def summary(scores: Sequence[tuple[ForceOutcome, dict[str, dict[str, Any]]]]) -> dict[str, Any]:
-    """Worst errors of each stage and start by controller, and against the single-valued curve."""
-    groups: dict[str, list[dict[str, dict[str, Any]]]] = {}
-    for outcome, scored in scores:
-        past = "_demagnetised" if outcome.trial.start == "demagnetised" else ""
-        groups.setdefault(outcome.trial.stage + past, []).append(scored)
-    result: dict[str, Any] = {}
-    for stage, members in groups.items():
-        worst = {
-            name: max(member[name]["true"]["worst_percent"] for member in members)
-            for name in members[0]
-        }
-        result[stage] = {
+def stage_of(trial: Mapping[str, Any]) -> str:
+    """Return the group of a trial, a key of :data:`STAGES`."""
+    return str(trial["stage"]) + ("_demagnetised" if trial["start"] == "demagnetised" else "")
+
+
+def worst_errors(
+    trials: Iterable[Mapping[str, Any]], group: Callable[[Mapping[str, Any]], str]
+) -> dict[str, dict[str, dict[str, float]]]:
+    """Return the largest errors of the true force in each group of trials, by controller, per cent."""
+    groups: dict[str, dict[str, dict[str, float]]] = {}
+    for trial in trials:
+        errors = groups.setdefault(group(trial), {})
+        for name, scored in trial["controllers"].items():
+            new = {key: scored["true"][key] for key in ("worst_percent", "rms_percent")}
+            before = errors.get(name, new)
+            errors[name] = {key: max(before[key], one) for key, one in new.items()}
+    return groups
+
+
+def summary(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the worst errors of each stage by controller, and against the single-valued curve."""
+    return {
+        stage: {
             name: {
-                "worst_percent": worst[name],
-                "rms_percent": max(member[name]["true"]["rms_percent"] for member in members),
-                "of_single": worst[name] / worst["single"],
+                **errors[name],
+                "of_single": errors[name]["worst_percent"] / errors["single"]["worst_percent"],
             }
             for name in TITLES
-            if name in worst
+            if name in errors
         }
-    return result
+        for stage, errors in worst_errors(trials, stage_of).items()
+    }
 
 
 def lost_in(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
@@ -239,7 +249,16 @@ def lost_in(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
 def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str, Any]:
     """Return everything measured, as ``figures.json`` holds it."""
     force_max = rig.settings.force.force_max_N
-    scores = [(outcome, score(outcome, force_max)) for outcome in outcomes]
+    trials = [
+        {
+            "stage": outcome.trial.stage,
+            "demand": outcome.trial.demand.name,
+            "position_m": outcome.trial.position,
+            "start": outcome.trial.start,
+            "controllers": score(outcome, force_max),
+        }
+        for outcome in outcomes
+    ]
     return {
         "format": "anhyst-force-control",
         "rig": rig.settings.name,
@@ -250,37 +269,26 @@ def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str,
         "firmware_ticks": sum(o.trial.demand.force.size * len(o.differing) for o in outcomes),
         "ticks_that_differ": sum(sum(o.differing.values()) for o in outcomes),
         "lost_in": lost_in(outcomes, force_max),
-        "summary": summary(scores),
-        "trials": [
-            {
-                "stage": outcome.trial.stage,
-                "demand": outcome.trial.demand.name,
-                "position_m": outcome.trial.position,
-                "start": outcome.trial.start,
-                "controllers": scored,
-            }
-            for outcome, scored in scores
-        ],
+        "summary": summary(trials),
+        "trials": trials,
     }
 
 
 def judge_stages(summary: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, Any]:
     """Judge ``full`` by its worst error at every stage, against the strongest baseline there."""
     worst = {
-        stage: {name: figures["worst_percent"] for name, figures in errors.items()}
+        stage: {name: one["worst_percent"] for name, one in errors.items()}
         for stage, errors in summary.items()
     }
     against = {
-        stage: min((name for name in errors if name not in MODELS), key=lambda name: errors[name])
+        stage: min((name for name in errors if name not in MODELS), key=errors.__getitem__)
         for stage, errors in worst.items()
     }
     judged = judge(
         "worst error of full",
         [
-            ComparedFigure(
-                stage, TITLES[against[stage]], errors["full"], errors[against[stage]], 0.0
-            )
-            for stage, errors in worst.items()
+            ComparedFigure(stage, TITLES[name], worst[stage]["full"], worst[stage][name], 0.0)
+            for stage, name in against.items()
         ],
         "stages",
         WHERE_IT_PAYS["force"],
