@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -77,14 +77,6 @@ LAPS = 100
 """Of which it is known how they were followed."""
 
 
-@dataclass(frozen=True)
-class StageVariant:
-    """A method behind the controller of a stage, and the gains that were found with it."""
-
-    setup: StageSetup
-    gains: Feedforward
-
-
 class StageLap(NamedTuple):
     """A set-point that was followed, or is."""
 
@@ -124,7 +116,7 @@ def _signals(file: RigFile) -> tuple[Signal, ...]:
 class StageBench(Bench):
     """A stage that follows its set-point over and over.
 
-    The variants are the one without memory and the compensator, which its parameter
+    The setups are the one without memory and the compensator, which its parameter
     ``compensation`` chooses by 0 and 1. A body of several coordinates has no load drive: its
     parameters `push_` add to what is demanded of the magnets, at once. Its controller lifts it and
     sets it down: idle it lies without a current, ready it is held.
@@ -135,8 +127,13 @@ class StageBench(Bench):
     _between = False  # whether it is lifted or set down
     _order = Command.NONE  # to a controller of several coordinates, at the next tick
 
-    def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
-        rig = variants[0].setup.rig
+    def __init__(
+        self,
+        setups: Sequence[StageSetup],
+        gains: Sequence[Feedforward] = (Feedforward(), Feedforward()),
+        seed: int = 0,
+    ) -> None:
+        rig = setups[0].rig
         self.rig, self.rate = rig, 1.0 / rig.dt
         file, self._magnets = rig.settings, len(rig.settings.magnets)
         self.signals = _signals(file)
@@ -151,9 +148,8 @@ class StageBench(Bench):
         # a step of the target by so much asks for the largest force at once
         most = file.tracking.force_max_N / pid(rig)["b0"]
         self.aim = Aim("position", "reference", "m", -most, most, 0.0)
-        self.variants = tuple(variants)  # as the files say
-        self._setups = [one.setup for one in variants]
-        self._gains = [one.gains for one in variants]
+        self.setups = tuple(setups)  # as the files say
+        self._setups, self._gains = list(setups), list(gains)
         self._values = {
             "compensation": 1.0,
             "motion": 1.0,

@@ -15,7 +15,6 @@ from anhyst.rig.bearing.loop import BearingSetup
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.protocol import Bench, Signal, Subscription
 from anhyst.rig.bench.stage import LAPS, StageBench, StageLap
-from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import ParameterName
 from anhyst.rig.fitting import IdentifiedMagnet, calibrated
 from anhyst.rig.recording import column, peak, rms
@@ -173,7 +172,8 @@ class BenchLearner:
 class StageLearner(BenchLearner):
     """Calibrates a stage from its laps; what it found acts when the body next rests."""
 
-    def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, bench: StageBench) -> None:
+    def __init__(self, magnet: IdentifiedMagnet, bench: StageBench) -> None:
+        rig = bench.rig
         super().__init__(bench, rig.settings.tracking.calibrate)
         self._rig, self._magnet, self._bench = rig, magnet, bench
         self._needed = needed(rig)[1:]  # the clock is the tick here
@@ -190,7 +190,7 @@ class StageLearner(BenchLearner):
         """Forget all that was learnt, and put in force what the rig file says."""
         super().revert()
         self._kept, self._left_out = {}, 0
-        return [self._bench.correct(one.setup) for one in self._bench.variants][-1]
+        return [self._bench.correct(setup) for setup in self._bench.setups][-1]
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows beside the laps."""
@@ -240,7 +240,7 @@ class StageLearner(BenchLearner):
         average = max((peak(mean) for mean, _ in windows if mean.size), default=most)
         learners, on, setup = self._learners, self.on, None
         learner, kept = learners.get(lap.method), self._kept.setdefault(lap.method, _Kept())
-        own = any(lap.setup is one.setup for one in self._bench.variants)
+        own = any(lap.setup is setup for setup in self._bench.setups)
         untouched = own and (learner is None or not any(learner.applied.values()))
         applied = {} if own else kept.applied(lap)
         better = None if applied is None else kept.better(lap, applied, average)
