@@ -49,7 +49,7 @@ class PreparedBearing:
     @property
     def alone(self) -> bool:
         """Whether one magnet pulls."""
-        return len(self.setup.rig.magnets) == 1
+        return len(self.setup.rig.settings.placed) == 1
 
     @property
     def measured(self) -> Loops:

@@ -67,10 +67,10 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     if limits.current_high_A > amplifier.current_high_A:
         text = f"the amplifier of {rig.path} ends at {amplifier.current_high_A:g} A; lower it"
         yield FileFault(("limits", "current_high_A"), text, code="beyond-amplifier")
-    if len(rig.magnets) == 1 and limits.force_low_N < 0.0:
+    if len(rig.settings.placed) == 1 and limits.force_low_N < 0.0:
         text = "a single magnet cannot push; raise it to 0 or more"
         yield FileFault(("limits", "force_low_N"), text, code="cannot-push")
-    if len(rig.magnets) == 1 and not rig.load < limits.force_high_N:
+    if len(rig.settings.placed) == 1 and not rig.load < limits.force_high_N:
         text = f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.load:g} N"
         yield FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
     variant = settings.compensation.variant
@@ -206,7 +206,7 @@ def calibrated_magnets(
     calibration = rig.learnt(variant)
     if calibration is None or not calibration.taken:
         return [magnet]
-    widths, zero = calibration.widths(len(rig.magnets)), calibration.value("gap_zero_m")
+    widths, zero = calibration.widths(len(rig.settings.placed)), calibration.value("gap_zero_m")
     # one range of gaps for both of a pair
     over = 2.0 * abs(zero) if len(widths) > 1 else 0.0
     return [

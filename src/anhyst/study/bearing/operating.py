@@ -79,7 +79,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
         raise rig_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
     around = 0.05 * high
     ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
-    magnets = float(len(rig.magnets))
+    magnets = float(len(rig.settings.placed))
     point = linear.Point(
         mass=settings.body.mass_kg,
         k_i=magnets * slopes.static.k_i,
@@ -119,8 +119,7 @@ def _check_probe(rig: BodyRig) -> None:
     probe, body = settings.hall_probe, settings.body
     if probe is None:
         return
-    stops = body.stop_low_m, body.stop_high_m
-    gap = min(magnet.gap(stop) for magnet in rig.magnets for stop in stops)
+    gap = float(np.min(rig.gaps_at(np.array([body.stop_low_m, body.stop_high_m]))))
     up = np.linspace(0.0, settings.amplifier.current_high_A, _CURRENTS)
     density = float(static_map(rig, up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
     if density > probe.range_T:
@@ -140,7 +139,7 @@ def linear_loop(setup: BearingSetup, at: OperatingPoint) -> linear.LinearLoop:
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
     sensor = rig.settings.gap_sensor
-    magnets = float(len(rig.magnets))
+    magnets = float(len(rig.settings.placed))
     late = timing.delay_ticks + (amplifier.delay_s + sensor.delay_s) * timing.rate_Hz
     numbers = setup.compensator.parameters.numbers
     k_i, k_s = at.point.k_i, at.point.k_s

@@ -462,7 +462,7 @@ class BearingLearner(BenchLearner):
         rig, why = self._setup.rig, ""
         if rig.calibration is not None:
             why = "control.calibration: learning begins without one; leave it out"
-        elif len(rig.magnets) > 1:
+        elif len(rig.settings.placed) > 1:
             why = "both magnets of a pair share one block; calibrate from a recording"
         elif self._method != "full":
             why = f"'{self._method}' is not calibrated while it runs; choose 'full'"
