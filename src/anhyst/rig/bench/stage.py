@@ -172,7 +172,7 @@ class StageBench(Bench):
         """What a picture of a body of several coordinates is drawn from, SI."""
         settings = self.rig.settings
         several = settings.several
-        return {**layout_of(settings), "way": peak(self._way.place)} if several else None
+        return {**layout_of(settings), "way": peak(self._way.position)} if several else None
 
     @property
     def _setup(self) -> StageSetup:
@@ -248,7 +248,7 @@ class StageBench(Bench):
     def _rest(self) -> None:
         """At rest: put in force what was staged, and begin the next lap."""
         if self._course is not None:
-            self._place += float(self._course.place[-1])
+            self._place += float(self._course.position[-1])
             if self._lap:
                 self._known = self.laps[-1].begin
             self._course, self._lap = None, 0
@@ -295,7 +295,10 @@ class StageBench(Bench):
         if course is None:
             place, accelerations, ahead = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
         else:
-            place, accelerations = course.place[at : at + n + 1], course.acceleration[at : at + n]
+            place, accelerations = (
+                course.position[at : at + n + 1],
+                course.acceleration[at : at + n],
+            )
             ahead = course.ahead[at : at + n]
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
         mass = setup.believed.settings.body.mass_kg
@@ -462,7 +465,7 @@ class StageBench(Bench):
         self._state, self._lap = State.READY, 0
         course, dt = self._course, self.rig.dt
         if course is not None and self._at < len(course):
-            self._place += float(course.place[self._at])
+            self._place += float(course.position[self._at])
             motion = course.motion_at(self._at, dt)
             scan = self.rig.settings.scan  # its largest acceleration, whatever the lap's is
             hardest = motion_of(scan, scan.test_m_per_s2)

@@ -221,7 +221,8 @@ def measure_reversal(
     if not low + around < current < high - around:
         raise ValueError(f"the current of {current:g} A is not well within {low:g}..{high:g} A")
     below, at, above = (
-        _middle(step, current, place, low, high) for place in (gap - gap_step, gap, gap + gap_step)
+        _middle(step, current, position, low, high)
+        for position in (gap - gap_step, gap, gap + gap_step)
     )
     _settle(step, gap, low, high)
     rising = _go(step, gap, low, current)[-1]

@@ -74,7 +74,7 @@ class _Kept:
 
     def put(self, setup: StageSetup, numbers: Numbers) -> None:
         """Keep what corrects a setup that is put in force."""
-        self._in_force.append((setup, {name: one for name, one in numbers.items() if one}))
+        self._in_force.append((setup, {name: value for name, value in numbers.items() if value}))
 
     def applied(self, lap: StageLap) -> Numbers | None:
         """Return what a lap was corrected by; None where that is forgotten."""
@@ -177,7 +177,7 @@ class StageLearner(BenchLearner):
         super().__init__(bench, rig.settings.tracking.calibrate)
         self._rig, self._magnet, self._bench = rig, magnet, bench
         self._needed = needed(rig)[1:]  # the clock is the tick here
-        self._columns = [_place(bench.signals, one) for one in (*self._needed, "error_m", "lap")]
+        self._columns = [_index_of(bench.signals, one) for one in (*self._needed, "error_m", "lap")]
         # in rows of them
         self._commands = [1 + n for n, one in enumerate(self._needed) if one.startswith("command")]
         self._left_out = 0
@@ -345,7 +345,7 @@ class BearingLearner(BenchLearner):
         super().__init__(bench)
         self._setup, self._bench, self._method = setup, bench, setup.method
         self._known, self._compiled = known, compiled  # to a block for the running board
-        self._columns = {one: _place(bench.signals, one) for one in _OF_BEARING}
+        self._columns = {one: _index_of(bench.signals, one) for one in _OF_BEARING}
         self._law: BearingLaw | None = None
         self._memory = np.zeros((0, 1 + len(bench.signals)))
         self._first = self._ours = bench.read_block()
@@ -482,12 +482,12 @@ def _thinned(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
 
 def _values(learner: Learner) -> dict[str, tuple[float, float, float, float]]:
     return {
-        one.name: (one.value, one.sigma, learner.applied[one.name], one.prior)
-        for one in learner.found.parameter
-        if one.name in learner.seen
+        number.name: (number.value, number.sigma, learner.applied[number.name], number.prior)
+        for number in learner.found.parameter
+        if number.name in learner.seen
     }
 
 
-def _place(signals: Sequence[Signal], header: str) -> int:
+def _index_of(signals: Sequence[Signal], header: str) -> int:
     """Return where a column of a recording is in the rows of a bench."""
-    return 1 + [column(one.name, one.unit) for one in signals].index(header)
+    return 1 + [column(signal.name, signal.unit) for signal in signals].index(header)

@@ -89,12 +89,12 @@ class AxesMotion(Motion):
     @cached_property
     def by_body(self) -> Mapping[ParameterName, FloatArray]:
         """What the numbers of the body push with, for each unit of them, filtered, N."""
-        file, found = self.rig.settings, {}
+        file, pushes = self.rig.settings, {}
         for name, step in _STEPS.items():
             other = believed(self.rig, {name: step}).settings
             more = self._acceleration @ (mass_matrix(other) - mass_matrix(file))
-            found[name] = self.in_newtons(weight(other) - weight(file) - more) / step
-        return found
+            pushes[name] = self.in_newtons(weight(other) - weight(file) - more) / step
+        return pushes
 
     @property
     def asked(self) -> FloatArray:
