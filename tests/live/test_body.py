@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.rig.bench.stage import StageBench, StageVariant
+from anhyst.rig.bench.stage import StageBench
 from anhyst.rig.body import BodyRig
 from anhyst.rig.stage.file import pull_rows, read_stage
-from anhyst.rig.stage.loop import Feedforward, make_stage
+from anhyst.rig.stage.loop import StageSetup, make_stage
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, seen, state_is, until
 from tests.study import bearings
@@ -19,15 +19,14 @@ from tests.study.test_axes import planar, three_magnets
 pytestmark = [pytest.mark.needs("chromium"), pytest.mark.slow]
 
 
-def variants(rig: BodyRig) -> list[StageVariant]:
-    setups = [make_stage(rig, bearings.knowledge(), name) for name in ("single-valued", "full")]
-    return [StageVariant(one, Feedforward()) for one in setups]
+def setups(rig: BodyRig) -> list[StageSetup]:
+    return [make_stage(rig, bearings.knowledge(), name) for name in ("single-valued", "full")]
 
 
 def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(
     serve: Serve, show: Show
 ) -> None:
-    page = show(serve(bench=StageBench(variants(planar()))))
+    page = show(serve(bench=StageBench(setups(planar()))))
     ready(page)
     state_is(page, "ready")
     page.keyboard.press("0")
@@ -79,7 +78,7 @@ def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(
 def test_a_body_is_set_down_and_lifted_by_its_buttons_and_laps_wait_meanwhile(
     serve: Serve, show: Show
 ) -> None:
-    page = show(serve(bench=StageBench(variants(planar()))))
+    page = show(serve(bench=StageBench(setups(planar()))))
     ready(page)
     state_is(page, "ready")
     assert page.locator(".commands button[data-order=lift]").is_disabled()
@@ -104,7 +103,7 @@ def test_a_body_is_set_down_and_lifted_by_its_buttons_and_laps_wait_meanwhile(
 def test_another_layout_is_drawn_as_its_file_says_and_pushed_along_a_coordinate(
     serve: Serve, show: Show, tmp_path: Path
 ) -> None:
-    served = serve(bench=StageBench(variants(read_stage(three_magnets(tmp_path)))))
+    served = serve(bench=StageBench(setups(read_stage(three_magnets(tmp_path)))))
     page = show(served)
     ready(page)
     page.keyboard.press("0")

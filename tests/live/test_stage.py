@@ -12,7 +12,6 @@ from anhyst.dashboard.orders import perform
 from anhyst.dashboard.recording import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.verb import opened
-from anhyst.rig.bench.stage import StageVariant
 from anhyst.rig.stage.loop import Feedforward, make_stage
 from anhyst.study.prepared import PreparedStage
 from anhyst.study.tracking.beside import StageLearner
@@ -32,9 +31,8 @@ WRONG = 3.0
 
 
 def prepared(**control: object) -> PreparedStage:
-    setups = [stages.setup(name, SUBSTEPS, **control) for name in ("single-valued", "full")]
-    variants = tuple(StageVariant(one, Feedforward()) for one in setups)
-    return PreparedStage(setups[0].rig, bearings.knowledge(), variants)
+    setups = tuple(stages.setup(name, SUBSTEPS, **control) for name in ("single-valued", "full"))
+    return PreparedStage(bearings.knowledge(), setups, (Feedforward(), Feedforward()))
 
 
 class Beside:
@@ -43,7 +41,7 @@ class Beside:
     def __init__(self, found: PreparedStage | None = None) -> None:
         found = found or prepared()
         self.bench = found.open()
-        self.learner = StageLearner(found.whole, found.magnet, self.bench)
+        self.learner = StageLearner(found.magnet, self.bench)
 
     def advance(self, ticks: int) -> None:
         while ticks > 0:
@@ -83,9 +81,10 @@ def test_a_stage_that_learns_from_its_laps_leaves_a_third_of_its_error(beside: B
 
 
 def test_a_stage_whose_motion_would_teach_something_else_is_not_learnt_on(beside: Beside) -> None:
-    found = prepared()
-    slow = found.whole.settings.changed({"amplifier.bandwidth_Hz": 1000.0})
-    learner = StageLearner(replace(found.whole, settings=slow), found.magnet, beside.bench)
+    bench = beside.bench
+    slow = bench.rig.settings.changed({"amplifier.bandwidth_Hz": 1000.0})
+    bench.rig = replace(bench.rig, settings=slow)
+    learner = StageLearner(bearings.knowledge(), bench)
     with refused("amplifier-too-slow amplifier.bandwidth_Hz"):
         learner.turn(True)
     learner.turn(False)
@@ -340,9 +339,9 @@ def test_laps_that_ended_meanwhile_are_left_out_and_counted(
 
 def several() -> PreparedStage:
     """The ten magnets of which all but the widths of their loops is drawn, with short set-points."""
-    setups = [make_stage(short(), bearings.knowledge(), one) for one in ("single-valued", "full")]
-    variants = tuple(StageVariant(one, Feedforward()) for one in setups)
-    return PreparedStage(short(), bearings.knowledge(), variants)
+    known = bearings.knowledge()
+    setups = tuple(make_stage(short(), known, name) for name in ("single-valued", "full"))
+    return PreparedStage(known, setups, (Feedforward(), Feedforward()))
 
 
 @pytest.mark.slow
@@ -358,7 +357,9 @@ def test_a_recording_from_the_first_tick_on_can_be_calibrated_from(
     session.start()
     wait_for(lambda: len(bench.laps) > 2)
     session.close()
-    learnt = calibrate(found.whole, tmp_path / "run.mf4", magnet=found.magnet, methods=["full"])
+    learnt = calibrate(
+        found.setups[0].rig, tmp_path / "run.mf4", magnet=found.magnet, methods=["full"]
+    )
     assert learnt.learnt
     assert learnt.file.method[0].fits
 

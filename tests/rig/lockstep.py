@@ -6,7 +6,7 @@ import numpy as np
 
 from anhyst.link.virtual_boards import Reading
 from anhyst.rig.bearing.loop import BearingSetup, position_control
-from anhyst.rig.plant import current_loop, make_plant
+from anhyst.rig.plant import current_loops, make_plant
 
 
 class SteppedBearing:
@@ -16,8 +16,8 @@ class SteppedBearing:
         self.bearing = make_plant(setup.rig, seed)
         self.load = setup.rig.settings.load.force_N
         self._scales = position_control(setup).settings("fixed")
-        self._loop = current_loop(setup.rig)
-        self._read, self._integral = np.zeros((2, len(setup.rig.magnets))).tolist()
+        self._loop = current_loops(setup.rig)[0]
+        self._read, self._integral = np.zeros((2, len(setup.rig.settings.placed))).tolist()
         self._last: float | None = None
 
     def amperes(self, drives: tuple[float, ...]) -> list[float]:

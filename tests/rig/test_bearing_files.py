@@ -572,9 +572,8 @@ def test_a_flux_table_without_flux_is_reported(tmp_path: Path) -> None:
 
 
 def test_magnets_are_a_list_each_with_its_own_gap() -> None:
-    (only,) = bearings.example().magnets
-    first, second = bearings.pair_rig().magnets
+    gap = np.array([0.4e-3])
     total = bearings.pair_rig().settings.gap_total_m
     assert total is not None
-    assert only.gap(0.4e-3) == first.gap(0.4e-3) == 0.4e-3
-    assert second.gap(0.4e-3) == total - 0.4e-3
+    assert bearings.example().gaps_at(gap) == [gap]
+    assert bearings.pair_rig().gaps_at(gap) == [gap, total - gap]

@@ -9,11 +9,11 @@ import pytest
 
 from anhyst._core import Coil, Magnet
 from anhyst.rig.bench import stage
-from anhyst.rig.bench.stage import StageBench, StageVariant
+from anhyst.rig.bench.stage import StageBench
 from anhyst.rig.parts.magnet import circuit_numbers
 from anhyst.rig.recording import Loss
 from anhyst.rig.stage.file import pull_rows
-from anhyst.rig.stage.loop import Feedforward, make_stage, track
+from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
@@ -23,17 +23,17 @@ from tests.study.test_axes import planar
 SUBSTEPS = 4
 
 
-def variants(dac_bits: int | None = None) -> tuple[StageVariant, StageVariant]:
+def setups(dac_bits: int | None = None) -> tuple[StageSetup, StageSetup]:
     off, on = (stages.setup(method, SUBSTEPS) for method in ("single-valued", "full"))
     if dac_bits is not None:
         settings = on.rig.settings.changed({"amplifier.dac_bits": dac_bits})
         off, on = (replace(one, rig=replace(one.rig, settings=settings)) for one in (off, on))
-    return StageVariant(off, Feedforward()), StageVariant(on, Feedforward())
+    return off, on
 
 
 @pytest.fixture
 def bench() -> StageBench:
-    return StageBench(variants())
+    return StageBench(setups())
 
 
 def column(bench: StageBench, rows: FloatArray, name: str) -> FloatArray:
@@ -55,9 +55,9 @@ def going(bench: StageBench, laps: int = 1) -> FloatArray:
 
 def test_the_first_lap_is_what_a_simulation_of_it_gives() -> None:
     """Codes of 24 bits, so that the last bits of a sine, which processors differ in, stay there."""
-    bench = StageBench(variants(24))
+    bench = StageBench(setups(24))
     rows = going(bench)
-    setup = bench.variants[1].setup
+    setup = bench.setups[1]
     run = track(setup, bench.laps[0].motion, Feedforward(), seed=0)
     for name in ("error_m", "demand_N", "command_A", "gap_read_m"):
         seen = column(bench, rows, name.rpartition("_")[0])
@@ -66,7 +66,7 @@ def test_the_first_lap_is_what_a_simulation_of_it_gives() -> None:
 
 def test_rows_do_not_depend_on_how_they_are_cut(bench: StageBench) -> None:
     whole = going(bench, 2)
-    other = StageBench(variants())
+    other = StageBench(setups())
     other.command(Command.RUN)
     cuts = [1, 2, 333, 5, 1000]
     parts = [other.advance(count) for count in cuts]
@@ -88,7 +88,7 @@ def test_the_body_comes_back_after_two_laps_and_rests_between_them(bench: StageB
 def test_what_is_applied_acts_on_the_tick_that_was_said_and_on_none_before(
     bench: StageBench,
 ) -> None:
-    other = StageBench(variants())
+    other = StageBench(setups())
     for one in (bench, other):
         going(one)
         one.advance(500)
@@ -99,14 +99,14 @@ def test_what_is_applied_acts_on_the_tick_that_was_said_and_on_none_before(
     assert rows[differs[0], 0] == applied
     named = {one.name: one.value for one in bench.parameters()}
     assert (named["compensation"], named["gain_acceleration"]) == (0.0, 1.02)
-    at_rest = StageBench(variants())
+    at_rest = StageBench(setups())
     assert at_rest.apply({"compensation": 0.0}) == 1
 
 
 def test_another_controller_goes_on_without_a_bump_and_remembers_what_flowed(
     bench: StageBench,
 ) -> None:
-    other = StageBench(variants())
+    other = StageBench(setups())
     for one in (bench, other):
         one.load(5.0)  # which the integral carries
         going(one, 2)
@@ -193,10 +193,9 @@ def test_a_drawn_plant_is_another_one_and_its_iron_is_demagnetised(bench: StageB
 
 @pytest.fixture
 def axes() -> StageBench:
-    setups = [
-        make_stage(planar(), bearings.knowledge(), name) for name in ("single-valued", "full")
-    ]
-    return StageBench([StageVariant(one, Feedforward()) for one in setups])
+    return StageBench(
+        [make_stage(planar(), bearings.knowledge(), name) for name in ("single-valued", "full")]
+    )
 
 
 def test_the_pulls_of_all_magnets_make_the_wrench_and_their_gaps_the_pose(axes: StageBench) -> None:
@@ -237,7 +236,7 @@ def test_the_first_lap_of_several_coordinates_is_what_a_simulation_of_it_gives(
     axes: StageBench,
 ) -> None:
     rows = going(axes)
-    run = track(axes.variants[1].setup, axes.laps[0].motion, Feedforward())
+    run = track(axes.setups[1], axes.laps[0].motion, Feedforward())
     for name in ("error_m", "demand_N", "error_z_m", "error_ry_rad", "gap_5_m", "command_A"):
         seen = column(axes, rows, name.rpartition("_")[0])
         assert np.allclose(seen, run[name], rtol=1e-6, atol=1e-3 * np.ptp(run[name])), name

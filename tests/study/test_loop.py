@@ -13,7 +13,6 @@ from anhyst.rig.bearing.loop import BearingSetup
 from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.loop import DROP, Scenario
 from anhyst.rig.plant import (
-    current_loop,
     current_loops,
     make_magnet,
     make_plant,
@@ -82,7 +81,7 @@ def by_hand(setup: BearingSetup, scenario: Scenario, seed: int) -> dict[str, lis
     rig = setup.rig
     bearing, controller = make_plant(rig, seed), setup.make_controller()
     assert isinstance(controller, Position | PositionF32 | FixedPosition)
-    inner, integral = current_loop(rig), 0.0
+    inner, integral = current_loops(rig)[0], 0.0
     found: dict[str, list[float]] = {name: [] for name in COLUMNS}
     for tick in range(scenario.ticks):
         (gap,), currents, densities, _ = bearing.read()
@@ -138,7 +137,7 @@ def test_a_third_magnet_without_current_changes_no_bit_and_has_its_own_columns()
         [make_magnet(rig)] * 3,
         noise_seed(rig, 0),
     )
-    loop = PlantLoop(plant, setup.make_controller(), [*current_loops(rig), current_loop(rig)])
+    loop = PlantLoop(plant, setup.make_controller(), [*current_loops(rig), current_loops(rig)[0]])
     names = [column(*signal) for signal in loop.signals]
     events = (scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command)
     rows = dict(zip(names, loop.run(*events).T, strict=True))

@@ -222,7 +222,7 @@ def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | N
     """Open what was prepared, with what improves or calibrates it."""
     if isinstance(prepared, PreparedStage):
         stage = prepared.open()
-        return stage, None, StageLearner(prepared.whole, prepared.magnet, stage)
+        return stage, None, StageLearner(prepared.magnet, stage)
     if isinstance(prepared, PreparedBearing):
         bearing = prepared.open()
         known = IdentifiedMagnet(prepared.measured, prepared.model)

@@ -25,6 +25,7 @@ from anhyst.rig.tables import TrackingTable
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind, MethodName
+from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import FileFault, Table
 from anhyst.support.toml_text import Path as KeyPath
 
@@ -38,19 +39,6 @@ TICKS_PER_PERIOD = 10.0
 """More than so many ticks make a period of a trajectory."""
 MOST_DELAY = 128
 """Sub-steps between sample and output, or by which a sensor may be late."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlacedMagnet:
-    """A magnet in its place."""
-
-    # gap of the bearing and its own together, m, for one on the other side of the armature; None
-    # for one that closes the gap
-    total: float | None = None
-
-    def gap(self, gap: float) -> float:
-        """Return its own gap at a gap of the bearing, both m."""
-        return gap if self.total is None else self.total - gap
 
 
 @dataclass(frozen=True)
@@ -92,11 +80,10 @@ class BodyRig:
         """The loops that its file names."""
         return Measured(self.path, self.settings.loops, self.settings.magnet.output)
 
-    @property
-    def magnets(self) -> tuple[PlacedMagnet, ...]:
-        """All that pull the armature; the first one closes the gap."""
+    def gaps_at(self, gap: FloatArray) -> list[FloatArray]:
+        """Return the gaps of one magnet or of both of a pair, m, where the first one has these."""
         total = self.settings.gap_total_m
-        return (PlacedMagnet(),) if total is None else (PlacedMagnet(), PlacedMagnet(total))
+        return [gap] if total is None else [gap, total - gap]
 
     @property
     def numbers(self) -> tuple[ParameterName, ...]:
@@ -107,7 +94,7 @@ class BodyRig:
             return (*(kind.format(one) for kind in kinds for one in count), "payload", *CENTRE)
         if self.settings.kind is FileKind.STAGE:
             return OF_ONE
-        if len(self.magnets) == 1:
+        if len(self.settings.placed) == 1:
             return ("scale_1", "gap_zero_m", "width", "bias_N")
         return ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N")
 

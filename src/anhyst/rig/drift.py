@@ -186,7 +186,7 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
 
 def _moved(place: Sequence[float], drift: Drift) -> list[float]:
     by = (drift.place_x, drift.place_y, drift.place_z)
-    return [one + off for one, off in zip(place, by, strict=True)]
+    return [coordinate + off for coordinate, off in zip(place, by, strict=True)]
 
 
 def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:

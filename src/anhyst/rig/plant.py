@@ -233,7 +233,7 @@ def plant_numbers(rig: BodyRig) -> PlantNumbers:
     file, sensors = rig.settings, _sensors(rig)
     magnets: list[tuple[_Line, float | None]] = [(_CLOSES, 0.0), (_OPENS, file.gap_total_m)]
     gaps, position_heads = [(_OPENS, magnets[0][1])], []
-    del magnets[len(rig.magnets) :]
+    del magnets[len(file.placed) :]
     if file.several:
         magnets = [({"r": one.position_m, "d": one.direction}, one.gap_m) for one in file.placed]
         gaps = [({**line, "d": [-part for part in line["d"]]}, gap) for line, gap in magnets]
@@ -291,19 +291,15 @@ def _coordinates(file: RigFile) -> list[dict[str, float]]:
 
 
 def current_loops(rig: BodyRig) -> list[dict[str, float]]:
-    """Return what stands before each amplifier."""
-    return [current_loop(rig) for _ in rig.settings.magnets]
-
-
-def current_loop(rig: BodyRig) -> dict[str, float]:
-    """Return the digital current controller that stands before amplifiers of voltage."""
+    """Return the digital current controllers that stand before amplifiers of voltage."""
     gain, reset = current_gains(rig)
-    return {
+    loop = {
         "resistance": rig.settings.magnet.poles.resistance,
         "gain": gain if rig.settings.amplifier.mode == "voltage" else 0.0,
         "reset": reset * rig.dt,
         "limit": rig.settings.amplifier.supply,
     }
+    return [loop] * len(rig.settings.magnets)
 
 
 def current_gains(rig: BodyRig) -> tuple[float, float]:
@@ -376,11 +372,11 @@ def _load(rig: BodyRig) -> dict[str, Any]:
 def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
     file = rig.settings
     tables = {"gap": file.gap_sensor, "current": file.current_sensor, "force": file.force_sensor}
-    found: dict[str, Mapping[str, float]] = {
+    sensors: dict[str, Mapping[str, float]] = {
         name: table.numbers(rig.step) for name, table in tables.items()
     }
     probe = file.hall_probe
-    return found | {"hall": _bare((0.0, 0.0), 0.0) if probe is None else probe.numbers(rig.step)}
+    return sensors | {"hall": _bare((0.0, 0.0), 0.0) if probe is None else probe.numbers(rig.step)}
 
 
 def _bare(ends: tuple[float, float], noise: float) -> dict[str, float]:

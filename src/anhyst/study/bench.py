@@ -26,7 +26,7 @@ from anhyst.model.actuator import Model, read_model
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.hardware import HardwareBench
-from anhyst.rig.bench.stage import StageBench, StageVariant
+from anhyst.rig.bench.stage import StageBench
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
@@ -199,7 +199,7 @@ COMPARED: tuple[MethodName, MethodName] = ("single-valued", OWN)
 
 
 def _stage(rig_path: PathLike, progress: Progress | None) -> PreparedStage:
-    """Identify the magnets of a stage, and find the gains of both variants."""
+    """Identify the magnets of a stage, and find the gains of both methods."""
     parts = in_parts(progress, (2.0, 1.0))
     rig = read_stage(rig_path)
     check_calibration(rig)
@@ -209,8 +209,7 @@ def _stage(rig_path: PathLike, progress: Progress | None) -> PreparedStage:
     scan = rig.settings.scan
     training = motion_of(scan, scan.train_m_per_s2)
     gains = all_of(partial(find_gains, motion=training), setups, next(parts))
-    variants = [StageVariant(*pair) for pair in zip(setups, gains, strict=True)]
-    return PreparedStage(rig, magnet, tuple(variants))
+    return PreparedStage(magnet, tuple(setups), tuple(gains))
 
 
 def kind_of_bench(path: PathLike) -> FileKind:
@@ -243,9 +242,10 @@ def prepared_once(
 def _load(folder: Path) -> Prepared | None:
     """Return what is kept at a place, if it is there, whole and one's own."""
     prepared: Prepared | None = load(folder / _PICKLE)
-    if prepared is not None:
-        os.utime(folder)
-    return prepared and prepared.with_firmware(folder / _FIRMWARE)
+    if prepared is None:
+        return None
+    os.utime(folder)
+    return prepared.with_firmware(folder / _FIRMWARE) if prepared.firmware else prepared
 
 
 def _keep(prepared: Prepared, place: Path) -> None:

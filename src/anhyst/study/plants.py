@@ -128,10 +128,10 @@ def _judge(
     overshoot, settling = [0.0] * len(heights), [0.0] * len(heights)
     for number, step in enumerate(scenario.steps):
         rows = slice(step.begin - 1, step.end)
-        found = step_figures(time[rows], reference[rows], read[rows], position_resolution(rig))
-        place = number // 2
-        overshoot[place] = max(overshoot[place], found.overshoot_percent)
-        settling[place] = max(settling[place], found.settling_in_noise_s)
+        figures = step_figures(time[rows], reference[rows], read[rows], position_resolution(rig))
+        index = number // 2
+        overshoot[index] = max(overshoot[index], figures.overshoot_percent)
+        settling[index] = max(settling[index], figures.settling_in_noise_s)
     rest = recording["gap_m"][-round(STANDSTILL_S / rig.dt) :]
     return {
         "overshoot_percent": overshoot,
@@ -143,10 +143,10 @@ def _judge(
 FORCE_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
 
 
-def force_plants(given: Rig, model: Model | None = None) -> Plants:
+def force_plants(rig: Rig, model: Model | None = None) -> Plants:
     """Return what plants of a force rig are run with: at every position, and moving."""
-    loops = loops_of_rig(given)
-    rig = complete_rig(given, loops)
+    loops = loops_of_rig(rig)
+    rig = complete_rig(rig, loops)
     model, settings = model or find_model(rig, loops), rig.settings
     gaps = sorted(gap for gap in loops.by_schedule() if gap is not None)
     force_max = settings.force.force_max_N
@@ -196,7 +196,7 @@ class ForceWork:
     def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
         """Control the force of a plant in every trial, from demagnetised."""
         plant = drifted_rig(self.rig, drift)
-        found: dict[str, list[float]] = {"rms_N": [], "worst_N": []}
+        figures: dict[str, list[float]] = {"rms_N": [], "worst_N": []}
         for trial in _trials(self.rig):
             gap, seed = trial.gap(self.rig), [noise, trial.number]
             known = read_gaps(self.rig, gap, seed) + drift.gap_offset
@@ -204,9 +204,9 @@ class ForceWork:
             current = (1.0 + drift.first_scale) * asked
             force = run_open_loop(ActuatorStand(plant, seed), gap, current)["force_N"]
             error = (force - trial.demand.force)[trial.demand.lead_in :]
-            found["rms_N"].append(rms(error))
-            found["worst_N"].append(peak(error))
-        return found
+            figures["rms_N"].append(rms(error))
+            figures["worst_N"].append(peak(error))
+        return figures
 
 
 def drifted_rig(rig: Rig, drift: Drift) -> Rig:
@@ -345,7 +345,7 @@ class StageWork:
         setup, gains = self.setups[method], self.gains[method]
         scan = setup.rig.settings.scan
         motion = motion_of(scan, scan.test_m_per_s2)
-        found: dict[str, list[float]] = {}
+        figures: dict[str, list[float]] = {}
         for names in errors_of(setup.rig.settings).values():
             plant = replace(setup, drift=drift.alone(names))
             learner = at_work(plant, self.magnet, gains, noise + LEARNING)
@@ -354,7 +354,7 @@ class StageWork:
                 return {"lost_s": run.dt * run.loss.tick}
             measures = measure(run, motion, scan.slit_s)
             for metric in (AVERAGE, PEAK, SETTLING):
-                found.setdefault(metric.key, []).append(getattr(measures, metric.key))
+                figures.setdefault(metric.key, []).append(getattr(measures, metric.key))
             for key, largest in cross_talk(run, motion, still_axes(setup.rig.settings)).items():
-                found.setdefault(key, []).append(largest)
-        return found
+                figures.setdefault(key, []).append(largest)
+        return figures

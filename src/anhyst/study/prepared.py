@@ -18,12 +18,12 @@ from anhyst.model.fit_record import ValidRange
 from anhyst.rig.bearing.loop import BearingSetup, pair_of
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
-from anhyst.rig.bench.stage import StageBench, StageVariant
-from anhyst.rig.body import BodyRig
+from anhyst.rig.bench.stage import StageBench
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, find_model, loops_at
 from anhyst.rig.measurement_table import identify_loops
+from anhyst.rig.stage.loop import Feedforward, StageSetup
 from anhyst.study.excite.design import Specimen, bearing_specimen, force_specimen
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
@@ -49,7 +49,7 @@ class PreparedBearing:
     @property
     def alone(self) -> bool:
         """Whether one magnet pulls."""
-        return len(self.setup.rig.magnets) == 1
+        return len(self.setup.rig.settings.placed) == 1
 
     @property
     def measured(self) -> Loops:
@@ -108,7 +108,7 @@ class ForceRig:
     """An actuator whose force is controlled."""
 
     whole: Rig  # its magnet is whole
-    loops: Loops  # measured, of the rig file
+    measured: Loops  # that the rig file names
 
     alone: ClassVar[bool] = True
 
@@ -116,11 +116,6 @@ class ForceRig:
     def rig(self) -> Path:
         """The rig file."""
         return self.whole.path
-
-    @property
-    def measured(self) -> Loops:
-        """The loops that the rig file names."""
-        return self.loops
 
     def specimen(self) -> Specimen:
         """Return the actuator as it is measured, armature held."""
@@ -155,7 +150,7 @@ class PreparedForce(ForceRig):
         """Switch on; at rest, before its first tick. To be closed."""
         bench = ForceBench(self.whole, self.program)
         settings = self.whole.settings.force
-        ratio = fit_ratio(loops_at(self.loops, settings.end_m), settings.force_max_N)
+        ratio = fit_ratio(loops_at(self.measured, settings.end_m), settings.force_max_N)
         bench.apply({"ratio": 1.0 / float(ratio.ratio[0])})
         return bench
 
@@ -193,20 +188,15 @@ class PreparedBoard(ForceRig):
 class PreparedStage:
     """A stage, what is known of its magnets, and what its set-point is followed with."""
 
-    whole: BodyRig
     magnet: IdentifiedMagnet
-    variants: tuple[StageVariant, ...]  # without memory, and the compensator
+    setups: tuple[StageSetup, ...]  # without memory, and the compensator
+    gains: tuple[Feedforward, ...]  # that were found with each
 
     firmware = None
 
-    def with_firmware(self, firmware: Path) -> PreparedStage:
-        """Return the same: no firmware runs."""
-        del firmware
-        return self
-
     def open(self) -> StageBench:
         """Switch on; at rest, before its first tick. To be closed."""
-        return StageBench(self.variants)
+        return StageBench(self.setups, self.gains)
 
 
 Prepared = PreparedBearing | PreparedForce | PreparedStage

@@ -121,7 +121,7 @@ def subject_of(simulation: Simulation, command: str) -> SimulationSubject:
     still = experiments.standing(simulation.setups[simulation.own])
     chosen = {name: run for name, run in shown.items() if name in (*_COLUMNS, simulation.own)}
     linear_gain, linear_sensitivity = _linear(simulation)
-    single = len(rig.magnets) == 1
+    single = len(rig.settings.placed) == 1
     loops, current = slow_loops(simulation.knowledge.loops), rig.settings.measurement.current_max_A
     return SimulationSubject(
         rig=rig,

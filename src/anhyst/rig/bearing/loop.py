@@ -67,10 +67,10 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     if limits.current_high_A > amplifier.current_high_A:
         text = f"the amplifier of {rig.path} ends at {amplifier.current_high_A:g} A; lower it"
         yield FileFault(("limits", "current_high_A"), text, code="beyond-amplifier")
-    if len(rig.magnets) == 1 and limits.force_low_N < 0.0:
+    if len(rig.settings.placed) == 1 and limits.force_low_N < 0.0:
         text = "a single magnet cannot push; raise it to 0 or more"
         yield FileFault(("limits", "force_low_N"), text, code="cannot-push")
-    if len(rig.magnets) == 1 and not rig.load < limits.force_high_N:
+    if len(rig.settings.placed) == 1 and not rig.load < limits.force_high_N:
         text = f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.load:g} N"
         yield FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
     variant = settings.compensation.variant
@@ -155,13 +155,6 @@ class BearingSetup(Setup):
         return controller
 
 
-def check_position(setup: BearingSetup) -> None:
-    """Refuse a controller that does not fit its compensator or its number format."""
-    control = position_control(setup)
-    control.gains(setup.compensator.format)
-    control.settings(setup.compensator.format)
-
-
 def position_control(setup: BearingSetup) -> PositionControl:
     """Return the controller of a setup in SI units."""
     amplifier, parameters = setup.rig.settings.amplifier, setup.compensator.parameters
@@ -213,7 +206,7 @@ def calibrated_magnets(
     calibration = rig.learnt(variant)
     if calibration is None or not calibration.taken:
         return [magnet]
-    widths, zero = calibration.widths(len(rig.magnets)), calibration.value("gap_zero_m")
+    widths, zero = calibration.widths(len(rig.settings.placed)), calibration.value("gap_zero_m")
     # one range of gaps for both of a pair
     over = 2.0 * abs(zero) if len(widths) > 1 else 0.0
     return [
@@ -253,8 +246,10 @@ def make_setups(
             setups[variant] = make_setup(rig, table, magnet, variant, table.compensation.format)
         except InputError as error:
             raise error.at(controller.model if modelled else rig.measured.text) from error
-        with error_at_key(controller):
-            check_position(setups[variant])
+        with error_at_key(controller):  # where it fits neither its compensator nor its format
+            control = position_control(setups[variant])
+            control.gains(table.compensation.format)
+            control.settings(table.compensation.format)
     return setups
 
 
@@ -291,88 +286,76 @@ _RESTLESS = 0.01
 """Part of the travel: an armature that moves by more in its hover, rms, is not held."""
 
 
-@dataclass(frozen=True)
-class LevitationRun:
-    """A run from power on until the armature lies again."""
-
-    setup: BearingSetup
-    recording: Recording  # lift-off, steps, load steps, landing
-    steps: Scenario  # the first part of it: lift-off and steps
-    landing: int  # tick of the command to land
-
-    def fault(self) -> str | None:
-        """Say why the armature was not held until the end of the steps, or None if it was."""
-        rig, lifted = self.setup.rig, self.steps.lifted
-        steps = self.recording.part(0, self.steps.ticks)
-        lost = lost_at(rig, steps, lifted)
-        late = self._late(steps)
-        if late is not None:
-            return late
-        if lost is None and len(steps) < self.steps.ticks:
-            lost = float(steps["t_s"][-1])
-        if lost is not None:
-            return f"levitation was lost at {lost:.4f} s: the gains do not hold this bearing"
-        body = rig.settings.body
-        hover = steps["gap_m"][lifted - lifted // 8 : lifted]
-        if float(np.std(hover)) > _RESTLESS * (body.stop_high_m - body.stop_low_m):
-            return (
-                f"the armature oscillates by {1e6 * float(np.std(hover)):.3g} um rms at "
-                f"{lifted * rig.dt:.2f} s: the gains do not hold this bearing"
-            )
-        return None
-
-    def _late(self, steps: Recording) -> str | None:
-        """Say what kept it from levitating, if it was anything but the gains."""
-        state, time = steps["state"], steps["t_s"]
-        rejected = self._rejected(steps)
-        if rejected is not None:
-            return rejected
-        if not ((state >= RISE) & (state <= HOVER)).any():
-            faults = state >= FAULT
-            if faults.any():
-                force = self.setup.controller.limits.force_high_N
-                return (
-                    "the armature did not lift: it lay on its rest at "
-                    f"{time[np.argmax(faults)]:.4f} s, when {force:g} N were demanded; raise "
-                    "force_high_N or lower the load"
-                )
-            if (state >= RUN).any():
-                return f"the armature had not left its rest at {time[-1]:.4f} s"
-            return f"the command to lift was refused, the state is {state[-1]:.0f}"
-        if len(steps) > self.steps.lifted and state[self.steps.lifted] in (BREAKAWAY, RISE):
-            text = f"the armature was still rising at {time[self.steps.lifted]:.4f} s"
-            return f"{text}; raise speed_m_per_s or force_rate_N_per_s of [lift_off]"
-        return None
-
-    def _rejected(self, steps: Recording) -> str | None:
-        """Say whether rejected samples, and no armature out of control, ended the run."""
-        implausible = (steps["flags"].astype(int) & int(Flag.SAMPLE_IMPLAUSIBLE)) != 0
-        missing = self.setup.controller.safety.max_missing_samples
-        # Whether every one of the last samples, and this one, was implausible: the position is lost.
-        row = np.convolve(implausible, np.ones(missing + 1), "valid") > missing + 0.5
-        if (steps["state"] >= RUN).any():
-            row &= steps["state"][missing:] >= FAULT
-        if not row.any():
-            return None
-        end = int(np.argmax(row)) + missing
-        gap, body = steps["gap_m"][: end + 1], self.setup.rig.settings.body
-        lifted = gap[int(np.argmax(gap < body.stop_high_m)) :]
-        touched = (lifted <= body.stop_low_m) | (lifted >= body.stop_high_m)
-        if (gap < body.stop_high_m).any() and touched.any():
-            return None
+def levitation_fault(setup: BearingSetup, run: Recording, steps: Scenario) -> str | None:
+    """Say why the armature was not held from lift-off to the last step, or None if it was."""
+    rig, lifted, run = setup.rig, steps.lifted, run.part(0, steps.ticks)
+    lost = lost_at(rig, run, lifted)
+    not_lifted = _rejected(setup, run) or _not_lifted(setup, run, lifted)
+    if not_lifted is not None:
+        return not_lifted
+    if lost is None and len(run) < steps.ticks:
+        lost = float(run["t_s"][-1])
+    if lost is not None:
+        return f"levitation was lost at {lost:.4f} s: the gains do not hold this bearing"
+    body = rig.settings.body
+    swing = float(np.std(run["gap_m"][lifted - lifted // 8 : lifted]))
+    if swing > _RESTLESS * (body.stop_high_m - body.stop_low_m):
         return (
-            f"samples of the gap were rejected at {steps['t_s'][end]:.4f} s, {missing + 1} in a "
-            "row: see step_m, gap_low_m and gap_high_m of [limits], and the noise of the sensor"
+            f"the armature oscillates by {1e6 * swing:.3g} um rms at "
+            f"{lifted * rig.dt:.2f} s: the gains do not hold this bearing"
         )
+    return None
 
-    def lost_later(self) -> list[str]:
-        """Say whether the armature was lost in the load steps or the landing of the recording."""
-        after = self.recording.part(self.steps.ticks, self.landing)
-        if len(after) and lost_at(self.setup.rig, after) is not None:
-            return ["load steps of the recording"]
-        landing = self.recording.part(self.landing, len(self.recording))
-        state, gap = landing["state"], landing["gap_m"]
-        hit = gap <= self.setup.rig.settings.body.stop_low_m
-        if not len(landing) or state[-1] != READY or hit.any():
-            return ["landing of the recording"]
-        return []
+
+def _not_lifted(setup: BearingSetup, run: Recording, lifted: int) -> str | None:
+    """Say what kept the armature from its hover, or None if it rose at all and in time."""
+    state, time = run["state"], run["t_s"]
+    if not ((state >= RISE) & (state <= HOVER)).any():
+        faults = state >= FAULT
+        if faults.any():
+            force = setup.controller.limits.force_high_N
+            return (
+                "the armature did not lift: it lay on its rest at "
+                f"{time[np.argmax(faults)]:.4f} s, when {force:g} N were demanded; raise "
+                "force_high_N or lower the load"
+            )
+        if (state >= RUN).any():
+            return f"the armature had not left its rest at {time[-1]:.4f} s"
+        return f"the command to lift was refused, the state is {state[-1]:.0f}"
+    if len(run) > lifted and state[lifted] in (BREAKAWAY, RISE):
+        text = f"the armature was still rising at {time[lifted]:.4f} s"
+        return f"{text}; raise speed_m_per_s or force_rate_N_per_s of [lift_off]"
+    return None
+
+
+def _rejected(setup: BearingSetup, run: Recording) -> str | None:
+    """Say whether rejected samples, and no armature out of control, ended the run."""
+    implausible = (run["flags"].astype(int) & int(Flag.SAMPLE_IMPLAUSIBLE)) != 0
+    missing = setup.controller.safety.max_missing_samples
+    # Whether every one of the last samples, and this one, was implausible: the position is lost.
+    row = np.convolve(implausible, np.ones(missing + 1), "valid") > missing + 0.5
+    if (run["state"] >= RUN).any():
+        row &= run["state"][missing:] >= FAULT
+    if not row.any():
+        return None
+    end = int(np.argmax(row)) + missing
+    gap, body = run["gap_m"][: end + 1], setup.rig.settings.body
+    lifted = gap[int(np.argmax(gap < body.stop_high_m)) :]
+    touched = (lifted <= body.stop_low_m) | (lifted >= body.stop_high_m)
+    if (gap < body.stop_high_m).any() and touched.any():
+        return None
+    return (
+        f"samples of the gap were rejected at {run['t_s'][end]:.4f} s, {missing + 1} in a "
+        "row: see step_m, gap_low_m and gap_high_m of [limits], and the noise of the sensor"
+    )
+
+
+def lost_after_steps(rig: BodyRig, run: Recording, begin: int, landing: int) -> list[str]:
+    """Say whether the armature was lost in the load steps or the landing that a recording ends with."""
+    loads, landed = run.part(begin, landing), run.part(landing, len(run))
+    if len(loads) and lost_at(rig, loads) is not None:
+        return ["load steps of the recording"]
+    hit = landed["gap_m"] <= rig.settings.body.stop_low_m
+    if not len(landed) or landed["state"][-1] != READY or hit.any():
+        return ["landing of the recording"]
+    return []

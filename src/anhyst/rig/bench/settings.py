@@ -133,14 +133,14 @@ def force_settings(demand: float, current: float, rate: float) -> tuple[KnownSet
 
 def position_settings(gains: Sequence[float]) -> tuple[KnownSetting, ...]:
     """Return the settings of a controller of position."""
-    found = [_COMPENSATION]
+    settings = [_COMPENSATION]
     for (setting, (unit, doc)), gain in zip(_GAINS.items(), gains, strict=True):
         if gain == 0.0:
             continue
         code, most = gain / Q30, SETTINGS[setting]
         low, high = sorted((code * most.low, code * most.high))
-        found.append(KnownSetting(setting.name.lower(), setting, unit, low, high, code, doc))
-    return tuple(found)
+        settings.append(KnownSetting(setting.name.lower(), setting, unit, low, high, code, doc))
+    return tuple(settings)
 
 
 def heartbeat_setting(rate: float) -> KnownSetting:
@@ -154,7 +154,7 @@ def check_values(
     values: Mapping[str, float], parameters: Sequence[Parameter], whole: Sequence[str] = ()
 ) -> None:
     """Refuse values that a bench cannot take, and of whole numbers those between."""
-    known = {one.name: one for one in parameters}
+    known = {parameter.name: parameter for parameter in parameters}
     for name, value in values.items():
         if name not in known:
             raise InputError(
@@ -162,11 +162,11 @@ def check_values(
                 code="unknown-parameter",
                 key=name,
             )
-        one = known[name]
-        if not one.low <= value <= one.high:
+        parameter = known[name]
+        if not parameter.low <= value <= parameter.high:
             raise InputError(
-                f"{name}: is {value:g} {one.unit}".rstrip()
-                + f"; choose a value from {one.low:g} to {one.high:g}",
+                f"{name}: is {value:g} {parameter.unit}".rstrip()
+                + f"; choose a value from {parameter.low:g} to {parameter.high:g}",
                 code="out-of-range",
                 key=name,
             )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,14 +78,6 @@ LAPS = 100
 """Of which it is known how they were followed."""
 
 
-@dataclass(frozen=True)
-class StageVariant:
-    """A method behind the controller of a stage, and the gains that were found with it."""
-
-    setup: StageSetup
-    gains: Feedforward
-
-
 class StageLap(NamedTuple):
     """A set-point that was followed, or is."""
 
@@ -125,7 +117,7 @@ def _signals(file: RigFile) -> tuple[Signal, ...]:
 class StageBench(Bench):
     """A stage that follows its set-point over and over.
 
-    The variants are the one without memory and the compensator, which its parameter
+    The setups are the one without memory and the compensator, which its parameter
     ``compensation`` chooses by 0 and 1. A body of several coordinates has no load drive: its
     parameters `push_` add to what is demanded of the magnets, at once. Its controller lifts it and
     sets it down: idle it lies without a current, ready it is held.
@@ -136,8 +128,13 @@ class StageBench(Bench):
     _between = False  # whether it is lifted or set down
     _order = Command.NONE  # to a controller of several coordinates, at the next tick
 
-    def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
-        rig = variants[0].setup.rig
+    def __init__(
+        self,
+        setups: Sequence[StageSetup],
+        gains: Sequence[Feedforward] = (Feedforward(), Feedforward()),
+        seed: int = 0,
+    ) -> None:
+        rig = setups[0].rig
         self.rig, self.rate = rig, 1.0 / rig.dt
         file, self._magnets = rig.settings, len(rig.settings.magnets)
         self.signals = _signals(file)
@@ -152,9 +149,8 @@ class StageBench(Bench):
         # a step of the target by so much asks for the largest force at once
         most = file.tracking.force_max_N / pid(rig)["b0"]
         self.aim = Aim("position", "reference", "m", -most, most, 0.0)
-        self.variants = tuple(variants)  # as the files say
-        self._setups = [one.setup for one in variants]
-        self._gains = [one.gains for one in variants]
+        self.setups = tuple(setups)  # as the files say
+        self._setups, self._gains = list(setups), list(gains)
         self._values = {
             "compensation": 1.0,
             "motion": 1.0,
@@ -177,7 +173,7 @@ class StageBench(Bench):
         """What a picture of a body of several coordinates is drawn from, SI."""
         settings = self.rig.settings
         several = settings.several
-        return {**layout_of(settings), "way": peak(self._way.place)} if several else None
+        return {**layout_of(settings), "way": peak(self._way.position)} if several else None
 
     @property
     def _setup(self) -> StageSetup:
@@ -253,7 +249,7 @@ class StageBench(Bench):
     def _rest(self) -> None:
         """At rest: put in force what was staged, and begin the next lap."""
         if self._course is not None:
-            self._place += float(self._course.place[-1])
+            self._place += float(self._course.position[-1])
             if self._lap:
                 self._known = self.laps[-1].begin
             self._course, self._lap = None, 0
@@ -300,7 +296,10 @@ class StageBench(Bench):
         if course is None:
             place, accelerations, ahead = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
         else:
-            place, accelerations = course.place[at : at + n + 1], course.acceleration[at : at + n]
+            place, accelerations = (
+                course.position[at : at + n + 1],
+                course.acceleration[at : at + n],
+            )
             ahead = course.ahead[at : at + n]
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
         mass = setup.believed.settings.body.mass_kg
@@ -467,7 +466,7 @@ class StageBench(Bench):
         self._state, self._lap = State.READY, 0
         course, dt = self._course, self.rig.dt
         if course is not None and self._at < len(course):
-            self._place += float(course.place[self._at])
+            self._place += float(course.position[self._at])
             motion = course.motion_at(self._at, dt)
             scan = self.rig.settings.scan  # its largest acceleration, whatever the lap's is
             hardest = motion_of(scan, scan.test_m_per_s2)

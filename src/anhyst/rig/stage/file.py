@@ -184,11 +184,11 @@ def lying(file: RigFile, place: float) -> dict[str, float]:
 
 def pulls(file: RigFile, run: Recording) -> dict[str, FloatArray]:
     """Return what each magnet pulls with in a loop's own record."""
-    found, poles = {}, file.magnet.poles
-    for number, one in enumerate(file.placed, 1):
+    forces, poles = {}, file.magnet.poles
+    for number, magnet in enumerate(file.placed, 1):
         density, gap = run[column("flux_density", "T", number)], run[column("gap", "m", number)]
-        found[column("pull", "N", number)] = poles.pull(density, gap, one.gap_m or file.gap_m)
-    return found
+        forces[column("pull", "N", number)] = poles.pull(density, gap, magnet.gap_m or file.gap_m)
+    return forces
 
 
 def without(file: RigFile) -> FloatArray:
@@ -252,14 +252,14 @@ def pushed_with(file: RigFile) -> list[float]:
         shared = [layout.share((one - weight(file)).tolist()) for one in (push, -push)]
         return all(made and max(forces) <= each for forces, made in shared)
 
-    found = []
+    largest = []
     for way in np.eye(len(file.body.free)):
         low, high = 0.0, most
         while high - low > 1e-3 * most:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if fits(middle * way) else (low, middle)
-        found.append(low)
-    return found
+        largest.append(low)
+    return largest
 
 
 def yields(file: RigFile) -> list[float]:
@@ -273,7 +273,7 @@ def yields(file: RigFile) -> list[float]:
 @cache
 def _spare(pull: bytes, magnets: int, weight: tuple[float, ...], least: float, most: float) -> int:
     rows = np.frombuffer(pull).reshape(magnets, -1)
-    found = 0
+    spare_magnets = 0
     for lost in range(magnets):
         left = np.delete(rows, lost, axis=0)
         if np.linalg.matrix_rank(left) < len(weight):
@@ -288,8 +288,8 @@ def _spare(pull: bytes, magnets: int, weight: tuple[float, ...], least: float, m
             [*np.zeros(count), -1.0], inside, limits, made, -np.array(weight), (None, None)
         )
         if best.status == 0 and best.x[-1] > _INSIDE * (most - least):
-            found |= 1 << lost
-    return found
+            spare_magnets |= 1 << lost
+    return spare_magnets
 
 
 def spare(file: RigFile) -> int:
@@ -343,24 +343,24 @@ def believed(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
     return replace(rig, settings=rig.settings.changed(changes))
 
 
-def correction(found: CalibratedMethod, compensator: ForceController, rig: BodyRig) -> FloatArray:
+def correction(learnt: CalibratedMethod, compensator: ForceController, rig: BodyRig) -> FloatArray:
     """Return the rows of the controller: scale, gap zero, flux density, lead, a magnet each.
 
     On one axis the second magnet's gap is what is left of both: it is read too small by what the
     first one's is read too large.
     """
     count = range(1, len(rig.settings.placed) + 1)
-    scales = np.array([1.0 + found.value(f"scale_{number}") for number in count])
-    zeros = [found.value(f"gap_zero_{number}_m") for number in count]
+    scales = np.array([1.0 + learnt.value(f"scale_{number}") for number in count])
+    zeros = [learnt.value(f"gap_zero_{number}_m") for number in count]
     if not rig.settings.several:
-        zeros = [found.value("gap_zero_m"), -found.value("gap_zero_m")]
+        zeros = [learnt.value("gap_zero_m"), -learnt.value("gap_zero_m")]
     ones = np.ones(scales.size)
     rows = np.column_stack([ones, zeros, ones, 0.0 * ones])
-    if found.name in PROBED:
+    if learnt.name in PROBED:
         rows[:, 2] = scales
     else:
         rows[:, 0] = scales
-        if lag := found.value("lag_s"):
+        if lag := learnt.value("lag_s"):
             rows[:, 3] = lag / rig.dt * per_root(compensator, rig)
     return rows
 

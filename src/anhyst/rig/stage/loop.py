@@ -452,10 +452,10 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
 def blocks_of(setup: StageSetup) -> list[Block]:
     """Return for each magnet the parameter block of its compensator of a law in fixed point."""
     blocks = []
-    for one in setup.each:
-        assert isinstance(one.parameters, HysteresisInverse)
-        assert isinstance(one.parameters.block, Block)
-        blocks.append(one.parameters.block)
+    for compensator in setup.each:
+        assert isinstance(compensator.parameters, HysteresisInverse)
+        assert isinstance(compensator.parameters.block, Block)
+        blocks.append(compensator.parameters.block)
     return blocks
 
 
@@ -490,31 +490,31 @@ def make_stage(
 
     It is corrected by what was found, here or in the file that the rig names.
     """
-    found = calibrated or rig.learnt(method)
-    if found is None:
+    learnt = calibrated or rig.learnt(method)
+    if learnt is None:
         return StageSetup(rig, fit_method(rig, magnet, method))
-    return corrected(rig, cache(partial(fit_method, rig, magnet, method)), found)
+    return corrected(rig, cache(partial(fit_method, rig, magnet, method)), learnt)
 
 
 def corrected(
     rig: BodyRig,
     fitted: Callable[[float], ForceController],
-    found: CalibratedMethod,
+    learnt: CalibratedMethod,
     drift: Drift = NO_DRIFT,
 ) -> StageSetup:
     """Return a stage whose controller is corrected by what was found of its method.
 
     Fitted is it for a width of the loop.
     """
-    each = tuple(fitted(width) for width in found.widths(len(rig.settings.placed)))
+    each = tuple(fitted(width) for width in learnt.widths(len(rig.settings.placed)))
     return StageSetup(
         rig,
         each[0],
         drift=drift,
-        correction=correction(found, each[0], rig),
+        correction=correction(learnt, each[0], rig),
         own=each,
-        body={name: found.value(name) for name in ("payload", *CENTRE)},
-        cable=found.value("cable_N_per_m"),
+        body={name: learnt.value(name) for name in ("payload", *CENTRE)},
+        cable=learnt.value("cable_N_per_m"),
     )
 
 

@@ -32,15 +32,15 @@ class SetPoint:
     @property
     def pulses(self) -> list[tuple[float, float, float]]:
         """Begin, length and signed height of each pulse of acceleration, s, s, m/s2."""
-        found, time, speed = [], self.cruise, 0.0
+        pulses, time, speed = [], self.cruise, 0.0
         for number, peak in enumerate(self.peaks):
             target = self.speed if number % 2 == 0 else -self.speed
             if self.rests and number == len(self.peaks) - 1:
                 target = 0.0
             length = abs(target - speed) / peak + self.jerk_phase
-            found.append((time, length, float(np.copysign(peak, target - speed))))
+            pulses.append((time, length, float(np.copysign(peak, target - speed))))
             time, speed = time + length + self.cruise, target
-        return found
+        return pulses
 
     @property
     def duration(self) -> float:
@@ -93,9 +93,9 @@ def motion_of(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
 class Course:
     """A way to rest, as a stage is led along it, a value a tick."""
 
-    place: FloatArray  # from where it begins, m; one more than ticks
+    position: FloatArray  # from where it begins, m; one more than ticks
     acceleration: FloatArray  # m/s2
-    # acceleration, jerk, snap and place so much later as the loop is late, m/s2, m/s3, m/s4, m
+    # acceleration, jerk, snap and position so much later as the loop is late, m/s2, m/s3, m/s4, m
     ahead: FloatArray
 
     def __len__(self) -> int:
@@ -104,11 +104,11 @@ class Course:
 
     def back(self) -> Course:
         """Return the same the other way."""
-        return Course(-self.place, -self.acceleration, -self.ahead)
+        return Course(-self.position, -self.acceleration, -self.ahead)
 
     def motion_at(self, tick: int, dt: float) -> tuple[float, float]:
         """Return speed, m/s, and acceleration, m/s2, at a tick of it."""
-        around = self.place[max(tick - 1, 0) : tick + 2]
+        around = self.position[max(tick - 1, 0) : tick + 2]
         return float((around[-1] - around[0]) / ((around.size - 1) * dt)), float(
             self.acceleration[tick]
         )
@@ -117,9 +117,9 @@ class Course:
 def course_of(motion: SetPoint, dt: float, ahead: float) -> Course:
     """Return the course of a motion that rests at its end, led so many seconds ahead."""
     time = dt * np.arange(round(motion.duration / dt) + 1, dtype=np.float64)
-    place, acceleration, _, _ = motion.at(time)
+    position, acceleration, _, _ = motion.at(time)
     later, *derivatives = motion.at(time[:-1] + ahead)
-    return Course(place, acceleration[:-1], np.column_stack([*derivatives, later]))
+    return Course(position, acceleration[:-1], np.column_stack([*derivatives, later]))
 
 
 def braking(speed: float, acceleration: float, motion: SetPoint, dt: float, ahead: float) -> Course:
@@ -133,14 +133,14 @@ def braking(speed: float, acceleration: float, motion: SetPoint, dt: float, ahea
     def at(time: FloatArray) -> list[FloatArray]:
         s = np.minimum(time / lasts, 1.0)
         moves = s < 1.0
-        place = lasts * (
+        position = lasts * (
             speed * (s**4 / 2.0 - s**3 + s)
             + lasts * acceleration * (s**4 / 4.0 - 2.0 * s**3 / 3.0 + s**2 / 2.0)
         )
         first = speed / lasts * (6.0 * s**2 - 6.0 * s) + acceleration * (3.0 * s**2 - 4.0 * s + 1.0)
         second = speed / lasts**2 * (12.0 * s - 6.0) + acceleration / lasts * (6.0 * s - 4.0)
         third = (12.0 * speed / lasts**3 + 6.0 * acceleration / lasts**2) * np.ones_like(s)
-        return [first * moves, second * moves, third * moves, place]
+        return [first * moves, second * moves, third * moves, position]
 
     time = dt * np.arange(count + 1, dtype=np.float64)
     return Course(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + ahead)))

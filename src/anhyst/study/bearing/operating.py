@@ -78,7 +78,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
         raise rig_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
     around = 0.05 * high
     ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
-    magnets = float(len(rig.magnets))
+    magnets = float(len(rig.settings.placed))
     point = linear.Point(
         mass=settings.body.mass_kg,
         k_i=magnets * slopes.static.k_i,
@@ -118,8 +118,7 @@ def _check_probe(rig: BodyRig) -> None:
     probe, body = settings.hall_probe, settings.body
     if probe is None:
         return
-    stops = body.stop_low_m, body.stop_high_m
-    gap = min(magnet.gap(stop) for magnet in rig.magnets for stop in stops)
+    gap = float(np.min(rig.gaps_at(np.array([body.stop_low_m, body.stop_high_m]))))
     up = np.linspace(0.0, settings.amplifier.current_high_A, _CURRENTS)
     density = float(static_map(rig, up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
     if density > probe.range_T:
@@ -139,7 +138,7 @@ def linear_loop(setup: BearingSetup, at: OperatingPoint) -> linear.LinearLoop:
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
     sensor = rig.settings.gap_sensor
-    magnets = float(len(rig.magnets))
+    magnets = float(len(rig.settings.placed))
     late = timing.delay_ticks + (amplifier.delay_s + sensor.delay_s) * timing.rate_Hz
     numbers = setup.compensator.parameters.numbers
     k_i, k_s = at.point.k_i, at.point.k_s
@@ -221,7 +220,8 @@ def measure_reversal(
     if not low + around < current < high - around:
         raise ValueError(f"the current of {current:g} A is not well within {low:g}..{high:g} A")
     below, at, above = (
-        _middle(step, current, place, low, high) for place in (gap - gap_step, gap, gap + gap_step)
+        _middle(step, current, position, low, high)
+        for position in (gap - gap_step, gap, gap + gap_step)
     )
     _settle(step, gap, low, high)
     rising = _go(step, gap, low, current)[-1]

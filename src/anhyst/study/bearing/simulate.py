@@ -12,7 +12,13 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
 from anhyst.model.compilable import has_layers
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.loop import BearingSetup, LevitationRun, calibrated_magnets, make_setups
+from anhyst.rig.bearing.loop import (
+    BearingSetup,
+    calibrated_magnets,
+    levitation_fault,
+    lost_after_steps,
+    make_setups,
+)
 from anhyst.rig.bearing.scenario import parts_of_run, steps_up_and_down
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
@@ -195,19 +201,25 @@ def explore(
     knowledge = ready.knowledge()
     own = controller.settings.compensation.variant
     mine = make_setups(rig, controller, knowledge, (own,))[own]
-    run = _whole_run(mine)
-    fault = run.fault()
-    if fault:
+    steps, after, landing = parts_of_run(rig, mine.controller)
+    loop = SimulatedLoop(mine)
+    recording = loop.run(steps)
+    if len(recording) == steps.ticks:
+        recording = Recording.joined([recording, loop.run(after)])
+    if fault := levitation_fault(mine, recording, steps):
         if out is None:
             raise NegativeResult(fault, code="levitation-lost")
-        keep_lost(run.recording, out)
+        keep_lost(recording, out)
         _write_model(out, rig, controller, knowledge)
         raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
     next(parts)(1, 1)
     setups, left_out = _beside(mine, controller, knowledge)
-    simulation = _compare(controller, knowledge, setups, ready.at, run.recording, parts)
+    simulation = _compare(controller, knowledge, setups, ready.at, recording, parts)
     simulation.figures["left_out"] = left_out
-    simulation.figures["lost_in"] = [*run.lost_later(), *_lost_blocks(simulation.figures)]
+    simulation.figures["lost_in"] = [
+        *lost_after_steps(rig, recording, steps.ticks, landing),
+        *_lost_blocks(simulation.figures),
+    ]
     return simulation
 
 
@@ -343,16 +355,6 @@ def compared(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
         name for name in COMPARED if name not in PROBED or rig.settings.hall_probe is not None
     ]
     return tuple(dict.fromkeys([*methods, own]))
-
-
-def _whole_run(setup: BearingSetup) -> LevitationRun:
-    """Lift off, step, load, land."""
-    steps, after, landing = parts_of_run(setup.rig, setup.controller)
-    loop = SimulatedLoop(setup)
-    parts = [loop.run(steps)]
-    if len(parts[0]) == steps.ticks:
-        parts.append(loop.run(after))
-    return LevitationRun(setup, Recording.joined(parts), steps, landing)
 
 
 def _point(at: OperatingPoint) -> dict[str, Any]:

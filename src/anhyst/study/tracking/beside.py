@@ -15,7 +15,6 @@ from anhyst.rig.bearing.loop import BearingSetup
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.protocol import Bench, Signal, Subscription
 from anhyst.rig.bench.stage import LAPS, StageBench, StageLap
-from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import ParameterName
 from anhyst.rig.fitting import IdentifiedMagnet, calibrated
 from anhyst.rig.recording import column, peak, rms
@@ -75,7 +74,7 @@ class _Kept:
 
     def put(self, setup: StageSetup, numbers: Numbers) -> None:
         """Keep what corrects a setup that is put in force."""
-        self._in_force.append((setup, {name: one for name, one in numbers.items() if one}))
+        self._in_force.append((setup, {name: value for name, value in numbers.items() if value}))
 
     def applied(self, lap: StageLap) -> Numbers | None:
         """Return what a lap was corrected by; None where that is forgotten."""
@@ -173,11 +172,12 @@ class BenchLearner:
 class StageLearner(BenchLearner):
     """Calibrates a stage from its laps; what it found acts when the body next rests."""
 
-    def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, bench: StageBench) -> None:
+    def __init__(self, magnet: IdentifiedMagnet, bench: StageBench) -> None:
+        rig = bench.rig
         super().__init__(bench, rig.settings.tracking.calibrate)
         self._rig, self._magnet, self._bench = rig, magnet, bench
         self._needed = needed(rig)[1:]  # the clock is the tick here
-        self._columns = [_place(bench.signals, one) for one in (*self._needed, "error_m", "lap")]
+        self._columns = [_index_of(bench.signals, one) for one in (*self._needed, "error_m", "lap")]
         # in rows of them
         self._commands = [1 + n for n, one in enumerate(self._needed) if one.startswith("command")]
         self._left_out = 0
@@ -190,7 +190,7 @@ class StageLearner(BenchLearner):
         """Forget all that was learnt, and put in force what the rig file says."""
         super().revert()
         self._kept, self._left_out = {}, 0
-        return [self._bench.correct(one.setup) for one in self._bench.variants][-1]
+        return [self._bench.correct(setup) for setup in self._bench.setups][-1]
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows beside the laps."""
@@ -240,7 +240,7 @@ class StageLearner(BenchLearner):
         average = max((peak(mean) for mean, _ in windows if mean.size), default=most)
         learners, on, setup = self._learners, self.on, None
         learner, kept = learners.get(lap.method), self._kept.setdefault(lap.method, _Kept())
-        own = any(lap.setup is one.setup for one in self._bench.variants)
+        own = any(lap.setup is setup for setup in self._bench.setups)
         untouched = own and (learner is None or not any(learner.applied.values()))
         applied = {} if own else kept.applied(lap)
         better = None if applied is None else kept.better(lap, applied, average)
@@ -345,7 +345,7 @@ class BearingLearner(BenchLearner):
         super().__init__(bench)
         self._setup, self._bench, self._method = setup, bench, setup.method
         self._known, self._compiled = known, compiled  # to a block for the running board
-        self._columns = {one: _place(bench.signals, one) for one in _OF_BEARING}
+        self._columns = {one: _index_of(bench.signals, one) for one in _OF_BEARING}
         self._law: BearingLaw | None = None
         self._memory = np.zeros((0, 1 + len(bench.signals)))
         self._first = self._ours = bench.read_block()
@@ -462,7 +462,7 @@ class BearingLearner(BenchLearner):
         rig, why = self._setup.rig, ""
         if rig.calibration is not None:
             why = "control.calibration: learning begins without one; leave it out"
-        elif len(rig.magnets) > 1:
+        elif len(rig.settings.placed) > 1:
             why = "both magnets of a pair share one block; calibrate from a recording"
         elif self._method != "full":
             why = f"'{self._method}' is not calibrated while it runs; choose 'full'"
@@ -482,12 +482,12 @@ def _thinned(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
 
 def _values(learner: Learner) -> dict[str, tuple[float, float, float, float]]:
     return {
-        one.name: (one.value, one.sigma, learner.applied[one.name], one.prior)
-        for one in learner.found.parameter
-        if one.name in learner.seen
+        number.name: (number.value, number.sigma, learner.applied[number.name], number.prior)
+        for number in learner.found.parameter
+        if number.name in learner.seen
     }
 
 
-def _place(signals: Sequence[Signal], header: str) -> int:
+def _index_of(signals: Sequence[Signal], header: str) -> int:
     """Return where a column of a recording is in the rows of a bench."""
-    return 1 + [column(one.name, one.unit) for one in signals].index(header)
+    return 1 + [column(signal.name, signal.unit) for signal in signals].index(header)

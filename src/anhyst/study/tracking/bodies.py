@@ -88,12 +88,12 @@ class AxesMotion(Motion):
     @cached_property
     def by_body(self) -> Mapping[ParameterName, FloatArray]:
         """What the numbers of the body push with, for each unit of them, filtered, N."""
-        file, found = self.rig.settings, {}
+        file, pushes = self.rig.settings, {}
         for name, step in _STEPS.items():
             other = believed(self.rig, {name: step}).settings
             more = self._acceleration @ (mass_matrix(other) - mass_matrix(file))
-            found[name] = self.in_newtons(weight(other) - weight(file) - more) / step
-        return found
+            pushes[name] = self.in_newtons(weight(other) - weight(file) - more) / step
+        return pushes
 
     @property
     def asked(self) -> FloatArray:
@@ -272,7 +272,7 @@ class BearingLaw(MotionLaw):
         self.rig, self.method = bearing, method
         self.names = bearing.numbers
         self._most = controller.force_max(pair_of(bearing))
-        self._totals, self._load_known = [one.total for one in bearing.magnets], load_known
+        self._load_known = load_known
 
         def fitted(width: float) -> ForceController:
             known = [calibrated(magnet, wider=width)]
@@ -308,11 +308,11 @@ class BearingLaw(MotionLaw):
         gap = motion.read["gap_read_m"] - values["gap_zero_m"]
         gap = np.interp(motion.ticks + motion.late, motion.ticks, gap)
         net = motion.by_body["bias_N"] * values["bias_N"]
-        for number, total in enumerate(self._totals, 1):
+        for number, own_gap in enumerate(self.rig.gaps_at(gap), 1):
             width = values.get("width", values.get(f"width_{number}", 0.0))
             flowed = motion.read[column("command", "A", number)]
             flowed = (1.0 + values[f"scale_{number}"]) * flowed
             compensator = self.compensator(on_grid("width", width)).fresh()
-            pulled = compensator.follow(flowed, gap if total is None else total - gap)
+            pulled = compensator.follow(flowed, own_gap)
             net = net + (-1.0) ** (number - 1) * motion.filtered(pulled, motion.late)
         return net

@@ -362,7 +362,7 @@ def calibrate(
                 key="methods",
             )
     chosen = methods or possible
-    found = Calibration(
+    calibration = Calibration(
         CalibrationFile(
             format="anhyst-calibration",
             version=1,
@@ -371,6 +371,6 @@ def calibrate(
             method=[fit(laws(name), motions) for name in chosen],
         )
     )
-    if out is not None and found.learnt:
-        found.save(out)
-    return found
+    if out is not None and calibration.learnt:
+        calibration.save(out)
+    return calibration

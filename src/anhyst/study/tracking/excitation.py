@@ -60,7 +60,7 @@ Legs = Mapping[str, SetPoint]
 
 def legs_of(rig: BodyRig) -> dict[str, list[SetPoint]]:
     """Return what each coordinate may follow: within the set-point's snap, jerk, speed and way."""
-    file, found = rig.settings, dict[str, list[SetPoint]]()
+    file, legs = rig.settings, dict[str, list[SetPoint]]()
     scan, layout = file.scan, wrench_layout(file, usual_allocation(file), rig.idle)
     lines = zip(file.body.free, scan_direction(file), mass_matrix(file), strict=True)
     for axis, along, mass in lines:
@@ -75,10 +75,10 @@ def legs_of(rig: BodyRig) -> dict[str, list[SetPoint]]:
         turns += turns[: 1 - len(turns) % 2]
         phases, rest = (scan.jerk_phase_s, scan.snap_phase_s), turns[0]
         speeds = np.geomspace(max(turns) * phases[0], share * scan.speed_m_per_s, 3).tolist()
-        found[axis] = [
+        legs[axis] = [
             SetPoint((*turns, *turns, rest), speed, 0.0, *phases, rests=True) for speed in speeds
         ]
-    return found
+    return legs
 
 
 def fly(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:

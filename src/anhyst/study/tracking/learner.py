@@ -126,9 +126,9 @@ class Learner:
         new = np.insert(fresh, -1, heavy / self._trust, axis=1)
         whole = np.vstack([known[:, :-1] * held, new[:, :-1] * held, np.eye(held.size)])
         right = np.concatenate([known[:, -1], new[:, -1], np.zeros(held.size)])
-        found = held * np.linalg.lstsq(whole, right)[0]
-        missed = self._trust * rms(new[:, -1] - new[:, :-1] @ found)
-        heavier = float(found[[name == "payload" for name in self._names] + [True]].sum())
+        solution = held * np.linalg.lstsq(whole, right)[0]
+        missed = self._trust * rms(new[:, -1] - new[:, :-1] @ solution)
+        heavier = float(solution[[name == "payload" for name in self._names] + [True]].sum())
         explained = self._explains(missed, motion.force)
         mass = self.law.rig.settings.body.mass_kg * (1.0 + heavier)
         self.mass_kg = mass if explained and abs(heavier) > LIGHT else None
@@ -272,8 +272,8 @@ class Learner:
         known = self._prior(names)
         whole = np.vstack([held * rows[:, self._columns(names)], known])
         right = np.concatenate([rows[:, -1], np.zeros(len(known))])
-        found = np.clip(held * np.linalg.lstsq(whole, right)[0], -far, far).tolist()
-        solved = zip(names, found, strict=True)
+        solution = np.clip(held * np.linalg.lstsq(whole, right)[0], -far, far).tolist()
+        solved = zip(names, solution, strict=True)
         return dict.fromkeys(self.law.names, 0.0) | {
             name: on_grid(name, one) for name, one in solved
         }
@@ -313,15 +313,15 @@ class Learner:
         narrow = dict.fromkeys(widths, 0.0)
         flat = force(narrow)
         slopes = np.zeros((flat.size, len(self._names)))
-        for place, name in enumerate(self._names):
+        for index, name in enumerate(self._names):
             if name in motion.by_body:
-                slopes[:, place] = motion.by_body[name][motion.compared]
+                slopes[:, index] = motion.by_body[name][motion.compared]
                 continue
             if not self.law.shows(motion, name):
                 continue
             step = STEPS[kind_of(name)]
             moved = {name: step if name in widths else values[name] + step}
-            slopes[:, place] = (force({**narrow, **moved}) - flat) / step
+            slopes[:, index] = (force({**narrow, **moved}) - flat) / step
         if exact:
             return slopes, force({})
         wider = slopes[:, self._columns(widths)] @ [values[name] for name in widths]

@@ -146,11 +146,11 @@ class Losses:
         file, whole, case = self._rig.settings, self._whole(), self.case
         placed = [one.name for one in file.placed]
         calm = self._flown(whole, {})
-        found = [self._lose(placed.index(name), whole, calm) for name in case.magnets or placed]
+        losses = [self._lose(placed.index(name), whole, calm) for name in case.magnets or placed]
         count = len(file.position_sensors)
         heads = [(number, way) for way in case.heads or [] for number in range(count)]
-        found += [self._lose_head(number, way, whole) for number, way in heads]
-        return [*found, self._lifted(whole)] if case.lift else found
+        losses += [self._lose_head(number, way, whole) for number, way in heads]
+        return [*losses, self._lifted(whole)] if case.lift else losses
 
     @property
     def _rig(self) -> BodyRig:
@@ -161,15 +161,15 @@ class Losses:
         density = np.abs(calm[column("flux_density", "T", magnet + 1)])
         at = since + int(np.argmax(density[since:]))
         word = 1 << magnet + FAILS | (SHORT if self.case.circuit == "short" else 0)
-        found = self._failed(file.placed[magnet].name, at, word, magnet, whole)
-        then = calm[column("current", "A", magnet + 1)][round(found.at_s / self._rig.dt)]
-        return replace(found, current_A=float(then), spare=bool(spare(file) >> magnet & 1))
+        loss = self._failed(file.placed[magnet].name, at, word, magnet, whole)
+        then = calm[column("current", "A", magnet + 1)][round(loss.at_s / self._rig.dt)]
+        return replace(loss, current_A=float(then), spare=bool(spare(file) >> magnet & 1))
 
     def _lose_head(self, number: int, way: str, whole: _Plan) -> LostMagnet:
         at = int(np.argmax(np.abs(whole.acceleration)))
         word = 1 << number + FAILS | HEAD_FAULTS[way]
-        found = self._failed(f"head {number + 1} {way}", at, word, -1, whole)
-        return replace(found, spare=bool(without(self._rig.settings)[number].any()))
+        loss = self._failed(f"head {number + 1} {way}", at, word, -1, whole)
+        return replace(loss, spare=bool(without(self._rig.settings)[number].any()))
 
     def _failed(self, name: str, at: int, word: int, magnet: int, whole: _Plan) -> LostMagnet:
         """Return what becomes of a body for which something fails at a tick, or when the case says."""
@@ -179,9 +179,9 @@ class Losses:
         fails = {at: word}
         run = self._flown(whole, fails)
         plan, outcome, now = whole, "unnoticed", at
-        found = np.flatnonzero((run["state"] >= _LOST) | (_state(run) == State.FAULT))
-        if found.size:
-            now, outcome = int(found[0]), "flies on"
+        noticed = np.flatnonzero((run["state"] >= _LOST) | (_state(run) == State.FAULT))
+        if noticed.size:
+            now, outcome = int(noticed[0]), "flies on"
             if _state(run)[-1] == State.FAULT or not self._makes(magnet, whole.forward[now:]):
                 plan, outcome = self._braked(magnet, whole, now), "brakes"
                 run = self._flown(plan, fails)
@@ -200,7 +200,7 @@ class Losses:
             at_s=at * dt,
             current_A=None,
             spare=False,
-            noticed_s=(now - at) * dt if found.size else None,
+            noticed_s=(now - at) * dt if noticed.size else None,
             outcome=outcome,
             error={name: peak(run[name][at:]) for name in names},
             error_end={name: peak(run[name][-round(END_S / dt) :]) for name in names},
@@ -266,7 +266,7 @@ class Losses:
         course = braking(v, 0.0, replace(motion, peaks=(most,)), rig.dt, rig.late)
         gains = np.array([self.gains.acceleration, self.gains.jerk, self.gains.snap])
         still = np.zeros(round(HELD_S / rig.dt))
-        place, slows = eased[-1] + course.place, a * (1.0 - time[:-1] / lasts)
+        place, slows = eased[-1] + course.position, a * (1.0 - time[:-1] / lasts)
         fed = mass * (np.vstack([easing, course.ahead[:, :3]]) @ gains)
         return _Plan(
             np.concatenate([whole.place[:now], eased[:-1], place, place[-1] + still]),

@@ -206,9 +206,9 @@ class MotionLaw:
         del motion, name
         return True
 
-    def stage(self, found: CalibratedMethod, drift: Drift = NO_DRIFT) -> StageSetup:
+    def stage(self, learnt: CalibratedMethod, drift: Drift = NO_DRIFT) -> StageSetup:
         """Return the stage whose controller is corrected by what was found; its plant may drift."""
-        return corrected(self.rig, self.compensator, found, drift)
+        return corrected(self.rig, self.compensator, learnt, drift)
 
     def net(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
         """Return the net force along a path by the law with some numbers, filtered, N."""
@@ -242,10 +242,10 @@ class MotionLaw:
 
     def pull(self, flux: FloatArray, gap: FloatArray) -> FloatArray:
         """Go back the way of the method's calibration: the force goes with the flux density squared."""
-        found = self.compensator(0.0).parameters
-        assert isinstance(found, FluxFeedback | FusedInverse)
-        of_root = found.loop.wanted[:, -1] / math.sqrt(found.scales.demand)
-        gaps = np.linspace(found.scales.gap_low, found.scales.gap_high, of_root.size)
+        parameters = self.compensator(0.0).parameters
+        assert isinstance(parameters, FluxFeedback | FusedInverse)
+        of_root = parameters.loop.wanted[:, -1] / math.sqrt(parameters.scales.demand)
+        gaps = np.linspace(parameters.scales.gap_low, parameters.scales.gap_high, of_root.size)
         return np.asarray((flux / np.interp(gap, gaps, of_root)) ** 2)
 
     @cached_property

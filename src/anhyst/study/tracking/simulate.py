@@ -126,9 +126,9 @@ _LOST = 1.0
 """Cost of a run in which the loop was lost, m."""
 
 
-def gains_at(place: FloatArray) -> Feedforward:
-    """Return the gains at a place of the search; 0 is the mass of the file alone."""
-    acceleration, jerk, snap = (_UNITS * place).tolist()
+def gains_at(point: FloatArray) -> Feedforward:
+    """Return the gains at a point of the search; 0 is the mass of the file alone."""
+    acceleration, jerk, snap = (_UNITS * point).tolist()
     return Feedforward(1.0 + acceleration, jerk, snap)
 
 
@@ -140,19 +140,19 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
     """
     table = setup.rig.settings.scan
 
-    def cost(place: FloatArray) -> float:
-        run = track(setup, motion, gains_at(place), seed=0)
-        found = measure(run, motion, table.slit_s)
-        return min(found.rms_m + table.average_weight * found.average_m, _LOST)
+    def cost(point: FloatArray) -> float:
+        run = track(setup, motion, gains_at(point), seed=0)
+        measures = measure(run, motion, table.slit_s)
+        return min(measures.rms_m + table.average_weight * measures.average_m, _LOST)
 
     simplex = np.vstack([np.zeros(3), np.eye(3)])
-    found = minimize(
+    search = minimize(
         cost,
         simplex[0],
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "maxfev": RUNS, "maxiter": RUNS},
     )
-    return gains_at(np.asarray(found.x))
+    return gains_at(np.asarray(search.x))
 
 
 OWN: MethodName = "full"

@@ -245,7 +245,7 @@ def make_screen(
         soft = share + firmness * (1.0 - share)
         loops += [own, replace(own, point=replace(own.point, k_i=soft * own.point.k_i))]
         reserve = min(limits.force_high_N - rig.load, rig.load - limits.force_low_N)
-        if len(rig.magnets) > 1:
+        if len(rig.settings.placed) > 1:
             reserve = limits.force_high_N - abs(rig.load)
         reserves += [max(reserve, 1e-3 * limits.force_high_N) / largest] * 2
     return Screen(loops, reserves, HORIZON_S)
