@@ -162,9 +162,8 @@ class StageBench(Bench):
         self._rng = np.random.default_rng([rig.settings.seed, seed])
         self._state, self._fault, self._laps, self._lap = State.READY, Fault.NONE, 0, 0
         self._offset, self._load, self._side = 0.0, 0.0, 1.0
-        self._flights = np.zeros(
-            0
-        )  # what a controller of several coordinates did at the last ticks
+        # what a controller of several coordinates did at the last ticks
+        self._flights = np.zeros(0)
         self._move(1.0)
         self._renew()
 
