@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -9,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import pytest
 
-from anhyst.rig.bench.pace import BEHIND_S, PacedBench
+from anhyst.rig.bench.pace import BEHIND_S, PacedBench, going_first
 from anhyst.rig.bench.protocol import Aim, Bench, Parameter, Signal, Subscription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -257,3 +259,15 @@ def test_many_may_ask_at_once(paced: Callable[..., PacedBench]) -> None:
     for thread in threads:
         thread.join()
     assert len(seen) == 200
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the scheduler is asked on Linux alone")
+def test_a_thread_goes_first_for_a_while_and_then_as_before() -> None:
+    def schedule() -> tuple[int, int]:
+        return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
+
+    before = schedule()
+    with going_first(3) as allowed:
+        within = schedule()
+    assert schedule() == before
+    assert within == ((os.SCHED_RR | os.SCHED_RESET_ON_FORK, 3) if allowed else before)
