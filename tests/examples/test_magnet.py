@@ -6,7 +6,6 @@ import importlib.util
 import itertools
 import sys
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -118,7 +117,7 @@ def test_slope_after_a_reversal_is_that_of_the_stated_reversible_fraction(
     dh_db = (magnet.circuit.turns / db_di - outside) / magnet.length
     susceptibility = 1 / (MU_0 * dh_db) - 1
     near = magnet.field + np.array([-0.01, 0.01])
-    curve = CellIron(replace(magnet.steel, reversible_fraction=1.0))
+    curve = CellIron(magnet.steel.model_copy(update={"reversible_fraction": 1.0}))
     anhysteretic = float(np.diff([curve.flux_density(h)[0] for h in near])[0]) / 0.02 / MU_0 - 1
     fraction = settings["iron"]["reversible_fraction"]
     assert susceptibility / anhysteretic == pytest.approx(fraction, rel=1e-3)

@@ -99,9 +99,11 @@ class HysteresisInverse:
         block = self.block
         if isinstance(block, Block):
             return _core.FixedForceController.compensator(block.kind, block.words)
+        # not those that the block keeps: a compensator goes to other processes
+        parts = block.kind, block.numbers, block.gaps, block.tables
         if number_format == "f32":
-            return _core.ForceControllerF32.compensator(block.single)
-        return _core.ForceController.compensator(block.double)
+            return _core.ForceControllerF32.compensator(_core.ParametersF32(*parts))
+        return _core.ForceController.compensator(_core.Parameters(*parts))
 
 
 def full_at_rest(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:

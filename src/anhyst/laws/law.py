@@ -1,20 +1,11 @@
-"""What the rest of anhyst knows of a hysteresis law: its parameters, and how to run and to fit it.
-
-A law written in Python gives one step, and :class:`SampledIron` the whole records around it.
-"""
+"""What the rest of anhyst knows of a hysteresis law: its parameters, and how to run and to fit it."""
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
-
-import numpy as np
-
-from anhyst.support.numeric import FloatArray
-from anhyst.support.units import MU_0
 
 if TYPE_CHECKING:
     from anhyst._core import Operator
@@ -168,102 +159,3 @@ class Law:
     def with_role(self, role: Role) -> tuple[ParameterSpec, ...]:
         """Return the parameters that play a role."""
         return tuple(spec for spec in self.parameters if spec.role == role)
-
-
-# What surrounds a sampled iron is one equation, ``drive = H + (rho + e)*B/mu0 - e*B_before/mu0`` with
-# ``B = mu0*(H + M)`` and ``e = mu0*gamma/dt``. As the magnetisation never falls while the field
-# rises, the root lies no farther from the start than the equation is off there.
-_OK, _NOT_SETTLED = 0, -6
-_ROUNDING = 1e-12
-
-State = tuple[float, ...]
-
-
-class SampledIron(ABC):
-    """A law that answers sample by sample; an `anhyst.laws.law.IronOperator`."""
-
-    @abstractmethod
-    def step(self, state: State, field: float) -> tuple[float, State]:
-        """Return magnetisation (A/m) and state after the field (A/m) moved straight to a value.
-
-        The magnetisation must not fall as the field rises.
-        """
-
-    @abstractmethod
-    def field_of(self, state: State) -> float:
-        """Return the field of a state, A/m."""
-
-    def forward(
-        self, drive: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
-        """Follow a drive; see `anhyst.laws.law.IronOperator`."""
-        flux_density, field, end = self._follow(drive, rho, eddy, state, inverse=False)
-        return flux_density, field, end, _OK, drive.size
-
-    def inverse(
-        self, flux_density: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
-        """Follow a flux density; see `anhyst.laws.law.IronOperator`."""
-        drive, field, end = self._follow(flux_density, rho, eddy, state, inverse=True)
-        return drive, field, end, _OK, drive.size
-
-    def settle(
-        self,
-        inputs: FloatArray,
-        rho: FloatArray,
-        eddy: FloatArray,
-        state: FloatArray,
-        inverse: bool = False,
-        max_cycles: int = 10000,
-        tol: float = 1e-12,
-    ) -> tuple[FloatArray, int, int]:
-        """Repeat a cycle till its state returns, to a part of its size."""
-        for cycle in range(1, max_cycles + 1):
-            before = state
-            *_, state = self._follow(inputs, rho, eddy, state, inverse=inverse)
-            if np.all(np.abs(state - before) <= tol * np.maximum(1.0, np.abs(state))):
-                return state, cycle, _OK
-        return state, max_cycles, _NOT_SETTLED
-
-    def _follow(
-        self,
-        inputs: FloatArray,
-        rho: FloatArray,
-        eddy: FloatArray,
-        state: FloatArray,
-        *,
-        inverse: bool,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        outputs, fields = np.empty(inputs.size), np.empty(inputs.size)
-        now: State = tuple(state.tolist())
-        before = self._flux(now, self.field_of(now))
-        rows = zip(inputs.tolist(), rho.tolist(), (eddy * MU_0).tolist(), strict=True)
-        for index, (value, gap, rate) in enumerate(rows):
-            weight, start = gap + rate, now
-            if inverse:
-                field = self._root(start, 0.0, 1.0, value / MU_0)
-            else:
-                field = self._root(start, 1.0, weight, value + rate * before)
-            _, now = self.step(start, field)
-            flux = self._flux(start, field)
-            outputs[index] = field + weight * flux - rate * before if inverse else MU_0 * flux
-            fields[index], before = field, flux
-        return outputs, fields, np.array(now)
-
-    def _flux(self, state: State, field: float) -> float:
-        """Return ``B/mu0`` at a field, from a state."""
-        return field + self.step(state, field)[0]
-
-    def _root(self, state: State, of_field: float, of_flux: float, total: float) -> float:
-        """Return the field that with its ``B/mu0`` adds up to what is wanted; the sum rises at least as it."""
-        from scipy.optimize import brentq  # slow to load, and no law of the core needs it
-
-        def missing(field: float) -> float:
-            return of_field * field + of_flux * self._flux(state, field) - total
-
-        start = self.field_of(state)
-        mismatch = missing(start)
-        if mismatch == 0.0:
-            return start
-        beyond = start - mismatch - np.copysign(_ROUNDING * (abs(start) + abs(total)), mismatch)
-        return float(brentq(missing, start, beyond, xtol=1e-12, rtol=1e-14))
