@@ -247,8 +247,11 @@ def test_committing_what_was_solved_gives_the_demand(
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_a_fresh_drive_and_one_in_another_process_remember_nothing(variant: MethodName) -> None:
-    drive = fitted(variant, "fixed")
+@pytest.mark.parametrize("number_format", FORMATS)
+def test_a_fresh_drive_and_one_in_another_process_remember_nothing(
+    variant: MethodName, number_format: NumberFormat
+) -> None:
+    drive = fitted(variant, number_format)
     first = drive.solve(60.0, POINT.gap, 0.5)
     for force in (20.0, 80.0, 60.0):
         drive.commit(drive.solve(force, POINT.gap, 0.5), POINT.gap)
