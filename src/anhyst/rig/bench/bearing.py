@@ -173,8 +173,8 @@ class _Unplugged:
 class BearingBench(LockStepBench[BusController]):
     """A bearing and the firmware that levitates it, in lock-step.
 
-    The firmware runs in this process, or on one of :data:`anhyst.link.virtual_boards.VIRTUAL_BOARDS` behind
-    a tap; its heartbeat counts ticks.
+    The firmware runs in this process, or behind a tap on one of
+    :data:`anhyst.link.virtual_boards.VIRTUAL_BOARDS`; its heartbeat counts ticks.
     """
 
     signals = (*_OF_PLANT.values(), *_OF_FIRMWARE)

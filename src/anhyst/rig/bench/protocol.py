@@ -241,7 +241,7 @@ _OF_STAGE = {Command.LIFT: State.IDLE, Command.LAND: State.READY}
 
 
 class Standing(NamedTuple):
-    """What a controller says of itself at a tick; levitates: it is one of position."""
+    """State of a controller at a tick; ``levitates``: it is a position controller."""
 
     state: State
     conditioning: bool
@@ -257,7 +257,7 @@ class Standing(NamedTuple):
 
 
 def standing(values: Mapping[str, float]) -> Standing:
-    """Return how a controller stands at a tick, by its signals; only one of position has a phase.
+    """Return the state of a controller at a tick, from its signals; only position has a phase.
 
     One without flags, as of a stage, is held by its magnets while it stands.
     """
@@ -293,12 +293,14 @@ def next_step(commands: Sequence[Command], now: Standing) -> str:
     if now.state is State.RUN:
         return ""
     if Command.RUN in commands and now.state is not State.IDLE:
-        commands = [one for one in commands if one is not Command.LIFT]  # it is up, or cleared so
-    way = [found for step in _WAY if (found := [one for one in step if one in commands])]
-    begins = [n for n, step in enumerate(way) if any(_may(one, now) for one in step)]
+        # It is up, or cleared so.
+        commands = [command for command in commands if command is not Command.LIFT]
+    known = [[command for command in step if command in commands] for step in _WAY]
+    path = [step for step in known if step]
+    begins = [n for n, step in enumerate(path) if any(_may(command, now) for command in step)]
     begin = begins[-1] if begins else 1 + now.conditioning
-    steps = ", then ".join(_words(step) for step in way[begin:])
-    why = refusal(way[begin][0], now) if begins else f"after {now.name}"
+    steps = ", then ".join(_words(step) for step in path[begin:])
+    why = refusal(path[begin][0], now) if begins else f"after {now.name}"
     return f"{why}: press {steps}" if why else f"press {steps}"
 
 
@@ -317,4 +319,4 @@ def _states_for(command: Command, levitates: bool) -> list[str]:
         return [_OF_STAGE[command].name.lower()]
     still = [Standing(state, False, True, levitates, True, True) for state in State]
     still.append(Standing(State.IDLE, True, True, levitates, True, True))
-    return [one.name for one in still if not obstacle(command, **one._asdict())]
+    return [stand.name for stand in still if not obstacle(command, **stand._asdict())]

@@ -295,11 +295,8 @@ class StageBench(Bench):
         if course is None:
             place, accelerations, ahead = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
         else:
-            place, accelerations = (
-                course.position[at : at + n + 1],
-                course.acceleration[at : at + n],
-            )
-            ahead = course.ahead[at : at + n]
+            place = course.position[at : at + n + 1]
+            accelerations, ahead = course.acceleration[at : at + n], course.ahead[at : at + n]
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
         mass = setup.believed.settings.body.mass_kg
         moved = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
@@ -347,11 +344,8 @@ class StageBench(Bench):
         scenario = scenario_along(rig, place, stray, fed + self._carried, self._offset)
         scenario.command[0], self._order = self._order, Command.NONE
         if not rig.settings.several:
-            load, noise = (
-                self._load - self._cable * place[:-1],
-                read_noise(rig, len(fed), self._rng),
-            )
-            scenario = replace(scenario, load=load, inject=noise)
+            load = self._load - self._cable * place[:-1]
+            scenario = replace(scenario, load=load, inject=read_noise(rig, len(fed), self._rng))
         run = self._loop.run(scenario)
         held = self._state is not State.IDLE and not self._between  # else it may lie on a stop
         loss = stage_loss(rig, run, len(fed)) if held else None
