@@ -26,7 +26,6 @@ from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.measuring import measure_loops
-from anhyst.rig.plant import make_magnet
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import BASELINES, STANDSTILLS, Benefit, benefit
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
@@ -167,7 +166,7 @@ def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]
         gap[rise.size :] += holding.GAP_NOISE * span * random.standard_normal(ticks)
         current = twin_of(plan.block, "q31").run(demand, gap)
         forces = (
-            Coil(make_magnet(rig)).run(current, gap)[rise.size :, 0],
+            Coil(rig.magnet).run(current, gap)[rise.size :, 0],
             plan.model.predict(current, gap, history="demagnetised").output[rise.size :],
         )
         second = round(RATE)

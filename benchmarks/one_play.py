@@ -21,7 +21,6 @@ from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst.rig.body import read_bearing
 from anhyst.rig.fitting import identify_magnet
-from anhyst.rig.plant import static_map
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 
@@ -43,7 +42,7 @@ def magnets() -> Iterator[tuple[str, Loops, Answer]]:
     rig = read_bearing(BEARING / "rig.toml")
 
     def bundled(current: FloatArray, gap: float) -> FloatArray:
-        return static_map(rig, current, np.full(current.size, gap))[0]
+        return rig.static_map(current, np.full(current.size, gap))[0]
 
     yield "bearing", read_loops(BEARING / "loops.csv"), bundled
     with tempfile.TemporaryDirectory() as folder:

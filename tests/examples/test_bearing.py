@@ -17,7 +17,6 @@ from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.drift import with_iron
 from anhyst.rig.measuring import measure_loops
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.rig.plant import static_map
 from anhyst.support.numeric import FloatArray
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "bearing"
@@ -65,7 +64,7 @@ def both_ways(rig: BodyRig, gap: float) -> tuple[FloatArray, FloatArray, FloatAr
     """Current, force rising and falling, and the largest flux density, after conditioning."""
     current = np.linspace(0.0, HIGH, 401)
     path = np.concatenate([PAST, current[1:], current[::-1][1:]])
-    force, _, density = static_map(rig, path, np.full(path.size, gap))
+    force, _, density = rig.static_map(path, np.full(path.size, gap))
     turn = len(PAST) + 399
     return current, force[len(PAST) - 1 : turn + 1], force[turn:][::-1], float(density[turn])
 
@@ -105,7 +104,7 @@ def test_the_table_of_reversible_fractions(rig: BodyRig) -> None:
 
         def force(*currents: float, rig: BodyRig = changed) -> float:
             path = np.array([*PAST, *currents])
-            return float(static_map(rig, path, np.full(path.size, gap))[0][-1])
+            return float(rig.static_map(path, np.full(path.size, gap))[0][-1])
 
         load = brentq(lambda current: force(current) - rig.load, 1.0, HIGH)
         going_on = (force(load + 1e-3) - force(load)) / 1e-3
@@ -128,7 +127,7 @@ def test_the_numbers_in_the_text(rig: BodyRig) -> None:
     assert (round(thresholds[1]), round(thresholds[-1])) == (low, high)
     gap = settings.gap_m
     path = np.array([*PAST, 2.85, 2.852])
-    linkage = static_map(rig, path, np.full(path.size, gap))[1]
+    linkage = rig.static_map(path, np.full(path.size, gap))[1]
     inductance = (linkage[-1] - linkage[-2]) / 2e-3
     reported = re.search(r"\((\d+) mH\) changes the current by (\d+) A/s", README)
     assert reported

@@ -16,7 +16,6 @@ from anhyst.rig.bearing.loop import BearingSetup, lost_at, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import changed
 from anhyst.rig.loop import Scenario, SimulatedLoop
-from anhyst.rig.plant import flux_table
 from anhyst.rig.recording import HOVER, READY, Recording
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.study.bearing.operating import find_operating_point
@@ -166,7 +165,7 @@ def test_a_rendered_load_pushes_back() -> None:
 def law(tmp_path: Path) -> BodyRig:
     """A magnet whose force the model identified from the example makes."""
     write_model(bearings.knowledge().model, tmp_path / "model.toml")
-    table = flux_table(bearings.example())
+    table = bearings.example().flux
     current, gap = np.meshgrid(table.current, table.gap)
     columns = {"I_A": current.ravel(), "gap_m": gap.ravel(), "psi_Wb": table.psi.ravel()}
     write_csv(tmp_path / "flux.csv", columns)

@@ -23,7 +23,7 @@ from anhyst.model.actuator import Model
 from anhyst.rig.bearing.loop import check_controller, make_setups
 from anhyst.rig.body import check_load, check_rate, read_bearing, step_ends
 from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.plant import check_flux_range, read_flux_table
+from anhyst.rig.parts.magnet import check_flux_range, read_flux_table
 from anhyst.support.errors import InputError
 from tests.refusals import refused
 from tests.study import bearings

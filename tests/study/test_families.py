@@ -23,7 +23,6 @@ from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet, identify_rippling
 from anhyst.rig.measuring import measure_loops
-from anhyst.rig.plant import make_magnet
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import benefit
 from anhyst.study.bearing.responses import compare
@@ -142,7 +141,7 @@ def test_noise_of_demand_and_gap_does_not_move_a_force_held_for_a_minute(name: s
     gap = scales.gap_low + span * (0.5 + holding.GAP_NOISE * gap)
     demand *= float(reach.demand(np.ones(1), np.array([scales.gap_high]))[0])
     current = twin_of(plan.block, "q31").run(demand, gap)
-    force = Coil(make_magnet(rig_of(name))).run(current, gap)[rise.size :, 0]
+    force = Coil(rig_of(name).magnet).run(current, gap)[rise.size :, 0]
     second = round(RATE)
     assert abs(force[-second:].mean() - force[:second].mean()) < 2e-4 * plan.largest
 

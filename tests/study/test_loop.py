@@ -14,7 +14,6 @@ from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.loop import DROP, Scenario
 from anhyst.rig.plant import (
     current_loops,
-    make_magnet,
     make_plant,
     noise_seed,
     plant_numbers,
@@ -134,7 +133,7 @@ def test_a_third_magnet_without_current_changes_no_bit_and_has_its_own_columns()
         [*numbers.actuators, idle],
         numbers.heads,
         numbers.load,
-        [make_magnet(rig)] * 3,
+        [rig.magnet] * 3,
         noise_seed(rig, 0),
     )
     loop = PlantLoop(plant, setup.make_controller(), [*current_loops(rig), current_loops(rig)[0]])

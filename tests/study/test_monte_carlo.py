@@ -20,7 +20,6 @@ from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.drift import CUT, Drift, draw_drift, drifted_law, drifted_plant
 from anhyst.rig.loop import SimulatedLoop
-from anhyst.rig.plant import static_map
 from anhyst.rig.tables import SpreadTable
 from anhyst.study.bearing.operating import make_ready
 from anhyst.study.bearing.responses import StepRun, run_steps
@@ -304,7 +303,7 @@ def width_and_top(rig: BodyRig) -> tuple[float, float]:
     """Loop width at half force, and the largest force."""
     current = np.linspace(0.0, 4.5, 500)
     path = np.concatenate([current, current[::-1]])
-    force = static_map(rig, path, np.full(path.size, 0.45e-3))[0]
+    force = rig.static_map(path, np.full(path.size, 0.45e-3))[0]
     half = 0.5 * force[499]
     up = np.interp(half, force[:500], current)
     down = np.interp(half, force[500:][::-1], current)

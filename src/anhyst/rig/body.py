@@ -7,7 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from anhyst._core import Coil, Magnet
+from anhyst.model.actuator import Model, read_model
 from anhyst.rig.calibration import (
     CENTRE,
     OF_ONE,
@@ -19,8 +24,17 @@ from anhyst.rig.calibration import (
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
+from anhyst.rig.magnet_table import LAW
 from anhyst.rig.measurement_table import Measured
 from anhyst.rig.old_files import rig_error
+from anhyst.rig.parts.magnet import (
+    FluxTable,
+    check_flux_range,
+    flux_table_of,
+    iron_magnet,
+    law_magnet,
+    read_flux_table,
+)
 from anhyst.rig.tables import TrackingTable
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -39,6 +53,8 @@ TICKS_PER_PERIOD = 10.0
 """More than so many ticks make a period of a trajectory."""
 MOST_DELAY = 128
 """Sub-steps between sample and output, or by which a sensor may be late."""
+ROWS = 129
+"""Places over the gap at which a law's gap map is looked at."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +65,10 @@ class BodyRig:
     settings: RigFile  # what it says
     # magnet that was fitted to the loops; `settings` holds its numbers then
     fitted: FittedPlant | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is made of the files when it is first asked for: no other process takes it."""
+        return {name: self.__dict__[name] for name in self.__dataclass_fields__}
 
     @property
     def gap(self) -> float:
@@ -134,6 +154,64 @@ class BodyRig:
         """Flux table of such a magnet, if it has one."""
         table = self.settings.magnet.flux_table
         return None if table is None else self.path.parent / table
+
+    @cached_property
+    def law(self) -> Model | None:
+        """The identified law that makes its force; None where an iron does."""
+        if self.model is None:
+            return None
+        law = read_model(self.model)
+        if law.layers is not None:
+            raise InputError(
+                f"{self.model}: a virtual magnet of a law has no layers; take out its [layers]",
+                code="layers-not-in-plant",
+                key="model",
+            )
+        if law.fixed_gap_only or not law.needs_schedule or law.power != 2:
+            raise InputError(
+                f"{self.model}: a bearing needs a model of force over current whose gap may move; "
+                "identify one from loops at several gaps",
+                code="not-current-to-force",
+            )
+        return law
+
+    @cached_property
+    def flux(self) -> FluxTable:
+        """Flux linkage of the winding of such a magnet, as measured or made from poles and iron."""
+        file, body = self.settings, self.settings.body
+        high = file.amplifier.current_high_A
+        if self.flux_table is None:
+            ends = (0.8 * body.stop_low_m, 1.2 * body.stop_high_m)
+            return flux_table_of(file.magnet.poles, file.steel, 1.5 * high, ends)
+        table = read_flux_table(self.flux_table)
+        check_flux_range(self.flux_table, table, body.stop_low_m, body.stop_high_m, high)
+        return table
+
+    @cached_property
+    def magnet(self) -> Magnet:
+        """The magnet that plants step: of an iron in its circuit, or of an identified law."""
+        file, table = self.settings, self.settings.magnet
+        if table.kind == LAW:
+            assert self.law is not None
+            return self.magnet_of(self.law)
+        return iron_magnet(table.poles, file.steel, table.eddy_time_s, file.gap_m, table.solid_iron)
+
+    def magnet_of(self, law: Model) -> Magnet:
+        """Return its magnet with this law instead of its own."""
+        gaps, middle = self.flux.gap, self.settings.gap_m
+        at = np.linspace(float(gaps[0]), float(gaps[-1]), ROWS)
+        names = ("c_H", "rho", "c_out", "out_0", "in_0")
+        rows = np.column_stack([law.over_schedule(name, at) for name in names])
+        eddy = float(law.over_schedule("gamma", np.array([middle]))[0])
+        return law_magnet(self.settings.magnet.poles, law.iron_at(middle), rows, eddy, self.flux)
+
+    def static_map(
+        self, current: FloatArray, gap: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return force, flux linkage and flux density of a path so slow that nothing is induced."""
+        path = np.ascontiguousarray(current), np.ascontiguousarray(gap)
+        force, linkage, density = Coil(self.magnet).run(*path).T.copy()
+        return force, linkage, density
 
     @property
     def load(self) -> float:

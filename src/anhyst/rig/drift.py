@@ -12,14 +12,14 @@ from anhyst._core import Magnet, Plant
 from anhyst.compensate.block import cell_weights
 from anhyst.laws import law_of
 from anhyst.laws.law import Role
-from anhyst.model.actuator import Model, read_model
+from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import AnyRig
 from anhyst.rig.parts.iron import NamedCells
 from anhyst.rig.parts.magnet import iron_magnet
-from anhyst.rig.plant import make_magnet, make_plant, plant_numbers
+from anhyst.rig.plant import make_plant, plant_numbers
 from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
@@ -165,8 +165,8 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     other = replace(rig, settings=drifted_file(rig.settings, drift))
     settings = other.settings
     if settings.kind is FileKind.BEARING:
-        law = None if rig.model is None else drifted_law(read_model(rig.model), drift)
-        return make_plant(other, seed, make_magnet(other, law))
+        magnet = other.magnet if rig.law is None else other.magnet_of(drifted_law(rig.law, drift))
+        return make_plant(other, seed, magnet)
     if not drift.magnets:
         pair = [replace(drift, first_scale=one) for one in (drift.first_scale, drift.second_scale)]
         each = [NO_DRIFT] if settings.several else pair

@@ -23,7 +23,6 @@ from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck, along, distance, follower, model_distance
 from anhyst.rig.drift import Drift, drifted_law
 from anhyst.rig.measurement_table import identify_loops, misclosures
-from anhyst.rig.plant import law_of, make_magnet, static_map
 from anhyst.support.errors import CreepWarning
 from anhyst.support.kinds import PROBED, MethodName, NumberFormat
 
@@ -154,7 +153,7 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
     gaps = np.asarray(rig.settings.measurement.gaps_m)
     forces, densities = [], []
     for gap in gaps:
-        force, _, density = static_map(rig, current, np.full(current.size, gap))
+        force, _, density = rig.static_map(current, np.full(current.size, gap))
         forces.append(force)
         densities.append((1.0 + hall.gain_error) * density)
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
@@ -171,12 +170,12 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
 
 def check_plant(rig: BodyRig, knowledge: IdentifiedMagnet) -> PlantCheck:
     """Hold the plant of a rig, and what its controller knows, against the loops, of the slow ones."""
-    magnet, fitted, loops = make_magnet(rig), rig.fitted, slow_loops(knowledge.loops)
+    fitted, loops = rig.fitted, slow_loops(knowledge.loops)
     zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
     return PlantCheck(
-        plant=distance(loops, lambda loop: along(follower(magnet), loop, zeros[0]) + zeros[1]),
+        plant=distance(loops, lambda loop: along(follower(rig.magnet), loop, zeros[0]) + zeros[1]),
         model=model_distance(loops, knowledge.model),
-        same=rig.settings.magnet.kind == "law" and _same(law_of(rig), knowledge.model),
+        same=rig.law is not None and _same(rig.law, knowledge.model),
         fitted=fitted is not None,
         guessed=() if fitted is None else fitted.guessed,
     )

@@ -17,7 +17,6 @@ from anhyst.rig.body import BodyRig
 from anhyst.rig.measurement_table import CampaignTable, MeasurementTable
 from anhyst.rig.parts.magnet import Electromagnet
 from anhyst.rig.parts.sensors import Sensor
-from anhyst.rig.plant import make_magnet
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 
@@ -122,11 +121,10 @@ class HeldBearing:
 
     def __init__(self, rig: BodyRig) -> None:
         self._rig = rig
-        self._magnet = make_magnet(rig)
 
     def magnet(self) -> Electromagnet:
         """Return what pulls, demagnetised."""
-        return Electromagnet(self._magnet)
+        return Electromagnet(self._rig.magnet)
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
         """Return what measures; the seed of the rig file is added, a sample is so many seconds."""

@@ -8,110 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anhyst._core import Coil, Magnet, Plant
-from anhyst.data.table import DataTable, read_columns
-from anhyst.model.actuator import Model, read_model
+from anhyst._core import Magnet, Plant
 from anhyst.rig.body import BodyRig, travel_m
 from anhyst.rig.file import RigFile
-from anhyst.rig.magnet_table import LAW
-from anhyst.rig.parts.magnet import FluxTable, flux_table_of, iron_magnet, law_magnet
 from anhyst.rig.tables import AXES
-from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray, passed
-
-Numbers = NDArray[np.int_]
-
-
-def read_flux_table(path: PathLike) -> FluxTable:
-    """Read a flux table."""
-    table = read_columns(path)
-    current = table.need("current", "I_A")
-    gap = table.need("gap", "gap_m")
-    psi = table.need("flux_linkage", "psi_Wb")
-    currents, column = np.unique(current, return_inverse=True)
-    gaps, row = np.unique(gap, return_inverse=True)
-    for name, values in (("current", currents), ("gap", gaps)):
-        if values.size < 2:
-            raise InputError(
-                f"{table.path}: has a single {name}; measure at least two",
-                code="too-few-values",
-                key=name,
-            )
-    if currents[0] != 0.0:
-        text = f"currents begin at {currents[0]:g} A; begin at 0, the flux is taken as odd in it"
-        raise InputError(
-            f"{table.where(int(np.argmin(current)))}: {text}",
-            code="currents-not-from-zero",
-            key="I_A",
-        )
-    numbers = np.full((gaps.size, currents.size), -1)
-    for number, cell in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
-        if numbers[cell] >= 0:
-            point = _point(gap[number], current[number])
-            raise InputError(
-                f"{table.where(number)}: {point} comes twice; remove one", code="value-again"
-            )
-        numbers[cell] = number
-    _check_full(table.path, gaps, currents, numbers)
-    made = FluxTable(currents, gaps, psi[numbers])
-    _check_monotone(table, made, numbers)
-    return made
-
-
-def check_flux_range(
-    path: PathLike, table: FluxTable, gap_low: float, gap_high: float, current_high: float
-) -> None:
-    """Refuse a flux table that ends before the plant does."""
-    low, high = float(table.gap[0]), float(table.gap[-1])
-    if not (low <= gap_low and gap_high <= high):
-        raise InputError(
-            f"{path}: gap_m runs from {low:g} to {high:g} m and must hold the travel, "
-            f"{gap_low:g} to {gap_high:g} m; add gaps",
-            code="gaps-not-covered",
-            key="gap_m",
-        )
-    if table.current[-1] < current_high:
-        raise InputError(
-            f"{path}: I_A ends at {table.current[-1]:g} A and the amplifier at {current_high:g} A; "
-            "add currents",
-            code="currents-not-covered",
-            key="I_A",
-        )
-
-
-def _check_full(path: str, gaps: FloatArray, currents: FloatArray, numbers: Numbers) -> None:
-    holes = np.argwhere(numbers < 0)
-    if len(holes):
-        first = _point(gaps[holes[0, 0]], currents[holes[0, 1]])
-        more = f" and at {len(holes) - 1} other points" if len(holes) > 1 else ""
-        raise InputError(
-            f"{path}: has a hole at {first}{more}; {gaps.size} gaps and {currents.size} currents "
-            "must make a full grid, add what is missing",
-            code="grid-has-holes",
-        )
-
-
-def _check_monotone(table: DataTable, made: FluxTable, numbers: Numbers) -> None:
-    flat = np.add(np.argwhere(np.diff(made.psi, axis=1) <= 0.0), (0, 1))
-    widens = np.add(np.argwhere(np.diff(made.psi[:, 1:], axis=0) >= 0.0), (1, 1))
-    for places, text in (
-        (np.argwhere(made.psi[:, :1] != 0.0), "psi is not 0 without current"),
-        (flat, "psi does not rise with the current"),
-        (widens, "psi does not fall as the gap opens"),
-    ):
-        if len(places):
-            g, i = places[0].tolist()
-            point = _point(made.gap[g], made.current[i])
-            where = table.where(int(numbers[g, i]))
-            raise InputError(f"{where}: {text} at {point}; correct this point", code="not-monotone")
-
-
-def _point(gap: float, current: float) -> str:
-    return f"{gap * 1e3:g} mm, {current:g} A"
-
+from anhyst.support.numeric import passed
 
 STOP_RESONANCE = 1600.0
 """Of the mass on an end stop, Hz; half of critical damping while it touches."""
@@ -130,64 +32,6 @@ _CLOSES: _Line = {"r": [0.0, 0.0, 0.0], "d": [-1.0, 0.0, 0.0]}
 ON_FRAME, ON_BODY, ON_GROUND = range(3)
 """What a head is fixed to: ``anhyst_plant_base``."""
 
-ROWS = 129
-"""Places over the gap at which a law's gap map is looked at."""
-
-
-def make_magnet(rig: BodyRig, law: Model | None = None) -> Magnet:
-    """Return the magnet of a rig."""
-    settings, middle = rig.settings.magnet, rig.settings.gap_m
-    if settings.kind != LAW:
-        steel = rig.settings.steel
-        return iron_magnet(settings.poles, steel, settings.eddy_time_s, middle, settings.solid_iron)
-    table = flux_table(rig)
-    model = law or law_of(rig)
-    at = np.linspace(float(table.gap[0]), float(table.gap[-1]), ROWS)
-    names = ("c_H", "rho", "c_out", "out_0", "in_0")
-    rows = np.column_stack([model.over_schedule(name, at) for name in names])
-    eddy = float(model.over_schedule("gamma", np.array([middle]))[0])
-    return law_magnet(settings.poles, model.iron_at(middle), rows, eddy, table)
-
-
-def law_of(rig: BodyRig) -> Model:
-    """Return the identified law that makes a rig's force."""
-    assert rig.model is not None
-    model = read_model(rig.model)
-    if model.layers is not None:
-        raise InputError(
-            f"{rig.model}: a virtual magnet of a law has no layers; take out its [layers]",
-            code="layers-not-in-plant",
-            key="model",
-        )
-    if model.fixed_gap_only or not model.needs_schedule or model.power != 2:
-        raise InputError(
-            f"{rig.model}: a bearing needs a model of force over current whose gap may move; "
-            "identify one from loops at several gaps",
-            code="not-current-to-force",
-        )
-    return model
-
-
-def flux_table(rig: BodyRig) -> FluxTable:
-    """Return the flux table of a rig, as measured or made from its magnet."""
-    if rig.flux_table is not None:
-        table = read_flux_table(rig.flux_table)
-        body, high = rig.settings.body, rig.settings.amplifier.current_high_A
-        check_flux_range(rig.flux_table, table, body.stop_low_m, body.stop_high_m, high)
-        return table
-    settings = rig.settings
-    ends = (0.8 * settings.body.stop_low_m, 1.2 * settings.body.stop_high_m)
-    high = 1.5 * settings.amplifier.current_high_A
-    return flux_table_of(settings.magnet.poles, settings.steel, high, ends)
-
-
-def static_map(
-    rig: BodyRig, current: FloatArray, gap: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return force, flux linkage and flux density of a path so slow that nothing is induced."""
-    columns = Coil(make_magnet(rig)).run(np.ascontiguousarray(current), np.ascontiguousarray(gap))
-    return columns[:, 0].copy(), columns[:, 1].copy(), columns[:, 2].copy()
-
 
 def make_plant(
     rig: BodyRig, seed: int, *magnets: Magnet, numbers: PlantNumbers | None = None
@@ -196,7 +40,7 @@ def make_plant(
 
     Where fewer magnets are given than it has, all others are like the first.
     """
-    own = magnets or (make_magnet(rig),)
+    own = magnets or (rig.magnet,)
     numbers = numbers or plant_numbers(rig)
     return Plant(
         numbers.body,

@@ -24,7 +24,7 @@ from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.old_files import rig_error
 from anhyst.rig.parts.magnet import Electromagnet
-from anhyst.rig.plant import current_gains, flux_table, law_of, make_magnet, static_map
+from anhyst.rig.plant import current_gains
 from anhyst.study.bearing import linear
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError
@@ -55,7 +55,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     gap, high = settings.gap_m, settings.amplifier.current_high_A
     up = np.linspace(0.0, high, _CURRENTS)
     path = np.concatenate([up, up[::-1]])
-    force, psi, _ = static_map(rig, path, np.full(path.size, gap))
+    force, psi, _ = rig.static_map(path, np.full(path.size, gap))
     check_load(rig, float(force[_CURRENTS - 1]))
     _check_rest(rig)
     _check_probe(rig)
@@ -70,7 +70,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     rising = float(np.interp(wanted, force[:_CURRENTS], up))
     falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
     current = 0.5 * (rising + falling)
-    step = Electromagnet(make_magnet(rig)).step
+    step = Electromagnet(rig.magnet).step
     try:
         slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
     except ValueError as error:
@@ -105,7 +105,7 @@ def _check_rest(rig: BodyRig) -> None:
     """Refuse a load that is carried at the operating gap and not lifted off its rest."""
     gap, high = rig.settings.body.stop_high_m, rig.settings.amplifier.current_high_A
     up = np.linspace(0.0, high, _CURRENTS)
-    force = float(static_map(rig, up, np.full(up.size, gap))[0][-1])
+    force = float(rig.static_map(up, np.full(up.size, gap))[0][-1])
     if not rig.load < force:
         text = f"no current lifts {rig.load:.4g} N off the rest at {gap:g} m, the magnet reaches "
         text += f"{force:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
@@ -120,7 +120,7 @@ def _check_probe(rig: BodyRig) -> None:
         return
     gap = float(np.min(rig.gaps_at(np.array([body.stop_low_m, body.stop_high_m]))))
     up = np.linspace(0.0, settings.amplifier.current_high_A, _CURRENTS)
-    density = float(static_map(rig, up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
+    density = float(rig.static_map(up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
     if density > probe.range_T:
         text = f"the largest current makes {density:.4g} T at a gap of {gap:g} m; raise it"
         raise rig_error(
@@ -294,11 +294,7 @@ def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathL
     at = None if rig.settings.magnet.from_loops else find_operating_point(rig)
     check_controller(controller, rig)
     _check_calibration(rig, controller)
-    if rig.flux_table is not None:
-        flux_table(rig)
     model = _controller_model(controller, rig)
-    if rig.model is not None:
-        law_of(rig)
     loops = rig.measured.read()
     gaps = list(loops.by_schedule())
     middle = rig.settings.gap_m
