@@ -27,8 +27,8 @@ from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing import experiments
-from anhyst.study.bearing.benefit import BASELINES, STANDSTILLS, Benefit, benefit
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
+from anhyst.study.benefit import BASELINES, STANDSTILLS, Benefit, benefit
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName
 from bearing import HEIGHTS, quiet, read

@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from anhyst.study.bearing.benefit import benefit
+from anhyst.study.benefit import benefit
 from anhyst.study.engine.monte_carlo import monte_carlo
 from anhyst.study.fleet.fleet import fleet
 from anhyst.study.fleet.judge import FleetSettings

@@ -47,10 +47,10 @@ if TYPE_CHECKING:
     from anhyst.reports.measuring import excite_rig as excite
     from anhyst.reports.model.page import write_report as report
     from anhyst.reports.simulate import simulate_rig as simulate
-    from anhyst.study.bearing.benefit import Benefit
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.bearing.simulate import Simulation
     from anhyst.study.bearing.state_space import linearise
+    from anhyst.study.benefit import Benefit
     from anhyst.study.engine.monte_carlo import MonteCarlo
     from anhyst.study.excite.excite import Excitation
     from anhyst.study.fleet.fleet import Fleet
@@ -127,7 +127,7 @@ __all__ = [
 ]
 
 _PLACES = {
-    "Benefit": "study.bearing.benefit",
+    "Benefit": "study.benefit",
     "BoardComparison": "study.bearing.on_board",
     "CalibratingMove": "study.tracking.excitation",
     "Calibration": "study.tracking.calibrate",

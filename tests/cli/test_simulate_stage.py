@@ -83,7 +83,7 @@ def test_a_stage_that_will_not_do_is_named_by_file_and_key(
 
 
 def test_a_stage_takes_no_options_of_a_bearing(folder: Path) -> None:
-    text = refused("simulate", "rig.toml", "--out", "map.json", "--benefit", cwd=folder)
+    text = refused("simulate", "rig.toml", "--out", "map.json", "--board", "host", cwd=folder)
     assert says(text, "option-not-for-this")
 
 

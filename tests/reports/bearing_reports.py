@@ -16,18 +16,17 @@ from anhyst.reports.tuning import GainsPoint, TuningPicture
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.loop import ReferenceStep
 from anhyst.rig.recording import COLUMNS, Recording
-from anhyst.study.bearing.benefit import (
-    MEASURES,
-    Benefit,
-    Comparison,
-    IronFigures,
-    MapCell,
-    Measure,
-)
 from anhyst.study.bearing.experiments import ExperimentFigures, Experiments
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.responses import StepCell
 from anhyst.study.bearing.verdict import grouped
+from anhyst.study.benefit import (
+    OF_STEPS,
+    Benefit,
+    Comparison,
+    IronFigures,
+    MapCell,
+)
 from anhyst.study.engine.table import Interval, Quotient
 from anhyst.study.tuning.aims import TITLES
 from anhyst.support.kinds import MethodName
@@ -140,7 +139,7 @@ def gains() -> Benefit:
     cells = tuple(
         MapCell(
             iron=iron,
-            height=height,
+            case=height,
             figures={},
             standstill={},
             strongest=compared("single-valued", 0.9 + more, certain=False),
@@ -150,14 +149,14 @@ def gains() -> Benefit:
         for iron, more in zip(irons, (0.0, 0.08), strict=True)
         for height in (10e-6, 50e-6)
     )
-    return Benefit("rig", "controller", GAP, 150.0, 20, cells)
+    return Benefit("rig", 20, cells)
 
 
-def compared(baseline: MethodName, ratio: float, *, certain: bool) -> dict[Measure, Comparison]:
+def compared(baseline: MethodName, ratio: float, *, certain: bool) -> dict[str, Comparison]:
     gain = certain or ratio < 0.95
     difference = Interval(1.0, 0.1 if gain else 2.0, 20)
     one = Comparison(baseline, Quotient(ratio, 0.5 * ratio, 2.0 * ratio), difference)
-    return dict.fromkeys(MEASURES, one)
+    return dict.fromkeys([metric.key for metric in OF_STEPS], one)
 
 
 @cache

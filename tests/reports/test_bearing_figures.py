@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
 from anhyst.data.loops import Loop, Loops
-from anhyst.reports.bearing.benefit import figure_benefit
 from anhyst.reports.bearing.block_diagram import figure_structure
 from anhyst.reports.bearing.figures import (
     LoopCurve,
@@ -26,6 +25,7 @@ from anhyst.reports.bearing.figures import (
     nearest_loops,
 )
 from anhyst.reports.bearing.subject import SimulationSubject
+from anhyst.reports.benefit import figure_benefit
 from anhyst.reports.plants import Spread, figure_drift
 from anhyst.reports.study.page import COLOURS, DASHES, MOST_POINTS, thinned
 from anhyst.reports.tuning import GainsPoint, figure_pareto, pareto_front
@@ -34,7 +34,7 @@ from anhyst.rig.drift import changed
 from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.recording import Recording
 from anhyst.rig.tables import DisturbanceTable
-from anhyst.study.bearing.benefit import Comparison, Measure
+from anhyst.study.benefit import OF_STEPS, Comparison
 from anhyst.study.engine.table import Interval
 from anhyst.support.kinds import MethodName
 from anhyst.support.units import QUANTITIES
@@ -260,7 +260,7 @@ def test_sensitivities_beyond_the_figure_widen_it() -> None:
 
 
 def test_cells_without_a_certain_gain_are_hatched() -> None:
-    figure = figure_benefit(bearing_reports.gains(), "overshoot_percent")
+    figure = figure_benefit(bearing_reports.gains(), OF_STEPS[0])
     maps = [ax for ax in figure.axes if ax.get_title(loc="left")]
     hatched = {ax.get_title(loc="left"): len(ax.patches) for ax in maps}
     assert hatched == {
@@ -290,9 +290,9 @@ def test_every_outcome_but_a_gain_has_a_hatch_of_its_own() -> None:
         )
         assert comparison.outcome == outcome
         iron = replace(found.cells[0].iron, reversible_fraction=0.1 * place)
-        ratio: Mapping[Measure, Comparison] = {"overshoot_percent": comparison}
+        ratio: Mapping[str, Comparison] = {"overshoot_percent": comparison}
         cells.append(replace(found.cells[0], iron=iron, ratio=ratio, strongest={}))
-    figure = figure_benefit(replace(found, cells=tuple(cells)), "overshoot_percent")
+    figure = figure_benefit(replace(found, cells=tuple(cells)), OF_STEPS[0])
     (ax,) = (ax for ax in figure.axes if ax.get_title(loc="left"))
     hatches = {patch.get_hatch() for patch in ax.patches}
     assert len(hatches) == len(ax.patches) == 3

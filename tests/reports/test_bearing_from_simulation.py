@@ -13,10 +13,10 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.compensate.methods import BASELINES
 from anhyst.control.controller_file import read_controller
-from anhyst.reports.bearing.benefit import render_benefit
+from anhyst.reports.benefit import render_bearing
 from anhyst.reports.study.page import interval_text
 from anhyst.rig.body import read_bearing
-from anhyst.study.bearing.benefit import benefit
+from anhyst.study.benefit import benefit
 from anhyst.study.engine.table import Interval
 from anhyst.support.page import number
 from tests.page import Page
@@ -134,15 +134,15 @@ def test_the_map_of_benefit_is_reported_cell_by_cell(small: Path) -> None:
     rig = read_bearing(small / "rig.toml")
     controller = read_controller(small / "controller.toml")
     found = benefit(rig, controller, scales=(1.0,), fractions=(0.05, 0.3), jobs=1)
-    page = Page(render_benefit(rig, controller, found, "anhyst simulate"))
+    page = Page(render_bearing(rig, controller, found, "anhyst simulate"))
     assert page.sections() == ["structure", "benefit", "origin"]
     for measure, title in (
         ("overshoot_percent", "Overshoot"),
         ("settling_in_noise_s", "Settling time"),
     ):
-        gains = sum(cell.ratio[measure].outcome == "gain" for cell in found.cells)  # type: ignore[index]
+        gains = sum(cell.ratio[measure].outcome == "gain" for cell in found.cells)
         assert f"{title} against ratio: a certain gain in {gains} of 2 cells" in page.text
-        gains = sum(cell.strongest[measure].outcome == "gain" for cell in found.cells)  # type: ignore[index]
+        gains = sum(cell.strongest[measure].outcome == "gain" for cell in found.cells)
         assert (
             f"{title} against the strongest baseline: a certain gain in {gains} of 2" in page.text
         )

@@ -14,10 +14,10 @@ import pytest
 
 from anhyst.control.controller_file import ControllerTable, read_controller
 from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst.reports.bearing.benefit import render_benefit
 from anhyst.reports.bearing.page import render
 from anhyst.reports.bearing.subject import SimulationSubject
 from anhyst.reports.bearing.tables import difference_text
+from anhyst.reports.benefit import render_bearing
 from anhyst.reports.study.page import COLOURS, interval_text
 from anhyst.rig.body import BodyRig
 from anhyst.study.bearing.verdict import grouped, judge_steps
@@ -216,7 +216,7 @@ def test_without_a_hysteresis_model_the_verdict_remains_open() -> None:
 
 def test_the_map_says_against_whom_and_where_there_is_no_gain() -> None:
     found = read_controller(EXAMPLE / "controller.toml")
-    page = Page(render_benefit(rig(), found, bearing_reports.gains(), "anhyst simulate"))
+    page = Page(render_bearing(rig(), found, bearing_reports.gains(), "anhyst simulate"))
     assert "Overshoot against ratio: a certain gain in 4 of 4 cells" in page.text
     assert "at best 70 % less than ratio (step of 10 µm, reversible fraction 0.05" in page.text
     assert "Overshoot against the strongest baseline: a certain gain in 2 of 4 cells" in page.text

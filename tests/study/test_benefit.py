@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,28 @@ import pytest
 
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.verdict import reversal_share
+from anhyst.reports.simulate import simulate_rig
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.measuring import measure_loops
-from anhyst.study.bearing.benefit import BASELINES, Benefit, Comparison, MapCell, benefit
+from anhyst.rig.piezo import read_piezo_rig
 from anhyst.study.bearing.operating import find_operating_point
+from anhyst.study.benefit import (
+    BASELINES,
+    Benefit,
+    Comparison,
+    IronFigures,
+    MapCell,
+    benefit,
+    benefit_of_plants,
+    compare_cell,
+)
 from anhyst.study.engine.table import Interval, mean_interval, quotient
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
+from tests.page import Page
 from tests.refusals import refused
-from tests.study import bearings
+from tests.study import bearings, stages
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 HEIGHTS = (10e-6, 100e-6)
@@ -45,8 +60,7 @@ def cell(found: Benefit, scale: float, fraction: float, height: float) -> MapCel
     (one,) = (
         cell
         for cell in found.cells
-        if (cell.iron.scale, cell.iron.reversible_fraction, cell.height)
-        == (scale, fraction, height)
+        if (cell.iron.scale, cell.iron.reversible_fraction, cell.case) == (scale, fraction, height)
     )
     return one
 
@@ -115,7 +129,7 @@ def test_what_is_no_overshoot_is_reported_in_metres(found: Benefit) -> None:
             assert overshoot.baseline is not None
             assert overshoot.floor is not None
             still = max(one.standstill["full"], one.standstill[overshoot.baseline])
-            assert overshoot.floor == pytest.approx(300.0 * still / one.height)
+            assert overshoot.floor == pytest.approx(300.0 * still / float(one.case))
             assert 5e-9 < still < 100e-9
             means = [
                 one.figures[name]["overshoot_percent"].mean for name in ("full", overshoot.baseline)
@@ -240,3 +254,60 @@ def test_loops_without_reversals_near_enough_show_nothing(rig: BodyRig) -> None:
     assert reversal_share(measure_loops(coarse)) is None
     single = rig.settings.measurement.records[0].model_copy(update={"turns": [0.0, 1.0]})
     assert reversal_share(measure_loops(changed(rig, {"measurement.records": [single]}))) is None
+
+
+PIEZO = EXAMPLE.parent / "piezo" / "rig.toml"
+
+
+@pytest.mark.slow
+def test_a_wider_loop_of_a_piezo_stack_leaves_more_to_gain() -> None:
+    """The error of a curve grows with the loop; what play cells leave stays below the narrow one's."""
+    stage = read_piezo_rig(PIEZO)
+    narrow, wide = benefit_of_plants(stage, (0.5, 1.0), seeds=2, jobs=1).cells
+    assert wide.iron.loop_width == pytest.approx(2.0 * narrow.iron.loop_width, rel=0.15)
+    errors = [one.figures["single-valued"]["rms_m"].mean for one in (narrow, wide)]
+    assert errors[1] > 1.6 * errors[0]
+    for one in (narrow, wide):
+        assert one.case == "triangle"
+        assert one.strongest["rms_m"].outcome == "gain"
+        assert one.figures["full"]["rms_m"].mean < 0.6 * errors[0]
+
+
+@pytest.mark.slow
+def test_iron_of_a_stage_is_varied_and_measured_again() -> None:
+    """Iron that hardly answers after a reversal, at half and at all of its width."""
+    rig = stages.stage()
+    found = benefit_of_plants(rig, (0.5, 1.0), (0.05,), seeds=2)
+    narrow, wide = found.cells
+    assert wide.iron.loop_width > 1.7 * narrow.iron.loop_width
+    assert wide.iron.label == "pathological"
+    for one in found.cells:
+        assert one.case == "test set-point"
+        assert one.strongest["average_m"].outcome == "gain"
+        assert one.strongest["average_m"].baseline in BASELINES
+    assert {metric.key for metric in found.metrics} >= {"average_m", "peak_m"}
+
+
+@pytest.mark.slow
+def test_the_map_of_any_rig_is_written_with_its_page(tmp_path: Path) -> None:
+    simulate_rig(PIEZO, out=tmp_path / "map.json", benefit=True)
+    kept = json.loads((tmp_path / "map.json").read_text())
+    assert {row["case"] for row in kept["cells"]} == {"triangle"}
+    page = Page((tmp_path / "report.html").read_text())
+    assert page.sections() == ["benefit", "origin"]
+    assert "a certain gain in" in page.text
+
+
+def test_a_run_that_never_settled_is_no_gain() -> None:
+    iron = IronFigures(1.0, None, 0.05, None, None, "")
+    values: dict[MethodName, Mapping[str, FloatArray]] = {
+        "single-valued": {"settling_s": np.array([0.01, 0.011])},
+        "full": {"settling_s": np.array([0.002, math.inf])},
+    }
+    assert (
+        compare_cell(iron, "triangle", values, {}, False).strongest["settling_s"].outcome == "loss"
+    )
+    values["full"] = {"settling_s": np.array([0.002, 0.003])}
+    assert (
+        compare_cell(iron, "triangle", values, {}, False).strongest["settling_s"].outcome == "gain"
+    )

@@ -24,8 +24,8 @@ from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet, identify_rippling
 from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing import experiments
-from anhyst.study.bearing.benefit import benefit
 from anhyst.study.bearing.responses import compare
+from anhyst.study.benefit import benefit
 from anhyst.support.errors import CreepWarning
 from anhyst.support.kinds import MethodName
 from tests.plant.irons import generator

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from anhyst import Benefit, BoardComparison
-    from anhyst.study.bearing.benefit import Comparison, Measure
     from anhyst.study.bearing.board_faults import Ending
+    from anhyst.study.benefit import Comparison
     from anhyst.study.engine.table import StudyResult
 
 
@@ -71,8 +71,8 @@ def simulate(
         bool,
         typer.Option(
             "--benefit",
-            help="Instead, map what compensation gains over loop width, reversible part of the "
-            "iron and step height; FILE then ends in '.json'.",
+            help="Instead, map what compensation gains over loop width and reversible part of the "
+            "iron, of a bearing over step height too; FILE then ends in '.json'.",
         ),
     ] = False,
     board: Annotated[
@@ -192,22 +192,23 @@ def _show_map(benefit: Benefit, out: Path) -> None:
     show(
         *(_map_against(benefit, name, comparisons) for name, comparisons in baselines.items()),
         f"'gain' and 'loss' where they are certain over {benefit.seeds} noise seeds, 'nothing to "
-        "gain' where both overshoot by less than three times the rms of their standstill",
+        "gain' where both overshoot a step by less than three times the rms of their standstill",
         f"written: {out}, {out.parent / REPORT}",
     )
 
 
 def _map_against(
-    benefit: Benefit, baseline: str, comparisons: Sequence[Mapping[Measure, Comparison]]
+    benefit: Benefit, baseline: str, comparisons: Sequence[Mapping[str, Comparison]]
 ) -> Table:
-    heights = list(dict.fromkeys(cell.height for cell in benefit.cells))
+    first = benefit.metrics[0]
+    cases = dict.fromkeys(cell.case for cell in benefit.cells)
     rows = table(
-        f"overshoot of 'full' over that of {baseline}",
-        ["loop width, reversible part", *(f"{1e6 * height:g} um" for height in heights)],
+        f"{first.title} of 'full' over that of {baseline}",
+        ["loop width, reversible part", *map(_case, cases)],
     )
     for iron in dict.fromkeys(cell.iron for cell in benefit.cells):
         mine = [
-            comparison["overshoot_percent"]
+            comparison[first.key]
             for cell, comparison in zip(benefit.cells, comparisons, strict=True)
             if cell.iron == iron
         ]
@@ -222,6 +223,10 @@ def _map_against(
             ),
         )
     return rows
+
+
+def _case(case: float | str) -> str:
+    return f"{1e6 * case:g} um" if isinstance(case, float) else case
 
 
 def force_control(

@@ -8,19 +8,20 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar, overload
 
 from anhyst.data.table import check_recording
+from anhyst.reports import benefit as benefit_page
 from anhyst.reports import force, piezo, plants, tracking
 from anhyst.reports.bearing import page, tables
-from anhyst.reports.bearing.benefit import render_benefit
 from anhyst.reports.bearing.subject import subject_of
 from anhyst.reports.study.page import REPORT, Printed, write_page
-from anhyst.rig.force.file import read_rig
-from anhyst.rig.piezo import read_piezo_rig
+from anhyst.rig.body import BodyRig
+from anhyst.rig.force.file import Rig, read_rig
+from anhyst.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.rig.stage.file import read_stage
-from anhyst.study.bearing.benefit import Benefit
-from anhyst.study.bearing.benefit import benefit as map_benefit
 from anhyst.study.bearing.on_board import BoardComparison, run_board
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.simulate import Simulation, explore
+from anhyst.study.benefit import Benefit, benefit_of_plants
+from anhyst.study.benefit import benefit as benefit_of_bearing
 from anhyst.study.engine.monte_carlo import MonteCarlo, Plants
 from anhyst.study.engine.monte_carlo import monte_carlo as run_plants
 from anhyst.study.engine.table import FIGURES, StudyResult
@@ -41,6 +42,11 @@ _PRINTED: Mapping[type[StudyResult], Callable[[Any], Printed]] = {
     PiezoTracking: piezo.printed,
     ForceControl: force.printed,
     MonteCarlo: plants.printed,
+}
+_READERS: Mapping[FileKind, Callable[[PathLike], BodyRig | Rig | PiezoRig]] = {
+    FileKind.STAGE: read_stage,
+    FileKind.FORCE: read_rig,
+    FileKind.PIEZO: read_piezo_rig,
 }
 Result = TypeVar("Result", bound=StudyResult)
 
@@ -108,7 +114,8 @@ def simulate_rig(
         Instead, so many plants that have drifted as the rig file says, to ``.jsonl``, where the
         same call goes on.
     benefit : bool
-        Instead, map what compensation gains over loop width and step height, to ``.json``.
+        Instead, map what compensation gains over loop width and reversible part of the iron, of a
+        bearing over step height too, to ``.json``.
     board : str, optional
         Instead, run the firmware itself, on ``"library"``, ``"host"`` or ``"qemu-mps2"``, to
         ``.json``; force control always does, on ``"library"`` where nothing is said.
@@ -139,7 +146,7 @@ def simulate_rig(
         )
     kind = take_kind(rig, TAKES["simulate"])
     refused = ["--controller"] if controller is not None else []
-    allowed = ("--monte-carlo", "--board") if kind is FileKind.FORCE else ("--monte-carlo",)
+    allowed = {"--monte-carlo", "--benefit", *(["--board"] if kind is FileKind.FORCE else [])}
     refused += [name for name in chosen if name not in allowed]
     if refused and kind is not FileKind.BEARING:
         raise InputError(
@@ -154,12 +161,12 @@ def simulate_rig(
     with workers_of(scheduler):
         if monte_carlo is not None:
             return task.monte_carlo(kind, monte_carlo)
+        if benefit:
+            return task.map(kind)
         if kind is FileKind.FORCE:
             return task.force(board or "library")
         if board is not None:
             return task.firmware(board)
-        if benefit:
-            return task.map()
         if kind is FileKind.BEARING:
             return task.bearing()
         return task.stage() if kind is FileKind.STAGE else task.piezo()
@@ -254,26 +261,33 @@ class _Task:
         return runs
 
     def _other_plants(self, kind: FileKind, progress: Progress) -> Plants:
-        if kind is FileKind.STAGE:
-            return stage_plants(read_stage(self.rig), progress=progress)
-        if kind is FileKind.FORCE:
-            return force_plants(read_rig(self.rig))
-        return piezo_plants(read_piezo_rig(self.rig))
+        rig = _READERS[kind](self.rig)
+        if isinstance(rig, BodyRig):
+            return stage_plants(rig, progress=progress)
+        return force_plants(rig) if isinstance(rig, Rig) else piezo_plants(rig)
 
     def force(self, board: str) -> ForceControl:
         controlled = force_control(self.rig, self.out, board=board, progress=self.progress)
         force.draw(controlled)
         return controlled
 
-    def map(self) -> Benefit:
-        files = read_files(self.rig, self.controller)
+    def map(self, kind: FileKind) -> Benefit:
         self._must_end(".json", "the map is")
-        ready = make_ready(*files, (self.out, self.report))
-        benefit = map_benefit(ready.rig, ready.controller, progress=self.progress)
-        write_json(self.out, benefit.as_dict())
         command = self.command(" --benefit")
-        write_page(self.report, render_benefit(ready.rig, ready.controller, benefit, command))
-        return benefit
+        if kind is FileKind.BEARING:
+            ready = make_ready(*read_files(self.rig, self.controller), (self.out, self.report))
+            rig, controller = ready.rig, ready.controller
+            gains = benefit_of_bearing(rig, controller, progress=self.progress)
+            text = benefit_page.render_bearing(rig, controller, gains, command)
+        else:
+            other = _READERS[kind](self.rig)
+            for path in (self.out, self.report):
+                check_writable(path, [self.rig])
+            gains = benefit_of_plants(other, progress=self.progress)
+            text = benefit_page.render(other, gains, command)
+        write_json(self.out, gains.as_dict())
+        write_page(self.report, text)
+        return gains
 
     def firmware(self, board: str) -> BoardComparison:
         comparison = run_board(self.rig, self.out, board, self.controller, self.progress)

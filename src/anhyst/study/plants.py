@@ -17,6 +17,7 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile
+from anhyst.data import Loops
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.loop import BearingSetup, lost_at, make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
@@ -143,9 +144,12 @@ def _judge(
 FORCE_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
 
 
-def force_plants(rig: Rig, model: Model | None = None) -> Plants:
-    """Return what plants of a force rig are run with: at every position, and moving."""
-    loops = loops_of_rig(rig)
+def force_plants(rig: Rig, model: Model | None = None, loops: Loops | None = None) -> Plants:
+    """Return what plants of a force rig are run with: at every position, and moving.
+
+    Its loops are those that its file names, or others of it.
+    """
+    loops = loops or loops_of_rig(rig)
     rig = complete_rig(rig, loops)
     model, settings = model or find_model(rig, loops), rig.settings
     gaps = sorted(gap for gap in loops.by_schedule() if gap is not None)
@@ -302,17 +306,24 @@ def stage_plants(
     magnet: IdentifiedMagnet | None = None,
     names: Sequence[MethodName] = (),
     progress: Progress | None = None,
+    *,
+    errors: Mapping[str, tuple[str, ...]] | None = None,
+    jobs: int | None = None,
 ) -> Plants:
-    """Return what plants of a stage are run with: variants with the gains of the calibrated one."""
+    """Return what plants of a stage are run with: variants with the gains of the calibrated one.
+
+    What a plant has drifted in, case by case, is that of :func:`errors_of` if it is left out.
+    """
     check_calibration(rig)
     known = magnet or identify_stage(rig)
     made, _ = make_variants(rig, known, names)
     refuse_unstable(made[OWN])
-    gains = all_of(partial(_find, known), list(made.values()), progress)
-    cases = tuple(errors_of(rig.settings)), "error"
+    gains = all_of(partial(_find, known), list(made.values()), progress, jobs)
+    errors = errors or errors_of(rig.settings)
+    cases = tuple(errors), "error"
     return Plants(
         file=rig.settings,
-        work=StageWork(known, made, dict(zip(made, gains, strict=True))),
+        work=StageWork(known, made, dict(zip(made, gains, strict=True)), errors),
         methods=tuple(made),
         own=OWN,
         figures=tuple(
@@ -336,6 +347,7 @@ class StageWork:
     magnet: IdentifiedMagnet
     setups: Mapping[MethodName, StageSetup]
     gains: Mapping[MethodName, Feedforward]
+    errors: Mapping[str, tuple[str, ...]]
 
     def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
         """Follow the test set-point with each error alone and with all of them.
@@ -346,7 +358,7 @@ class StageWork:
         scan = setup.rig.settings.scan
         motion = motion_of(scan, scan.test_m_per_s2)
         figures: dict[str, list[float]] = {}
-        for names in errors_of(setup.rig.settings).values():
+        for names in self.errors.values():
             plant = replace(setup, drift=drift.alone(names))
             learner = at_work(plant, self.magnet, gains, noise + LEARNING)
             run = track(learner.stage(plant.drift) if learner else plant, motion, gains, noise)

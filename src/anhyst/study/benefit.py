@@ -1,10 +1,14 @@
-"""What compensation gains, over the width of the loops, the reversible part and the step height."""
+"""What compensation gains over the width of the loops and the reversible part of the iron.
+
+Of a bearing in its steps, over their height; of any other rig in what its plants are judged by,
+without drift.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, Literal
 
@@ -12,18 +16,29 @@ import numpy as np
 
 from anhyst.compensate import methods
 from anhyst.control.controller_file import ControllerFile
+from anhyst.data import Loops
 from anhyst.data.verdict import judge, reversal_share
 from anhyst.rig.bearing.loop import check_controller, make_setup
 from anhyst.rig.body import BodyRig
-from anhyst.rig.drift import with_iron
+from anhyst.rig.drift import NO_DRIFT, Drift, with_iron
 from anhyst.rig.fitting import identify_magnet
+from anhyst.rig.force.file import Rig
+from anhyst.rig.force.programs import loops_of_rig
+from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import measure_loops
 from anhyst.rig.parts.iron import NamedCells
-from anhyst.study.bearing.operating import find_operating_point
+from anhyst.rig.piezo import PiezoRig
+from anhyst.rig.stage.loop import identify_stage
+from anhyst.study.bearing.operating import PATHOLOGICAL, find_operating_point
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
-from anhyst.study.engine.table import Interval, Quotient, mean_interval, quotient
+from anhyst.study.engine.monte_carlo import Plants
+from anhyst.study.engine.table import Interval, Metric, Quotient, mean_interval, quotient
+from anhyst.study.excite.design import force_specimen
+from anhyst.study.excite.excite import measure as excite_specimen
+from anhyst.study.piezo import measure as measure_stack
+from anhyst.study.plants import drifted_rig, force_plants, piezo_plants, stage_plants
 from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import MethodName
+from anhyst.support.kinds import FileKind, MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.version import running_version
 
@@ -35,14 +50,25 @@ BASELINES = tuple(name for name in methods.BASELINES if name not in ("secant", "
 """Ways from force to current that know no hysteresis and measure nothing; ``linearised`` is the
 better one of the two straight lines."""
 
-Measure = Literal["overshoot_percent", "settling_in_noise_s"]
-MEASURES: tuple[Measure, ...] = ("overshoot_percent", "settling_in_noise_s")
-"""Figures of a step that are compared; the smaller the better."""
+OF_STEPS = (
+    Metric("overshoot_percent", "overshoot", "%"),
+    Metric("settling_in_noise_s", "settling time", "ms", 1e3),
+)
+"""Figures of a step that are compared."""
+CASES: Mapping[FileKind, str] = {
+    FileKind.STAGE: "test set-point",
+    FileKind.FORCE: "worst of all trials",
+    FileKind.PIEZO: "triangle",
+}
+"""What any other rig is judged in."""
+SEEDS = 4
+"""Of noise, where the rig file says none."""
 STANDSTILLS = 3.0
 """Overshoots of no more than so many times the rms of a standstill are none: nothing to gain."""
 
 Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
 _Runs = Sequence[Sequence[Mapping[str, float]]]
+_Values = Mapping[MethodName, Mapping[str, FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -56,8 +82,9 @@ class IronFigures:
     # slope just after a reversal over the static slope, estimated from the measured loops; None
     # where they leave it open
     after_reversal: float | None
-    after_reversal_true: float  # the same of the virtual magnet at its operating point
-    label: str  # ``"regular"`` or ``"pathological"``, by that
+    # the same of the virtual magnet at its operating point; of a bearing alone
+    after_reversal_true: float | None
+    label: str  # ``"regular"`` or ``"pathological"``, by that; empty where nothing is known of it
 
 
 @dataclass(frozen=True)
@@ -91,20 +118,19 @@ class Comparison:
 
 @dataclass(frozen=True)
 class MapCell:
-    """One iron and step height."""
+    """One iron in one case."""
 
     iron: IronFigures
-    height: float  # m
-    # by variant, then by :data:`MEASURES`; a variant that lost the armature is missing
-    figures: Mapping[MethodName, Mapping[Measure, Interval]]
-    # rms of the gap at the end of the holds, mean over seeds and directions, m; by variant
+    case: float | str  # height of a step, m, or one of :data:`CASES`
+    # by variant, then by key of a metric; a variant that was lost is missing
+    figures: Mapping[MethodName, Mapping[str, Interval]]
+    # rms of the gap at the end of the holds of steps, mean over seeds and directions, m; by variant
     standstill: Mapping[MethodName, float]
-    # by :data:`MEASURES`: against the strongest of :data:`BASELINES` in this very figure, and
-    # against ``ratio``
-    strongest: Mapping[Measure, Comparison]
-    ratio: Mapping[Measure, Comparison]
+    # by metric: against the strongest of :data:`BASELINES` in this very figure, and against ``ratio``
+    strongest: Mapping[str, Comparison]
+    ratio: Mapping[str, Comparison]
     # against ``flux``, which measures the flux density instead; empty without a Hall probe
-    flux: Mapping[Measure, Comparison]
+    flux: Mapping[str, Comparison]
 
 
 @dataclass(frozen=True)
@@ -113,22 +139,23 @@ class Benefit:
 
     Parameters
     ----------
-    rig, controller : str
-        Names in the files.
-    gap, load : float
-        Operating point, m and N.
+    rig : str
+        Its name in the file.
     seeds : int
         Of noise.
     cells : tuple of MapCell
-        In the order scale, reversible fraction, height.
+        In the order scale, reversible fraction, case.
+    metrics : tuple of Metric
+        What is compared.
+    bearing : mapping of str to object
+        Of a bearing the name of its controller and its operating point, m and N.
     """
 
     rig: str
-    controller: str
-    gap: float
-    load: float
     seeds: int
     cells: tuple[MapCell, ...]
+    metrics: tuple[Metric, ...] = OF_STEPS
+    bearing: Mapping[str, Any] = field(default_factory=dict)
 
     def row_width(self, scale: float) -> float:
         """Return the mean loop width of the irons of a scale, in parts of the largest current."""
@@ -141,9 +168,7 @@ class Benefit:
             "version": 1,
             "anhyst": running_version(),
             "rig": self.rig,
-            "controller": self.controller,
-            "gap_m": self.gap,
-            "load_N": self.load,
+            **self.bearing,
             "noise_seeds": self.seeds,
             "confidence": 0.95,
             "cells": [_row(cell) for cell in self.cells],
@@ -179,22 +204,27 @@ def benefit(
     tried = rig.settings
     steps = tuple(tried.step.heights_m if heights is None else heights)
     count = tried.noise_seeds if seeds is None else seeds
-    if fractions is None:
-        of_cells = isinstance(rig.settings.iron, NamedCells)
-        fractions = FRACTIONS if of_cells else (None,)
     work = [
         _Work(with_iron(rig, fraction, scale), controller, scale, fraction, steps, (*range(count),))
-        for scale, fraction in product(scales, fractions)
+        for scale, fraction in product(scales, fractions or fractions_of(rig))
     ]
     rows = all_of(_map_iron, work, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
-        controller=controller.settings.name,
-        gap=tried.gap_m,
-        load=rig.settings.load.force_N,
         seeds=count,
         cells=tuple(cell for cells in rows for cell in cells),
+        bearing={
+            "controller": controller.settings.name,
+            "gap_m": tried.gap_m,
+            "load_N": rig.settings.load.force_N,
+        },
     )
+
+
+def fractions_of(rig: BodyRig | Rig | PiezoRig) -> Sequence[float | None]:
+    """Return the reversible fractions that a map of a rig goes over."""
+    of_cells = isinstance(rig, BodyRig) and isinstance(rig.settings.iron, NamedCells)
+    return FRACTIONS if of_cells else (None,)
 
 
 def _map_iron(work: _Work) -> list[MapCell]:
@@ -219,8 +249,7 @@ def _map_iron(work: _Work) -> list[MapCell]:
         runs = [run_steps(StepRun(setup, gap, work.heights, load, seed))[0] for seed in work.seeds]
         if all(runs):
             steps[variant] = runs
-    hold = rig.settings.step.hold_s
-    return [_cell(iron, height, _at(steps, height), hold, probe) for height in work.heights]
+    return [_of_step(iron, height, _at(steps, height), rig) for height in work.heights]
 
 
 def _at(
@@ -236,62 +265,164 @@ def _at(
     }
 
 
-def _cell(
-    iron: IronFigures, height: float, runs: Mapping[MethodName, _Runs], hold: float, probe: bool
+def _of_step(
+    iron: IronFigures, height: float, runs: Mapping[MethodName, _Runs], rig: BodyRig
 ) -> MapCell:
+    """Return the cell of a step, whose overshoot is none within a standstill."""
+    hold = rig.settings.step.hold_s
     values = {
-        name: {measure: _values(pairs, measure, hold) for measure in MEASURES}
+        name: {metric.key: _values(pairs, metric.key, hold) for metric in OF_STEPS}
         for name, pairs in runs.items()
     }
     still = {
         name: float(np.mean([figures["standstill_rms_m"] for pair in pairs for figures in pair]))
         for name, pairs in runs.items()
     }
+    probed = rig.settings.hall_probe is not None
+    return compare_cell(iron, height, values, still, probed)
 
-    def against(*baselines: MethodName) -> dict[Measure, Comparison]:
-        return {name: _compare(values, still, height, name, baselines) for name in MEASURES}
+
+def compare_cell(
+    iron: IronFigures,
+    case: float | str,
+    values: _Values,
+    still: Mapping[MethodName, float],
+    probed: bool,
+) -> MapCell:
+    """Return the cell of an iron from figures by method and key, one a seed."""
+    keys = dict.fromkeys(key for figures in values.values() for key in figures)
+
+    def against(*baselines: MethodName) -> dict[str, Comparison]:
+        compared = {key: _compare(values, key, baselines) for key in keys}
+        if isinstance(case, float):
+            compared["overshoot_percent"] = _beyond(
+                compared["overshoot_percent"], values, still, case
+            )
+        return compared
 
     return MapCell(
         iron=iron,
-        height=height,
+        case=case,
         figures={
-            name: {measure: mean_interval(row) for measure, row in rows.items()}
+            name: {key: mean_interval(row) for key, row in rows.items()}
             for name, rows in values.items()
         },
         standstill=still,
         strongest=against(*BASELINES),
         ratio=against("ratio"),
-        flux=against("flux") if probe else {},
+        flux=against("flux") if probed else {},
     )
 
 
-def _values(runs: _Runs, measure: Measure, hold: float) -> FloatArray:
+def _values(runs: _Runs, key: str, hold: float) -> FloatArray:
     """Return the larger one of up and down a seed; what did not settle did so when the hold ended."""
-    most = hold if measure == "settling_in_noise_s" else math.inf
-    return np.array([max(min(figures[measure], most) for figures in pair) for pair in runs])
+    most = hold if key == "settling_in_noise_s" else math.inf
+    return np.array([max(min(figures[key], most) for figures in pair) for pair in runs])
 
 
-def _compare(
-    values: Mapping[MethodName, Mapping[Measure, FloatArray]],
-    still: Mapping[MethodName, float],
-    height: float,
-    measure: Measure,
-    baselines: Sequence[MethodName],
-) -> Comparison:
+def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Comparison:
     """Compare with the best baseline of this very cell: chance favours it a little, never ``full``."""
-    held = [name for name in baselines if name in values]
+    held = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
     if not held:
         return Comparison(None, None, None)
-    baseline = min(held, key=lambda name: float(np.mean(values[name][measure])))
-    if "full" not in values:
+    baseline = min(held, key=lambda name: float(np.mean(values[name][key])))
+    if "full" not in values or not np.isfinite(values["full"][key]).all():
         return Comparison(baseline, None, None)
-    own, other = values["full"][measure], values[baseline][measure]
-    ratio, difference = quotient(own, other), mean_interval(other - own)
-    if measure != "overshoot_percent":
-        return Comparison(baseline, ratio, difference)
-    floor = 100.0 * STANDSTILLS * max(still["full"], still[baseline]) / height
-    most = max(float(np.mean(own)), float(np.mean(other)))
-    return Comparison(baseline, ratio, difference, floor, most < floor)
+    own, other = values["full"][key], values[baseline][key]
+    return Comparison(baseline, quotient(own, other), mean_interval(other - own))
+
+
+def _beyond(
+    compared: Comparison, values: _Values, still: Mapping[MethodName, float], height: float
+) -> Comparison:
+    """Return a comparison of overshoots with the floor below which they are none."""
+    if compared.baseline is None or compared.quotient is None:
+        return compared
+    pair: tuple[MethodName, ...] = ("full", compared.baseline)
+    floor = 100.0 * STANDSTILLS * max(still[name] for name in pair) / height
+    most = max(float(np.mean(values[name]["overshoot_percent"])) for name in pair)
+    return replace(compared, floor=floor, small=most < floor)
+
+
+@dataclass(frozen=True)
+class _PlantWork:
+    rig: BodyRig | Rig | PiezoRig
+    scale: float
+    fraction: float | None
+    seeds: tuple[int, ...]
+
+
+def benefit_of_plants(
+    rig: BodyRig | Rig | PiezoRig,
+    scales: Sequence[float] = WIDTHS,
+    fractions: Sequence[float | None] | None = None,
+    seeds: int | None = None,
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> Benefit:
+    """Map what compensation gains on a stage, a piezo stage or a rig of force control.
+
+    Loops of every iron are measured and identified anew; judged is what a plant without drift does,
+    by the figures of its kind, over some seeds of noise.
+    """
+    if isinstance(rig, Rig):
+        rig = complete_rig(rig, loops_of_rig(rig))
+    count = seeds or (rig.settings.noise_seeds if isinstance(rig, BodyRig) else SEEDS)
+    work = [
+        _PlantWork(rig, scale, fraction, (*range(1, count + 1),))
+        for scale, fraction in product(scales, fractions or fractions_of(rig))
+    ]
+    rows = all_of(_map_plants, work, progress, jobs)
+    return Benefit(
+        rig=rig.settings.name,
+        seeds=count,
+        cells=tuple(cell for cell, _ in rows),
+        metrics=rows[0][1],
+    )
+
+
+def _map_plants(work: _PlantWork) -> tuple[MapCell, tuple[Metric, ...]]:
+    """Run one iron behind every method."""
+    loops, plants = _with_other_iron(work)
+    share = reversal_share(loops)
+    label = "" if share is None else "pathological" if share < PATHOLOGICAL else "regular"
+    width = judge(loops).width_relative
+    iron = IronFigures(work.scale, work.fraction, width, share, None, label)
+    values: dict[MethodName, dict[str, FloatArray]] = {}
+    for method in plants.methods:
+        runs = [plants.work.run(method, NO_DRIFT, seed) for seed in work.seeds]
+        if not any("lost_s" in run for run in runs):
+            values[method] = {
+                figure.key: np.array([_largest(run[figure.key]) for run in runs])
+                for figure in plants.figures
+            }
+    metrics = tuple(Metric(one.key, one.title, one.unit, one.factor) for one in plants.figures)
+    cell = compare_cell(iron, CASES[plants.file.kind], values, {}, "flux" in plants.methods)
+    return cell, metrics
+
+
+def _largest(figure: float | Sequence[float | None] | None) -> float:
+    """Return the largest of a figure over its cases; infinite where a level was not reached."""
+    row = figure if isinstance(figure, Sequence) else [figure]
+    return max(math.inf if value is None else value for value in row)
+
+
+def _with_other_iron(work: _PlantWork) -> tuple[Loops, Plants]:
+    """Return the loops of a rig with another iron, and what its plants are run with."""
+    rig, scale = work.rig, work.scale
+    if isinstance(rig, PiezoRig):
+        slope = scale * rig.settings.stack.slope_m_per_V
+        wider = replace(rig, settings=rig.settings.changed({"stack.slope_m_per_V": slope}))
+        return measure_stack(wider), piezo_plants(wider)
+    if isinstance(rig, Rig):
+        other = drifted_rig(rig, Drift(pinning=scale - 1.0))
+        loops = excite_specimen(force_specimen(other)).loops
+        return loops, force_plants(other, loops=loops)
+    iron = with_iron(rig, work.fraction, scale)
+    known = identify_stage(iron, measure_loops(iron))
+    probed: tuple[MethodName, ...] = ("flux",) if rig.settings.hall_probe is not None else ()
+    names: tuple[MethodName, ...] = (*BASELINES, "full", *probed)
+    return known.loops, stage_plants(iron, known, names, errors={"none": ()}, jobs=1)
 
 
 def _row(cell: MapCell) -> dict[str, Any]:
@@ -303,7 +434,7 @@ def _row(cell: MapCell) -> dict[str, Any]:
         "after_reversal": iron.after_reversal,
         "after_reversal_true": iron.after_reversal_true,
         "iron": iron.label,
-        "height_m": cell.height,
+        "height_m" if isinstance(cell.case, float) else "case": cell.case,
         "figures": {
             name: {measure: _interval(value) for measure, value in rows.items()}
             for name, rows in cell.figures.items()

@@ -1,4 +1,4 @@
-"""The map of what compensation gains over irons and steps: its figure and its page."""
+"""The map of what compensation gains over irons: its figure and its page."""
 
 from __future__ import annotations
 
@@ -17,8 +17,12 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.reports.bearing.page import plant_text, structure
 from anhyst.reports.study.page import INK, SHADE, hashes, origin, page_text, picture
 from anhyst.rig.body import BodyRig
-from anhyst.study.bearing.benefit import MEASURES, Benefit, Comparison, MapCell, Measure
+from anhyst.rig.force.file import Rig
+from anhyst.rig.piezo import PiezoRig
+from anhyst.study.benefit import Benefit, Comparison, MapCell
+from anhyst.study.engine.table import Metric
 from anhyst.support.figures import ALARM, new_figure, styled
+from anhyst.support.kinds import NAMES
 from anhyst.support.page import (
     NBSP,
     NOT_KNOWN,
@@ -33,10 +37,6 @@ from anhyst.support.page import (
 )
 
 STRONGEST = "the strongest baseline"
-TITLES: Mapping[Measure, str] = {
-    "overshoot_percent": "overshoot",
-    "settling_in_noise_s": "settling time",
-}
 _DARK = 0.45  # ratio below which its colour asks for white letters
 _SHORT = {"linearised": "lin.", "single-valued": "single"}  # where squares are narrow
 _HATCHES: Mapping[str, dict[str, Any]] = {
@@ -47,7 +47,12 @@ _HATCHES: Mapping[str, dict[str, Any]] = {
 Compared = Sequence[tuple[MapCell, Comparison]]
 
 
-def compared(gains: Benefit, measure: Measure) -> dict[str, Compared]:
+def _case(case: float | str) -> str:
+    """Return a case in words: the height of a step, or what is done."""
+    return f"{1e6 * case:g} µm" if isinstance(case, float) else case
+
+
+def compared(gains: Benefit, key: str) -> dict[str, Compared]:
     """Return for each of the baselines how every cell of the map compares with it."""
     by_baseline = {
         "ratio": [cell.ratio for cell in gains.cells],
@@ -55,30 +60,30 @@ def compared(gains: Benefit, measure: Measure) -> dict[str, Compared]:
         "flux": [cell.flux for cell in gains.cells],
     }
     return {
-        against: [(cell, one[measure]) for cell, one in zip(gains.cells, comparisons, strict=True)]
+        against: [(cell, one[key]) for cell, one in zip(gains.cells, comparisons, strict=True)]
         for against, comparisons in by_baseline.items()
         if all(comparisons)
     }
 
 
 @styled
-def figure_benefit(gains: Benefit, measure: Measure) -> Figure:
-    """Draw ratios over irons: one row of maps a baseline, one column a step height."""
-    baselines = compared(gains, measure)
-    heights = sorted({cell.height for cell in gains.cells})
-    figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(heights)))
-    axes = figure.subplots(len(baselines), len(heights), squeeze=False, sharex=True, sharey=True)
+def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
+    """Draw ratios over irons: one row of maps a baseline, one column a case."""
+    baselines = compared(gains, metric.key)
+    cases = list(dict.fromkeys(cell.case for cell in gains.cells))
+    figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(cases)))
+    axes = figure.subplots(len(baselines), len(cases), squeeze=False, sharex=True, sharey=True)
     mesh: QuadMesh | None = None
     for row, (against, cells) in zip(axes, baselines.items(), strict=True):
-        for ax, height in zip(row, heights, strict=True):
-            mesh = _map(ax, gains, against, [one for one in cells if one[0].height == height])
-            ax.set_title(f"{1e6 * height:g} µm, against {against}", fontsize=8.0)
-        row[0].set_ylabel("loop width (% of largest current)")
+        for ax, case in zip(row, cases, strict=True):
+            mesh = _map(ax, gains, against, [one for one in cells if one[0].case == case])
+            ax.set_title(f"{_case(case)}, against {against}", fontsize=8.0)
+        row[0].set_ylabel("loop width (% of largest drive)")
     for ax in axes[-1]:
         ax.set_xlabel("reversible fraction")
     assert mesh is not None
     bar = figure.colorbar(mesh, ax=axes, shrink=0.8, extend="max")
-    bar.set_label(f"{TITLES[measure]} of full / that of the baseline")
+    bar.set_label(f"{metric.title} of full / that of the baseline")
     figure.legend(
         [Rectangle((0, 0), 1, 1, fc="none", lw=0.8, **style) for style in _HATCHES.values()],
         ["certain loss", "neither is certain", "nothing to gain: both are small"],
@@ -146,55 +151,69 @@ def _write(
         ax.add_patch(Rectangle(corner, 0.96, 0.96, fill=False, lw=0.8, **style))
 
 
-def render_benefit(rig: BodyRig, controller: ControllerFile, gains: Benefit, command: str) -> str:
-    """Return the page of the map."""
-    compensation = controller.settings.compensation.model_copy(update={"variant": "full"})
-    table_of_full = controller.settings.model_copy(update={"compensation": compensation})
-    head = Headline(
-        title=rig.settings.name,
-        what=f"{plant_text(rig)}; controller “{controller.settings.name}”, variant full.",
+_COMPARED = (
+    "Every iron is measured and identified again and all variants are fitted to the same loops, {} "
+    f"“{STRONGEST}” is, cell by cell, the best of ratio, linearised and single-valued, which know no "
+    "hysteresis: chance favours it a little. flux, where there is a Hall probe, stands beside them: "
+    "it needs no model, as it measures the flux density."
+)
+
+
+def _headline(gains: Benefit, title: str, what: str, gains_of: str) -> Headline:
+    return Headline(
+        title=title,
+        what=what,
         basis=f"Simulated; intervals are those of 95 % confidence over {gains.seeds} noise seeds.",
-        notes=(
-            Note(
-                "info",
-                "What is compared",
-                "Every iron is measured and identified again, all variants are fitted to the same "
-                f"loops and run with the same gains, {gains.seeds} noise seeds each. “{STRONGEST}” "
-                "is, cell by cell, the best of ratio, linearised and single-valued, which know no "
-                "hysteresis: chance favours it a little. flux, where there is a Hall probe, stands "
-                "beside them: it needs no model, as it measures the flux density.",
-            ),
-        ),
+        notes=(Note("info", "What is compared", _COMPARED.format(gains_of)),),
         tiles=(),
         comparison=None,
         holds="These figures hold for this plant and these settings, and for no other iron.",
     )
+
+
+def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, command: str) -> str:
+    """Return the page of the map of a bearing."""
+    compensation = controller.settings.compensation.model_copy(update={"variant": "full"})
+    table_of_full = controller.settings.model_copy(update={"compensation": compensation})
+    what = f"{plant_text(rig)}; controller “{controller.settings.name}”, variant full."
+    runs = f"run with the same gains, {gains.seeds} noise seeds each."
     variants = ["full", *(one.baseline for cell in gains.cells for one in cell.strongest.values())]
     sections = (
         structure(rig, table_of_full, [*variants, "ratio"]),
         _section(gains),
         origin(hashes([rig.path, controller.path]), command, rig.settings.seed),
     )
+    head = _headline(gains, rig.settings.name, what, runs)
     return page_text("Magnetic bearing", head, sections)
+
+
+def render(rig: BodyRig | Rig | PiezoRig, gains: Benefit, command: str) -> str:
+    """Return the page of the map of any other rig."""
+    kind = NAMES[rig.settings.kind][0]
+    what = f"{kind.capitalize()}, judged in: {gains.cells[0].case}."
+    runs = f"each with gains of its own where it has some, {gains.seeds} noise seeds each."
+    head = _headline(gains, rig.settings.name, what, runs)
+    sections = (_section(gains), origin(hashes([rig.path]), command, rig.settings.seed))
+    return page_text(kind.capitalize(), head, sections)
 
 
 def _section(gains: Benefit) -> Section:
     blocks: list[Block] = []
-    for measure in MEASURES:
-        title = TITLES[measure]
-        for against, cells in compared(gains, measure).items():
+    for metric in gains.metrics:
+        title = metric.title
+        for against, cells in compared(gains, metric.key).items():
             blocks.append(Text(_gains(gains, title.capitalize(), against, cells)))
         blocks.append(
             picture(
-                figure_benefit(gains, measure),
-                f"benefit-{measure}",
+                figure_benefit(gains, metric),
+                f"benefit-{metric.key}",
                 f"Maps of the ratio of {title} over loop width and reversible fraction, one "
-                "column a step height, one row a baseline; hatched where no gain is certain.",
+                "column a case, one row a baseline; hatched where no gain is certain.",
                 f"{title.capitalize()} of full over that of the baseline, same gains; "
-                "below 1 (violet) compensation gains. Crossed red: it loses for certain, or has "
-                "lost the armature; hatched grey: neither is certain, the 95 % confidence interval "
-                "of the difference reaches zero; dotted: both overshoots are less than three times "
-                "the rms of the standstill, there is nothing to gain. †: pathological iron, which "
+                "below 1 (violet) compensation gains. Crossed red: it loses for certain, or "
+                "was lost; hatched grey: neither is certain, the 95 % confidence interval of the "
+                "difference reaches zero; dotted: both overshoots of a step are less than three "
+                "times the rms of the standstill, there is nothing to gain. †: pathological iron, which "
                 "hardly answers just after a reversal. The name in a square is that of the baseline "
                 "there; lin. is linearised.",
             )
@@ -218,8 +237,8 @@ def _gains(gains: Benefit, title: str, against: str, cells: Compared) -> str:
         width, fraction = gains.row_width(cell.iron.scale), cell.iron.reversible_fraction
         share = "" if fraction is None else f"reversible fraction {fraction:g}, "
         text += (
-            f"; at best {100.0 * (1.0 - _ratio(best)):.0f}{NBSP}% less than {best.baseline} (step "
-            f"of {1e6 * cell.height:g}{NBSP}µm, {share}loop width "
+            f"; at best {100.0 * (1.0 - _ratio(best)):.0f}{NBSP}% less than {best.baseline} ("
+            f"{'step of ' * isinstance(cell.case, float)}{_case(cell.case)}, {share}loop width "
             f"{100.0 * width:.2g}{NBSP}%)"
         )
     return f"{text}."
@@ -235,8 +254,8 @@ def _irons(gains: Benefit) -> PageTable:
             else number(iron.reversible_fraction, short=True),
             f"{number(100.0 * iron.loop_width)}{NBSP}%",
             NOT_KNOWN if iron.after_reversal is None else number(iron.after_reversal, 2),
-            number(iron.after_reversal_true, 2),
-            iron.label,
+            NOT_KNOWN if iron.after_reversal_true is None else number(iron.after_reversal_true, 2),
+            iron.label or NOT_KNOWN,
         ]
         for iron in dict.fromkeys(cell.iron for cell in gains.cells)
     ]
@@ -251,7 +270,7 @@ def _irons(gains: Benefit) -> PageTable:
             "label",
         ),
         rows,
-        "Loop width: of the largest current. Slope just after a reversal over the static slope: "
+        "Loop width: of the largest drive. Slope just after a reversal over the static slope: "
         "below a quarter an iron is pathological.",
         texts=0,
     )
