@@ -21,9 +21,10 @@ from anhyst.control.controller_file import (
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.loop import check_controller, make_setups
-from anhyst.rig.body import check_load, check_rate, read_bearing, step_ends
+from anhyst.rig.body import read_bearing, step_ends
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.parts.magnet import check_flux_range, read_flux_table
+from anhyst.study.bearing.operating import check_load, check_rate
 from anhyst.support.errors import InputError
 from tests.refusals import refused
 from tests.study import bearings

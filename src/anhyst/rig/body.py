@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -43,8 +42,6 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import FileFault, Table
 from anhyst.support.toml_text import Path as KeyPath
 
-TICKS_PER_POLE = 20.0
-"""Least sample rate in multiples of the unstable pole of the plant without controller."""
 LEAST_HOLD = 8
 """Ticks for which a step is held, to judge it by."""
 LONGEST_PERIOD_S = 60.0
@@ -236,40 +233,6 @@ def read_bearing(path: PathLike) -> BodyRig:
     if faults:
         raise rig_error(file, faults)
     return BodyRig(file, settings)
-
-
-def check_load(rig: BodyRig, force_max: float) -> None:
-    """Refuse a load that no current can carry."""
-    load = rig.load
-    steps = rig.settings.load_steps_N
-    faults: list[FileFault] = []
-    if not load < force_max:
-        text = f"no current can carry {load:.4g} N, the magnet reaches {force_max:.4g} N"
-        faults.append(
-            FileFault(
-                ("load", "force_N"),
-                f"{text}; lower it or raise current_high_A",
-                code="load-too-large",
-            )
-        )
-    for index, step in enumerate(steps):
-        if load < force_max <= load + step:
-            text = f"{load:.4g} N and this step are {load + step:.4g} N"
-            text += f", the magnet reaches {force_max:.4g} N; lower it"
-            assert rig.settings.load_case is not None
-            key = rig.settings.place(rig.settings.load_case, "forces_N", index)
-            faults.append(FileFault(key, text, code="load-too-large"))
-    if faults:
-        raise rig_error(rig.path, faults)
-
-
-def check_rate(rig: BodyRig, pole_Hz: float) -> None:
-    """Refuse a sample rate that is too slow for the plant."""
-    rate, least = rig.settings.timing.rate_Hz, TICKS_PER_POLE * pole_Hz
-    if rate < least:
-        text = f"{rate:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"
-        text += f"; use at least {TICKS_PER_POLE:g} times that, {math.ceil(least)} Hz"
-        raise rig_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
 def plant_faults(file: RigFile) -> Iterator[FileFault]:

@@ -236,8 +236,7 @@ def make_setups(
     magnet: IdentifiedMagnet,
     variants: tuple[MethodName, ...],
 ) -> Mapping[MethodName, BearingSetup]:
-    """Fit several variants in the number format of a controller file."""
-    check_controller(controller, rig)
+    """Fit several variants in the number format of a controller file that belongs to the rig."""
     table = controller.settings
     setups = {}
     for variant in variants:

@@ -8,6 +8,7 @@ Everything that a rig file and a controller file name: read and checked before a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -19,7 +20,7 @@ from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import Model, read_model
 from anhyst.rig.bearing.loop import BearingSetup, check_controller
-from anhyst.rig.body import BodyRig, check_load, check_rate, read_bearing
+from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.old_files import rig_error
@@ -33,6 +34,8 @@ from anhyst.support.toml_file import FileFault
 
 _CURRENTS = 1200
 _GAP_STEP = 2e-6
+TICKS_PER_POLE = 20.0
+"""Least sample rate in multiples of the unstable pole of the plant without controller."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +102,40 @@ def has_constants(setup: BearingSetup) -> bool:
     just after a reversal, no linear loop can show.
     """
     return "k_i_N_per_A" in setup.compensator.parameters.numbers
+
+
+def check_load(rig: BodyRig, force_max: float) -> None:
+    """Refuse a load that no current can carry."""
+    load = rig.load
+    steps = rig.settings.load_steps_N
+    faults: list[FileFault] = []
+    if not load < force_max:
+        text = f"no current can carry {load:.4g} N, the magnet reaches {force_max:.4g} N"
+        faults.append(
+            FileFault(
+                ("load", "force_N"),
+                f"{text}; lower it or raise current_high_A",
+                code="load-too-large",
+            )
+        )
+    for index, step in enumerate(steps):
+        if load < force_max <= load + step:
+            text = f"{load:.4g} N and this step are {load + step:.4g} N"
+            text += f", the magnet reaches {force_max:.4g} N; lower it"
+            assert rig.settings.load_case is not None
+            key = rig.settings.place(rig.settings.load_case, "forces_N", index)
+            faults.append(FileFault(key, text, code="load-too-large"))
+    if faults:
+        raise rig_error(rig.path, faults)
+
+
+def check_rate(rig: BodyRig, pole_Hz: float) -> None:
+    """Refuse a sample rate that is too slow for the plant."""
+    rate, least = rig.settings.timing.rate_Hz, TICKS_PER_POLE * pole_Hz
+    if rate < least:
+        text = f"{rate:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"
+        text += f"; use at least {TICKS_PER_POLE:g} times that, {math.ceil(least)} Hz"
+        raise rig_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
 def _check_rest(rig: BodyRig) -> None:
