@@ -16,6 +16,9 @@
      turns*current + bias*x = length*H + eddy*length*dB/dt + joints*area*B
      force = bias*area*B - spring*x,   x = middle - gap
 
+   A circuit with a cone (cone.h) has that in place of the gaps, in series with its joints: the
+   sliding clearance of a solenoid's plunger.
+
    law: an identified model. The pull comes from the law, c_H*(I - I_0) through rho(gap) to B and
    c_out*B^2 + F_0; the flux linkage from a table psi(I, gap), odd in I.
 
@@ -26,6 +29,7 @@
 #define ANHYST_PLANT_MAGNET_H
 
 #include "anhyst/law/circuit.h"
+#include "anhyst_plant/cone.h"
 #include "anhyst_plant/iron.h"
 #include "anhyst_plant/solid.h"
 
@@ -45,7 +49,8 @@ typedef struct {
   double bias;        /* magnetomotive force for each m moved, A/m; 0: the gaps pull */
   double middle;      /* gap where that is none, m */
   double spring;      /* force against the motion that no flux of the circuit makes, N/m */
-  const anhyst_plant_solid *solid; /* null: all of it is sheets */
+  const anhyst_plant_solid *solid; /* null: all of it is sheets; with a cone it is */
+  const anhyst_plant_cone *cone;   /* null: two gaps */
 } anhyst_plant_circuit;
 
 /* How a model's drive and output are made up at one gap. */
@@ -99,6 +104,7 @@ typedef struct {
   anhyst_plant_memory iron;    /* of a circuit, of its sheets */
   anhyst_plant_memory *volume; /* of its solid iron, the surface first; the caller's */
   anhyst_memory_f64 law;
+  double over;     /* cone: ampere-turns over the gap, A */
   double stride;   /* law: by which the flux density moved last, T */
   double psi;      /* flux linkage, Wb */
   double current;  /* A */
@@ -119,6 +125,10 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
    slowly that nothing is induced. */
 void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             double current, double gap, double per_second);
+
+/* Moves straight to a current in so many seconds, in a few such steps. */
+void anhyst_plant_coil_follow(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
+                              double current, double gap, double seconds);
 
 /* The same, slowly. */
 void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,

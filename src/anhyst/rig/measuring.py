@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
+from anhyst._core import Coil
 from anhyst.data import Loops
 from anhyst.data.history import History
 from anhyst.data.loops import Loop
 from anhyst.rig.body import BodyRig
 from anhyst.rig.measurement_table import CampaignTable, MeasurementTable
-from anhyst.rig.parts.magnet import Electromagnet
-from anhyst.rig.parts.sensors import Sensor
+from anhyst.rig.parts.sensors import NoisySensor, Sensors
 from anhyst.rig.plant import make_magnet
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
@@ -26,22 +26,13 @@ _WHOLE = 1e-6
 
 
 class Pull(Protocol):
-    """A magnet with the memory of its iron, moved so slowly that nothing is induced."""
+    """A magnet with the memory of its iron."""
 
-    def step(self, current: float, gap: float) -> float:
-        """Move to a current, A, at a gap, m, and return the pull, N."""
+    def hold(self, current: float, gap: float) -> float:
+        """Move slowly to a current, A, at a gap, m, and return the pull, N."""
 
-
-@dataclass(frozen=True, slots=True)
-class Sensors:
-    """What measures loops: a shunt and a load cell."""
-
-    current: Sensor
-    force: Sensor
-
-    def read(self, current: float, force: float) -> tuple[float, float]:
-        """Return what they say of a current, A, and a force, N, one sample on."""
-        return self.current.read(current), self.force.read(force)
+    def run(self, current: FloatArray, gap: FloatArray, seconds: float = ...) -> FloatArray:
+        """Move from one to the next, slowly or in so many seconds each; the pull stands first."""
 
 
 class HeldRig(Protocol):
@@ -74,18 +65,24 @@ def conditioning(campaign: MeasurementTable) -> list[float]:
 
 
 def take(
-    magnet: Pull, sensors: Sensors, gap: float, path: FloatArray
+    magnet: Pull, sensors: Sensors, gap: float, path: FloatArray, seconds: float = math.inf
 ) -> tuple[FloatArray, FloatArray]:
-    """Move along currents, A, at a gap, m."""
-    rows = np.array([sensors.read(current, magnet.step(current, gap)) for current in path.tolist()])
-    return rows[:, 0], rows[:, 1]
+    """Move along currents, A, at a gap, m: slowly, or in so many seconds each."""
+    force = magnet.run(path, np.full(path.size, gap), seconds)[:, 0]
+    return sensors["current"].read(path), sensors["force"].read(force)
 
 
 def measure_path(
-    magnet: Pull, sensors: Sensors, gap: float, path: FloatArray, name: str, past: Sequence[float]
+    magnet: Pull,
+    sensors: Sensors,
+    gap: float,
+    path: FloatArray,
+    name: str,
+    past: Sequence[float],
+    seconds: float = math.inf,
 ) -> Loop:
     """Measure one record of a magnet that was conditioned."""
-    current, force = take(magnet, sensors, gap, path)
+    current, force = take(magnet, sensors, gap, path, seconds)
     short, whole = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
     return Loop(
         label=f"{(short if float(short) == float(whole) else whole)}mm-{name}",
@@ -106,7 +103,7 @@ def measure_place(
     for number, record in enumerate(campaign.records):
         specimen = held.magnet() if magnet is None else magnet
         for turn in past:
-            specimen.step(turn, gap)
+            specimen.hold(turn, gap)
         path = straight([campaign.current_max_A * turn for turn in record.turns], step)
         sensors = held.sensors([index, number], campaign.sample_s)
         loops.append(measure_path(specimen, sensors, gap, path, record.name, past))
@@ -124,9 +121,9 @@ class HeldBearing:
         self._rig = rig
         self._magnet = make_magnet(rig)
 
-    def magnet(self) -> Electromagnet:
+    def magnet(self) -> Coil:
         """Return what pulls, demagnetised."""
-        return Electromagnet(self._magnet)
+        return Coil(self._magnet)
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
         """Return what measures; the seed of the rig file is added, a sample is so many seconds."""
@@ -134,7 +131,10 @@ class HeldBearing:
         current, force = settings.current_sensor, settings.force_sensor
         own = [settings.seed, *seed]
         shunt = current.numbers(sample) | {"share": 1.0}  # slow loops pass it as they are
-        return Sensors(Sensor(shunt, [*own, 0]), Sensor(force.numbers(sample), [*own, 1]))
+        return {
+            "current": NoisySensor(shunt, [*own, 0]),
+            "force": NoisySensor(force.numbers(sample), [*own, 1]),
+        }
 
 
 def _measure_in_time(held: HeldBearing, campaign: CampaignTable, index: int) -> list[Loop]:
@@ -158,10 +158,10 @@ def _measure_in_time(held: HeldBearing, campaign: CampaignTable, index: int) -> 
     for number, (name, turns, speed, sample) in enumerate(runs):
         magnet = held.magnet()
         for turn in past:
-            magnet.step(turn, gap)
-        magnet.seconds = sample
+            magnet.hold(turn, gap)
         path = straight(turns, speed * sample)
-        loop = measure_path(magnet, held.sensors([index, number], sample), gap, path, name, past)
+        sensors = held.sensors([index, number], sample)
+        loop = measure_path(magnet, sensors, gap, path, name, past, sample)
         loops.append(replace(loop, time=np.arange(path.size, dtype=np.float64) * sample))
     return loops
 

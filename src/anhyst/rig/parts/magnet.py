@@ -5,7 +5,6 @@ The equations stand in ``plant/include/anhyst_plant/magnet.h``; here are their n
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -20,8 +19,6 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 _CURRENTS, _GAPS = 257, 129
-_SUBSTEPS = 8
-"""Of a way that takes time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,24 +143,6 @@ def circuit_numbers(poles: Poles, eddy_time: float, gap: float) -> dict[str, flo
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
-
-
-class Electromagnet:
-    """A magnet with the memory of its iron, moved so slowly that nothing is induced, or in time."""
-
-    def __init__(self, magnet: Magnet) -> None:
-        self._coil = Coil(magnet)
-        self.seconds = math.inf  # in which it moves
-
-    def step(self, current: float, gap: float) -> float:
-        """Move straight to a current, A, at a gap, m, and return the pull, N."""
-        if math.isinf(self.seconds):
-            self._coil.hold(current, gap)
-            return self._coil.force
-        start, step = self._coil.current, (current - self._coil.current) / _SUBSTEPS
-        for value in (*(start + n * step for n in range(1, _SUBSTEPS)), current):
-            self._coil.lead(value, gap, self.seconds / _SUBSTEPS)
-        return self._coil.force
 
 
 @dataclass(frozen=True, slots=True)

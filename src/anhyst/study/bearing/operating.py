@@ -22,9 +22,9 @@ from anhyst.rig.bearing.loop import BearingSetup, check_controller
 from anhyst.rig.body import BodyRig, check_load, check_rate, read_bearing
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.from_loops import complete_rig
+from anhyst.rig.measuring import HeldBearing
 from anhyst.rig.old_files import rig_error
-from anhyst.rig.parts.magnet import Electromagnet
-from anhyst.rig.plant import current_gains, flux_table, law_of, make_magnet, static_map
+from anhyst.rig.plant import current_gains, flux_table, law_of, static_map
 from anhyst.study.bearing import linear
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError
@@ -70,7 +70,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     rising = float(np.interp(wanted, force[:_CURRENTS], up))
     falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
     current = 0.5 * (rising + falling)
-    step = Electromagnet(make_magnet(rig)).step
+    step = HeldBearing(rig).magnet().hold
     try:
         slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
     except ValueError as error:
