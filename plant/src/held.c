@@ -12,7 +12,7 @@ static void amplify(const anhyst_plant_held *held, anhyst_plant_held_state *s, d
 
 void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_state *state,
                             double reference, double gap, const double *noise,
-                            anhyst_plant_held_row *row)
+                            double *row)
 {
   double quantity[ANHYST_HELD_SENSORS];
   int i;
@@ -24,11 +24,11 @@ void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_sta
   } else {
     anhyst_plant_coil_hold(&held->magnet, &state->coil, state->current, gap);
   }
-  row->current = quantity[ANHYST_HELD_CURRENT] = state->current;
-  row->force = quantity[ANHYST_HELD_FORCE] = state->coil.force;
+  row[0] = quantity[ANHYST_HELD_CURRENT] = state->current;
+  row[1] = quantity[ANHYST_HELD_FORCE] = state->coil.force;
   quantity[ANHYST_HELD_GAP] = gap;
   for (i = 0; i < ANHYST_HELD_SENSORS; i++) {
-    row->read[i] = anhyst_plant_sensor_take(&held->sensor[i], &state->sensing[i], !state->begun,
+    row[2 + i] = anhyst_plant_sensor_take(&held->sensor[i], &state->sensing[i], !state->begun,
                                             quantity[i], noise[i]);
   }
   state->begun = 1;

@@ -41,17 +41,14 @@ typedef struct {
   int begun;
 } anhyst_plant_held_state;
 
-typedef struct {
-  double current;                   /* A */
-  double force;                     /* N */
-  double read[ANHYST_HELD_SENSORS]; /* gap, m; force, N; current, A */
-} anhyst_plant_held_row;
+/* What a tick gives: current, A; force, N; and what the sensors say. */
+#define ANHYST_HELD_COLUMNS (2 + ANHYST_HELD_SENSORS)
 
 /* One tick: the current that was asked for at the one before, the gap here, and noise of each
    sensor in the unit of its quantity. */
 void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_state *state,
                             double reference, double gap, const double *noise,
-                            anhyst_plant_held_row *row);
+                            double *row);
 
 #ifdef __cplusplus
 }

@@ -17,6 +17,7 @@ import numpy as np
 from anhyst.compilation.toolchain import zig_cc
 from anhyst.data.formats.text import write_csv
 from anhyst.exchange.bearing_part import bearing_part
+from anhyst.exchange.force_part import force_part
 from anhyst.exchange.part import (
     MODEL,
     WRAPPER,
@@ -187,7 +188,8 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
                     code="option-not-for-this",
                     key=name,
                 )
-        return bearing_part(model) if file is FileKind.BEARING else stage_part(model)
+        parts = {FileKind.BEARING: bearing_part, FileKind.FORCE: force_part}
+        return parts.get(file, stage_part)(model)
     if of == "actuator":
         for name, value in (("--rate", rate), ("--kind", kind)):
             if value is not None:

@@ -57,7 +57,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "diff": _MODEL,
     "compile": (FileKind.MODEL, FileKind.STAGE),
     "watch": _MODEL,
-    "export": (FileKind.MODEL, FileKind.BEARING, FileKind.STAGE),
+    "export": (FileKind.MODEL, FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
     "verify": (FileKind.COMPILED,),
     "simulate": RIGS,
     "calibrate": (FileKind.BEARING, FileKind.STAGE),
