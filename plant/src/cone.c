@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "anhyst_plant/cone.h"
-
 #include <math.h>
 
-#include "anhyst_plant/iron.h"
+#include "anhyst_plant/magnet.h"
 
 #define ITERATIONS 100
 #define TOLERANCE 1e-7 /* of the ampere-turns, A; the step that is taken then ends far closer */
@@ -18,8 +16,7 @@ void anhyst_plant_cone_at(const anhyst_plant_cone *cone, double gap, anhyst_plan
   const double by_length = ANHYST_PLANT_MU0 * cone->around / cone->clearance;
   at->gap = gap;
   at->straight = ANHYST_PLANT_MU0 * width * width / gap + cone->leakage;
-  at->d_face =
-      ANHYST_PLANT_MU0 * (4.0 * cone->fringe * width / gap - width * width / (gap * gap));
+  at->d_face = ANHYST_PLANT_MU0 * (4.0 * cone->fringe * width / gap - width * width / (gap * gap));
   at->cone = by_length * overlap;
   at->d_cone = by_length * d_overlap;
   at->limit = cone->saturation * cone->around * (cone->thickness + cone->taper * overlap);

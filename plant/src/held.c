@@ -11,8 +11,7 @@ static void amplify(const anhyst_plant_held *held, anhyst_plant_held_state *s, d
 }
 
 void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_state *state,
-                            double reference, double gap, const double *noise,
-                            double *row)
+                            double reference, double gap, const double *noise, double *row)
 {
   double quantity[ANHYST_HELD_SENSORS];
   int i;
@@ -29,7 +28,7 @@ void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_sta
   quantity[ANHYST_HELD_GAP] = gap;
   for (i = 0; i < ANHYST_HELD_SENSORS; i++) {
     row[2 + i] = anhyst_plant_sensor_take(&held->sensor[i], &state->sensing[i], !state->begun,
-                                            quantity[i], noise[i]);
+                                          quantity[i], noise[i]);
   }
   state->begun = 1;
 }

@@ -49,10 +49,8 @@ typedef struct {
 
 static around around_iron(const anhyst_plant_circuit *c, double gap)
 {
-  around found = {.outer = c->joints,
-                  .share = 1.0,
-                  .per_area = 1.0 / c->iron_area,
-                  .moved = c->middle - gap};
+  around found = {
+      .outer = c->joints, .share = 1.0, .per_area = 1.0 / c->iron_area, .moved = c->middle - gap};
   if (c->cone) {
     anhyst_plant_cone_at(c->cone, gap, &found.cone);
   } else if (c->bias == 0.0) {
@@ -109,8 +107,8 @@ static void iron_answers(const anhyst_plant_circuit *c, const anhyst_plant_coil 
   } else if (c->solid) {
     anhyst_plant_soak(&c->iron, c->solid, coil->volume, &coil->iron, asked, &found->solid);
   } else {
-    anhyst_plant_field(&c->iron, &coil->iron, asked->a, asked->b, asked->r, tolerance,
-                       NULL, &found->goal);
+    anhyst_plant_field(&c->iron, &coil->iron, asked->a, asked->b, asked->r, tolerance, NULL,
+                       &found->goal);
     found->solid.field = found->goal.field;
     found->solid.density = found->goal.density;
   }

@@ -92,8 +92,8 @@ void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor, anhyst_plant_
   sensing->line[sensing->at] = sensing->value;
 }
 
-double anhyst_plant_sensor_show(const anhyst_plant_sensor *sensor,
-                                const anhyst_plant_sensing *sensing, double noise)
+static double show(const anhyst_plant_sensor *sensor, const anhyst_plant_sensing *sensing,
+                   double noise)
 {
   const double value = sensing->line[(sensing->at - (unsigned)sensor->delay) & MASK];
   return anhyst_plant_convert(sensor->gain * value + sensor->offset + noise, sensor->low,
@@ -108,12 +108,12 @@ double anhyst_plant_sensor_take(const anhyst_plant_sensor *sensor, anhyst_plant_
   } else {
     anhyst_plant_sensor_follow(sensor, sensing, value, value);
   }
-  return anhyst_plant_sensor_show(sensor, sensing, noise);
+  return show(sensor, sensing, noise);
 }
 
 double anhyst_plant_sensor_read(const anhyst_plant_sensor *sensor,
                                 const anhyst_plant_sensing *sensing, anhyst_plant_noise *noise)
 {
-  return anhyst_plant_sensor_show(
-      sensor, sensing, sensor->noise > 0.0 ? sensor->noise * anhyst_plant_normal(noise) : 0.0);
+  return show(sensor, sensing,
+              sensor->noise > 0.0 ? sensor->noise * anhyst_plant_normal(noise) : 0.0);
 }

@@ -12,7 +12,7 @@ from anhyst.exchange.export import export_fmu
 from anhyst.rig.bench.force import run_firmware
 from anhyst.rig.case_table import ForceCase, MovingCase
 from anhyst.rig.force.bench import RECORDED, ActuatorStand, moving_gap, triangle
-from anhyst.rig.force.file import Rig, read_rig
+from anhyst.rig.force.file import READ, Rig, read_rig
 from anhyst.rig.force.programs import ticks_that_differ
 from anhyst.study.force.force_control import build_program
 from tests.cli.command import quick as run
@@ -54,7 +54,8 @@ def test_it_drives_and_pulls_as_the_firmware_at_the_virtual_bench_bit_for_bit(
         rig, program, ActuatorStand(rig, SEED), gap, demand, "library", demagnetised=True
     )
     assert ticks_that_differ(program, session) == 0
-    noise = np.column_stack([one.draw(session.first + gap.size) for one in rig.noise(SEED)])
+    sensors, ticks = rig.instruments(SEED), session.first + gap.size
+    noise = np.column_stack([sensors[name].noise(ticks) for name in READ])
     columns = (demand.force, gap, *noise[session.first :].T)
     names = ("demand_N", "gap_m", "gap_noise_m", "force_noise_N", "current_noise_A")
     export_fmu(tmp_path / "rig.toml", tmp_path / "valve.fmu", platforms=[HERE])

@@ -19,8 +19,7 @@ enum { OF_CELLS, OF_LAW, OF_PREISACH, OF_DUHEM, SOLID, CONE, KINDS };
 static const char *const kinds[KINDS] = {"cells", "law", "preisach", "duhem", "solid", "cone"};
 
 /* As wide as the poles of the others, and a cone that saturates. */
-static const anhyst_plant_cone cone = {1e-8, 0.011, 0.5,  0.05, 0.4e-3,
-                                       6e-4, 2e-4,  1e-3, 0.45, 1.7};
+static const anhyst_plant_cone cone = {1e-8, 0.011, 0.5, 0.05, 0.4e-3, 6e-4, 2e-4, 1e-3, 0.45, 1.7};
 
 /* Of preisach; in eight volumes, a quarter of the path. */
 static anhyst_plant_solid solid;

@@ -47,8 +47,7 @@ typedef struct {
 /* One tick: the current that was asked for at the one before, the gap here, and noise of each
    sensor in the unit of its quantity. */
 void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_state *state,
-                            double reference, double gap, const double *noise,
-                            double *row);
+                            double reference, double gap, const double *noise, double *row);
 
 #ifdef __cplusplus
 }

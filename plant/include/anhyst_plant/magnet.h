@@ -16,7 +16,7 @@
      turns*current + bias*x = length*H + eddy*length*dB/dt + joints*area*B
      force = bias*area*B - spring*x,   x = middle - gap
 
-   A circuit with a cone (cone.h) has that in place of the gaps, in series with its joints: the
+   A circuit with a cone (cone.c) has that in place of the gaps, in series with its joints: the
    sliding clearance of a solenoid's plunger.
 
    law: an identified model. The pull comes from the law, c_H*(I - I_0) through rho(gap) to B and
@@ -29,13 +29,53 @@
 #define ANHYST_PLANT_MAGNET_H
 
 #include "anhyst/law/circuit.h"
-#include "anhyst_plant/cone.h"
 #include "anhyst_plant/iron.h"
 #include "anhyst_plant/solid.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+/* The working gap of a solenoid: a plunger in front of a stop with a control cone. Three ways lie
+   in parallel: its flat face, the wall of the cone, into which it dips and whose thin end
+   saturates, and leakage that pulls at nothing. At ampere-turns u
+
+     flux(u) = (face + leakage)*u + cone*u/sqrt(1 + (cone*u/limit)^2)
+
+   and the pull is what the coenergy, the integral of the flux over u, loses for each metre. */
+typedef struct {
+  double leakage;    /* permeance parallel to the working gap, H */
+  double side;       /* of a square as large as the flat face, m */
+  double fringe;     /* by which this widens on each side, over the gap */
+  double around;     /* circumference of the wall, m */
+  double clearance;  /* radial, between plunger and wall, m */
+  double depth;      /* gap at which the plunger begins to dip in, m */
+  double onset;      /* length over which this beginning is washed out, m */
+  double thickness;  /* of the wall at its end, m */
+  double taper;      /* how much thicker it is for each metre of depth */
+  double saturation; /* flux density at which the wall saturates, T */
+} anhyst_plant_cone;
+
+/* At one gap: permeances, H, and what they change by for each metre. */
+typedef struct {
+  double gap;      /* m */
+  double straight; /* of face and leakage together */
+  double d_face;
+  double cone;
+  double d_cone;
+  double limit; /* flux that saturates the wall, Wb */
+  double d_limit;
+} anhyst_plant_cone_gap;
+
+void anhyst_plant_cone_at(const anhyst_plant_cone *cone, double gap, anhyst_plant_cone_gap *at);
+
+/* Ampere-turns that a flux needs, looked for from some near by, A; and their slope over the flux,
+   1/H. */
+double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, double near,
+                             double *slope);
+
+/* Pull that closes the gap, N. */
+double anhyst_plant_cone_force(const anhyst_plant_cone_gap *at, double mmf);
 
 typedef struct {
   anhyst_plant_iron iron;

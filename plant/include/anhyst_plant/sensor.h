@@ -58,11 +58,8 @@ void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor, anhyst_plant_
 double anhyst_plant_sensor_read(const anhyst_plant_sensor *sensor,
                                 const anhyst_plant_sensing *sensing, anhyst_plant_noise *noise);
 
-/* What it says now, with noise from outside in the unit of the quantity. */
-double anhyst_plant_sensor_show(const anhyst_plant_sensor *sensor,
-                                const anhyst_plant_sensing *sensing, double noise);
-
-/* The same of a quantity that stood there for a whole step; at the first one, for ever. */
+/* What it says of a quantity that stood there for a whole step, at the first one for ever; with
+   noise from outside, in the unit of the quantity. */
 double anhyst_plant_sensor_take(const anhyst_plant_sensor *sensor, anhyst_plant_sensing *sensing,
                                 int is_first, double value, double noise);
 

@@ -68,8 +68,7 @@ public:
     same_length(values.shape(0), noise.shape(0), "noise");
     Out out = make_array(values.shape(0));
     for (size_t i = 0; i < values.shape(0); i++) {
-      out.data()[i] =
-          anhyst_plant_sensor_take(&sensor_, &sensing_, !begun_, values(i), noise(i));
+      out.data()[i] = anhyst_plant_sensor_take(&sensor_, &sensing_, !begun_, values(i), noise(i));
       begun_ = true;
     }
     return out;

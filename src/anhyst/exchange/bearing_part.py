@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from anhyst.compilation.output import compile_actuator
 from anhyst.compilation.toolchain import core_files
 from anhyst.exchange.part import (
+    CORE_OF_LAWS,
     WRAPPER,
     Part,
     Variable,
@@ -32,11 +33,7 @@ from anhyst.support.states import Command
 
 FORMATS = ("f32", "f64")
 CORE_OF_PLANT = (
-    "numeric/elementary.c",
-    *(f"law/{name}.c" for name in ("langevin", "branch", "operator", "solver")),
-    *(f"law/{name}.c" for name in ("circuit", "layers")),
-    *(f"law/{name}.c" for name in ("lag_exact", "lag_linear", "lag_1986", "law_lag")),
-    *(f"law/{name}.c" for name in ("cell_shape", "cell_table", "cells", "law_cells")),
+    *CORE_OF_LAWS,
     *(f"compensator/{name}_{of}.c" for name in ("full", "cells", "simplified") for of in FORMATS),
     *(
         f"compensator/{name}_{of}.c"
@@ -75,15 +72,8 @@ def bearing_part(rig_path: PathLike) -> Part:
             controller=controller.path,
         )
         manifest, sources = compiled_sources(folder)
-    sources = {path: text.encode() for path, text in core_files(CORE_OF_PLANT).items()} | sources
-    sources |= plant_sources("tracking|piezo")
-    for own_file in (
-        "bearing.c",
-        "bearing_controller.c",
-        "bearing_controller.h",
-        "virtual_plant.h",
-    ):
-        sources[own_file] = (WRAPPER / own_file).read_bytes()
+    own = ("bearing.c", "bearing_controller.c", "bearing_controller.h", "virtual_plant.h")
+    sources = plant_sources("tracking|piezo|held", CORE_OF_PLANT, own) | sources
     sources["bearing_numbers.h"] = numbers_of_plant(ready.rig).encode()
     sources["controller_numbers.h"] = _names(manifest["name"]).encode()
     title = rig.settings.name
@@ -104,10 +94,13 @@ def refuse_plant(rig: BodyRig) -> None:
         )
 
 
-def plant_sources(others: str) -> dict[str, bytes]:
-    """Return all of the plant but what moves other rigs."""
+def plant_sources(
+    others: str, core: Iterable[str] = (), own: Iterable[str] = (), memories: int = 1
+) -> dict[str, bytes]:
+    """Return all of the plant but what moves other rigs, sources of the core, and a part's own."""
+    found = {path: text.encode() for path, text in core_files(core, memories).items()}
+    found |= {name: (WRAPPER / name).read_bytes() for name in own}
     folder = plant_folder()
-    found = {}
     for path in sorted(folder.rglob("*.[ch]")):
         name = path.relative_to(folder).as_posix()
         if path.name != "bus.c" and not re.search(others, name):

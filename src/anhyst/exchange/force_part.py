@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from anhyst.compilation.toolchain import core_files
-from anhyst.exchange.bearing_part import (
-    CORE_OF_PLANT,
-    fields,
-    magnet_text,
-    plant_sources,
-    volumes_of,
-)
-from anhyst.exchange.part import WRAPPER, Part, Variable, compensator_part, header
+from anhyst.exchange.bearing_part import fields, magnet_text, plant_sources, volumes_of
+from anhyst.exchange.part import CORE_OF_LAWS, Part, Variable, compensator_part, header
 from anhyst.rig.force.file import READ, Rig, read_rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
@@ -30,14 +23,11 @@ def force_part(rig_path: PathLike) -> Part:
     rig = complete_rig(rig, loops)
     rate = rig.settings.timing.rate_Hz
     compensator = compensator_part(find_model(rig, loops), rate, "full")
-    names = [name for name in CORE_OF_PLANT if name.startswith(("numeric/", "law/"))]
-    sources = {path: text.encode() for path, text in core_files(names).items()}
-    sources |= compensator.sources
-    sources |= plant_sources("tracking|piezo|position|body|loop|controller")
+    others = "tracking|piezo|position|body|loop|controller"
+    sources = plant_sources(others, CORE_OF_LAWS, ["force.c"]) | dict(compensator.sources)
     # One component within another, which is the part of the FMU.
     renamed = b"#define anhyst_the_part anhyst_compensator_part\n"
     sources["compensator_numbers.h"] = renamed + sources["compensator_numbers.h"]
-    sources["force.c"] = (WRAPPER / "force.c").read_bytes()
     demand, *gaps = compensator.named("input")
     sources["force_numbers.h"] = _numbers(rig, gaps).encode()
     title = rig.settings.name

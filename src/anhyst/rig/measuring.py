@@ -15,7 +15,7 @@ from anhyst.data import Loops
 from anhyst.data.history import History
 from anhyst.data.loops import Loop
 from anhyst.rig.body import BodyRig
-from anhyst.rig.measurement_table import CampaignTable, MeasurementTable
+from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.parts.sensors import NoisySensor, Sensors
 from anhyst.rig.plant import make_magnet
 from anhyst.support.numeric import FloatArray
@@ -25,14 +25,8 @@ _WHOLE = 1e-6
 """Of a step: so much more than a whole number of them is rounding."""
 
 
-class Pull(Protocol):
-    """A magnet with the memory of its iron."""
-
-    def hold(self, current: float, gap: float) -> float:
-        """Move slowly to a current, A, at a gap, m, and return the pull, N."""
-
-    def run(self, current: FloatArray, gap: FloatArray, seconds: float = ...) -> FloatArray:
-        """Move from one to the next, slowly or in so many seconds each; the pull stands first."""
+Pull = Coil
+"""A magnet with the memory of its iron, held at currents and gaps or moved in time."""
 
 
 class HeldRig(Protocol):
@@ -93,25 +87,42 @@ def measure_path(
     )
 
 
+FAST_SAMPLES, FAST_CYCLES = 200, 2
+"""Of a fast cycle, and how many of them are recorded."""
+
+
 def measure_place(
-    held: HeldRig, campaign: MeasurementTable, index: int, magnet: Pull | None = None
+    held: HeldRig,
+    campaign: MeasurementTable,
+    index: int,
+    magnet: Pull | None = None,
+    fast: Sequence[float] = (),
 ) -> list[Loop]:
-    """Measure all records of a campaign at one of its gaps."""
-    gap, past = campaign.gaps_m[index], conditioning(campaign)
-    step = campaign.sweep_A_per_s * campaign.sample_s
+    """Measure all records of a campaign at one of its gaps.
+
+    With speeds, A/s, all of them in time, and full cycles at each of these besides.
+    """
+    gap, past, high = campaign.gaps_m[index], conditioning(campaign), campaign.current_max_A
+    pace, sample_s = campaign.sweep_A_per_s, campaign.sample_s
+    runs = [
+        (record.name, [high * turn for turn in record.turns], pace, sample_s)
+        for record in campaign.records
+    ]
+    cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
+    runs += [
+        (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * FAST_SAMPLES)) for speed in fast
+    ]
     loops = []
-    for number, record in enumerate(campaign.records):
+    for number, (name, turns, speed, sample) in enumerate(runs):
         specimen = held.magnet() if magnet is None else magnet
         for turn in past:
             specimen.hold(turn, gap)
-        path = straight([campaign.current_max_A * turn for turn in record.turns], step)
-        sensors = held.sensors([index, number], campaign.sample_s)
-        loops.append(measure_path(specimen, sensors, gap, path, record.name, past))
+        path, sensors = straight(turns, speed * sample), held.sensors([index, number], sample)
+        seconds = sample if fast else math.inf
+        loop = measure_path(specimen, sensors, gap, path, name, past, seconds)
+        time = np.arange(path.size, dtype=np.float64) * sample
+        loops.append(replace(loop, time=time) if fast else loop)
     return loops
-
-
-FAST_SAMPLES, FAST_CYCLES = 200, 2
-"""Of a fast cycle, and how many of them are recorded."""
 
 
 class HeldBearing:
@@ -135,35 +146,6 @@ class HeldBearing:
             "current": NoisySensor(shunt, [*own, 0]),
             "force": NoisySensor(force.numbers(sample), [*own, 1]),
         }
-
-
-def _measure_in_time(held: HeldBearing, campaign: CampaignTable, index: int) -> list[Loop]:
-    """Measure all records at one gap and full cycles at every fast speed, with what speed induces."""
-    gap, past, high = campaign.gaps_m[index], conditioning(campaign), campaign.current_max_A
-    runs = [
-        (
-            record.name,
-            [high * turn for turn in record.turns],
-            campaign.sweep_A_per_s,
-            campaign.sample_s,
-        )
-        for record in campaign.records
-    ]
-    cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
-    runs += [
-        (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * FAST_SAMPLES))
-        for speed in campaign.fast_A_per_s
-    ]
-    loops = []
-    for number, (name, turns, speed, sample) in enumerate(runs):
-        magnet = held.magnet()
-        for turn in past:
-            magnet.hold(turn, gap)
-        path = straight(turns, speed * sample)
-        sensors = held.sensors([index, number], sample)
-        loop = measure_path(magnet, sensors, gap, path, name, past, sample)
-        loops.append(replace(loop, time=np.arange(path.size, dtype=np.float64) * sample))
-    return loops
 
 
 def loop_texts(loops: Loops, notes: str) -> dict[str, str]:
@@ -193,7 +175,7 @@ def measure_loops(rig: BodyRig) -> Loops:
     """
     held, campaign = HeldBearing(rig), rig.settings.measurement
     places = range(len(campaign.gaps_m))
-    measure = _measure_in_time if campaign.fast_A_per_s else measure_place
-    loops = [loop for index in places for loop in measure(held, campaign, index)]
+    fast = campaign.fast_A_per_s
+    loops = [loop for one in places for loop in measure_place(held, campaign, one, fast=fast)]
     output = QUANTITIES[rig.settings.magnet.output]
     return Loops(tuple(loops), QUANTITIES["current"], output, QUANTITIES["gap"])

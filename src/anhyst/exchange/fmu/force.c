@@ -10,8 +10,8 @@
 #include "force_numbers.h"
 #include "part.h"
 
-#define ROOM 64             /* numbers that the state of the compensator has place in */
-#define CODES 1073741824.0  /* of the gap on its way to a firmware, from one end to the other */
+#define ROOM 64            /* numbers that the state of the compensator has place in */
+#define CODES 1073741824.0 /* of the gap on its way to a firmware, from one end to the other */
 
 enum { DEMAND = 1, GAP, NOISE, COMMAND = NOISE + ANHYST_HELD_SENSORS, CURRENT, FORCE, READ };
 
@@ -22,14 +22,6 @@ typedef struct {
   anhyst_plant_memory volume[FORCE_VOLUMES];
   double compensator[ROOM];
 } state_of;
-
-static int build(void *tables)
-{
-  (void)tables;
-  return 0;
-}
-
-static void drop(void *tables) { (void)tables; }
 
 static void relink(const void *tables, void *state)
 {
@@ -74,4 +66,4 @@ static const char *tick(const void *tables, void *state, double *values, double 
   return NULL;
 }
 
-const anhyst_part anhyst_the_part = {0, sizeof(state_of), build, drop, relink, start, tick};
+const anhyst_part anhyst_the_part = {0, sizeof(state_of), NULL, NULL, relink, start, tick};

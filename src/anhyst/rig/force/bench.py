@@ -13,23 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anhyst.link.virtual_boards import Reading
 from anhyst.rig.case_table import ForceCase, MovingCase
-from anhyst.rig.force.file import Rig
+from anhyst.rig.force.file import READ, Rig
 from anhyst.rig.recording import Recording
-from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 
 _PAST = 12
 """Steps of the unknown past."""
-
-
-class BenchReading(NamedTuple):
-    """What the sensors say at a tick: gap, m; force, N; current, A."""
-
-    gap: float
-    force: float
-    current: float
 
 
 RECORDED = (
@@ -40,11 +30,13 @@ RECORDED = (
 
 
 class StandTick(NamedTuple):
-    """What is at a tick: current that flows, A; true force, N; what the sensors say."""
+    """What is at a tick, and what the sensors say of it."""
 
-    current: float
-    force: float
-    reading: BenchReading
+    current: float  # A
+    force: float  # N
+    gap_read: float  # m
+    force_read: float  # N
+    current_read: float  # A
 
 
 class ActuatorStand:
@@ -53,7 +45,7 @@ class ActuatorStand:
     def __init__(self, rig: Rig, seed: list[int]) -> None:
         self.dt = rig.dt
         self._seed = [rig.settings.seed, *seed]
-        self._plant, self._noise = rig.plant(), rig.noise(seed)
+        self._plant, self._sensors = rig.plant(), rig.instruments(seed)
         amplifier = rig.held_numbers()
         self._high, self._zero = amplifier["high"], amplifier["zero"]
 
@@ -70,18 +62,12 @@ class ActuatorStand:
 
     def step(self, reference: float, gap: float) -> StandTick:
         """Go on to the beginning of the next tick; what was asked for at this one is given, A."""
-        current, force, *read = self.run(np.array([reference]), np.array([gap]))[0].tolist()
-        return StandTick(current, force, BenchReading(*read))
+        return StandTick(*self.run(np.array([reference]), np.array([gap]))[0].tolist())
 
     def run(self, reference: FloatArray, gap: FloatArray) -> FloatArray:
         """Go on by many ticks, a row of a :class:`StandTick` each."""
-        noise = np.column_stack([one.draw(gap.size) for one in self._noise])
+        noise = np.column_stack([self._sensors[name].noise(gap.size) for name in READ])
         return self._plant.run(reference, gap, noise)
-
-
-def read_gaps(rig: Rig, gap: FloatArray, seed: list[int]) -> FloatArray:
-    """Return what the LVDT of a bench with the same gaps and seed says, m, shape (n,)."""
-    return rig.instruments(seed)["gap"].read(gap)
 
 
 def run_open_loop(stand: ActuatorStand, gap: FloatArray, reference: FloatArray) -> Recording:
@@ -130,10 +116,3 @@ def moving_gap(shape: MovingCase, ticks: int, rate: float) -> FloatArray:
     phase = 2.0 * np.pi * np.arange(ticks) / (rate * shape.period_s)
     share: FloatArray = 0.5 - 0.5 * np.cos(phase)
     return shape.low_m + (shape.high_m - shape.low_m) * share
-
-
-def on_bus(reading: BenchReading, scales: Scales) -> Reading:
-    """Return what a firmware is shown of a reading: fractions of full scale."""
-    span = scales.gap_high - scales.gap_low or 1.0
-    gap = (reading.gap - scales.gap_low) / span
-    return Reading(gap, reading.force / scales.demand, reading.current / scales.current)

@@ -30,7 +30,7 @@ from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.measurement_table import Measured, MeasurementTable
 from anhyst.rig.parts.iron import BY_FAMILY, CellSteel, DuhemSteel, PreisachSteel
 from anhyst.rig.parts.magnet import iron_magnet
-from anhyst.rig.parts.sensors import Noise, NoisySensor, Sensors
+from anhyst.rig.parts.sensors import NoisySensor, Sensors
 from anhyst.rig.parts.solenoid import CircuitTable, FluxPath, solenoid_magnet
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
@@ -155,23 +155,14 @@ class Rig:
         tables = (file.current_sensor, file.gap_sensor, file.force_sensor)
         return {table.of: table.numbers(seconds) for table in tables}
 
-    def noise(self, seed: list[int]) -> list[Noise]:
-        """Return the noise of its sensors at its ticks, in the order of :data:`READ`."""
-        numbers, seeds = self.sensor_numbers(self.dt), self._seeds(seed)
-        return [Noise(numbers[name]["noise"], seeds[name]) for name in READ]
-
     def instruments(self, seed: list[int], sample: float | None = None) -> Sensors:
         """Return the sensors, with noise of their own; a sample is so many seconds, or a tick."""
-        numbers, seeds = self.sensor_numbers(sample or self.dt), self._seeds(seed)
-        return {name: NoisySensor(one, seeds[name]) for name, one in numbers.items()}
+        own, numbers = [self.settings.seed, *seed], self.sensor_numbers(sample or self.dt)
+        return {name: NoisySensor(one, [*own, n]) for n, (name, one) in enumerate(numbers.items())}
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
         """Return what measures loops; the seed of the rig file is added."""
         return self.instruments([0, *seed], sample)
-
-    def _seeds(self, seed: list[int]) -> dict[str, list[int]]:
-        own = [self.settings.seed, *seed]
-        return {name: [*own, n] for n, name in enumerate(("current", "gap", "force"))}
 
 
 def read_rig(path: PathLike) -> Rig:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from anhyst._core import AnyIron, Coil, Magnet, Steel
+from anhyst._core import AnyIron, Coil, Magnet
 from anhyst.laws.law import IronOperator
 from anhyst.rig.parts.iron import AnySteel
 from anhyst.support.errors import InputError
@@ -117,14 +117,10 @@ def iron_magnet(
     solid: Solid | None = None,
 ) -> Magnet:
     """Return a magnet whose iron is not a Jiles-Atherton material."""
-    if solid is None:
-        return _in_circuit(poles, steel.plant(), eddy_time, gap)
     numbers = circuit_numbers(poles, eddy_time, gap)
+    if solid is None:
+        return Magnet(numbers, steel.plant())
     return Magnet(numbers, steel.plant(), solid.length / poles.iron_length, *solid.numbers())
-
-
-def _in_circuit(poles: Poles, steel: Steel, eddy_time: float, gap: float) -> Magnet:
-    return Magnet(circuit_numbers(poles, eddy_time, gap), steel)
 
 
 def circuit_numbers(poles: Poles, eddy_time: float, gap: float) -> dict[str, float]:
@@ -160,7 +156,7 @@ def flux_table_of(
     """Make a flux table from a magnet's poles and the anhysteretic curve of its iron."""
     current = np.linspace(0.0, current_high, _CURRENTS)
     gap = np.linspace(*gaps, _GAPS)
-    magnet = _in_circuit(poles, steel.unpinned(), 0.0, float(gap[0]))
+    magnet = Magnet(circuit_numbers(poles, 0.0, float(gap[0])), steel.unpinned())
     psi = [Coil(magnet).run(current, np.full(current.size, at))[:, 1] for at in gap]
     return FluxTable(current, gap, np.array(psi))
 

@@ -10,27 +10,21 @@ from anhyst._core import Sensor
 from anhyst.support.numeric import FloatArray
 
 
-class Noise:
-    """Normal noise, drawn on and on; the seed decides."""
+class NoisySensor:
+    """A sensor that is read sample by sample; the seed decides its noise."""
 
-    def __init__(self, sigma: float, seed: list[int]) -> None:
-        self._sigma, self._rng = sigma, np.random.default_rng(seed)
+    def __init__(self, numbers: Mapping[str, float], seed: list[int]) -> None:
+        self._sensor, self._sigma = Sensor(numbers), numbers["noise"]
+        self._rng = np.random.default_rng(seed)
 
-    def draw(self, count: int) -> FloatArray:
-        """Return the next values, shape (count,)."""
+    def noise(self, count: int) -> FloatArray:
+        """Return the noise of the next samples, for who computes the sensor itself."""
         noise: FloatArray = self._sigma * self._rng.standard_normal(count)
         return noise
 
-
-class NoisySensor:
-    """A sensor that is read sample by sample."""
-
-    def __init__(self, numbers: Mapping[str, float], seed: list[int]) -> None:
-        self._sensor, self._noise = Sensor(numbers), Noise(numbers["noise"], seed)
-
     def read(self, values: FloatArray) -> FloatArray:
         """Return what it says of the next samples of a quantity, shape (n,)."""
-        return self._sensor.run(np.ascontiguousarray(values), self._noise.draw(values.size))
+        return self._sensor.run(np.ascontiguousarray(values), self.noise(values.size))
 
 
 Sensors = Mapping[str, NoisySensor]

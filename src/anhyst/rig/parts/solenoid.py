@@ -1,7 +1,7 @@
 """A proportional solenoid: a plunger in front of a stop with a control cone.
 
 The iron path is in series with the sliding clearance of the plunger and with the working gap, whose
-equations stand in ``plant/include/anhyst_plant/cone.h``; here are their numbers.
+equations stand in ``plant/include/anhyst_plant/magnet.h``; here are their numbers.
 """
 
 # ruff: noqa: N815 - keys of the file carry units
@@ -44,7 +44,7 @@ class CircuitTable(Table):
     tip_saturation_T: Positive  # flux density at which the wall saturates
 
     def cone(self) -> dict[str, float]:
-        """Return its working gap by the names of ``anhyst_plant/cone.h``."""
+        """Return its working gap by the names of ``anhyst_plant/magnet.h``."""
         return {
             "leakage": self.leakage_H,
             "side": math.sqrt(self.face_area_m2),
