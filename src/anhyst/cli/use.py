@@ -276,9 +276,9 @@ def export(
 
     A compensator computes what the compiled fixed-point C computes on a controller, an actuator
     what the model does; the rig file of a bearing, a stage or of force control gives plant and
-    controller in one. An FMU holds the sources, and binaries for Linux, Windows and macOS (extra 'verify'). Simulink, Amesim,
-    Dymola, OpenModelica and fmpy read it. An S-function is C that MATLAB compiles with the script
-    beside it. For C alone: anhyst compile.
+    controller in one. An FMU holds the sources, and binaries for Linux, Windows and macOS (extra
+    'verify'). Simulink, Amesim, Dymola, OpenModelica and fmpy read it. An S-function is C that
+    MATLAB compiles with the script beside it. For C alone: anhyst compile.
 
     Example: anhyst export model.toml --as fmu --rate 20000 --out magnet.fmu
 
