@@ -194,9 +194,9 @@ def hour(known: PreparedForce) -> Row:
     whole = round(rate)
     cycle = swung(known, 6)[-whole::every]
     at = [signal.name for signal in ForceBench.signals].index
-    true = [cycle[:, 1 + at(name)].tolist() for name in ("current", "gap", "force")]
+    true = [cycle[:, 1 + at(name)] for name in ("current", "gap", "force")]
     sensors = read_rig(known.rig).instruments([9], every / rate)
-    kinds = (sensors.current, sensors.gap, sensors.force)
+    kinds = [sensors[name] for name in ("current", "gap", "force")]
     read = [1 + at(name) for name in ("current_read", "gap_read", "force_read")]
     watch = BenchWatch(known.model, ForceBench.signals, rate)
     alarm = ""
@@ -204,7 +204,7 @@ def hour(known: PreparedForce) -> Row:
         table = cycle.copy()
         table[:, 0] = second * whole + every * np.arange(1, len(cycle) + 1)
         for place, sensor, values in zip(read, kinds, true, strict=True):
-            table[:, place] = [sensor.read(value) for value in values]
+            table[:, place] = sensor.read(values)
         watch.take(table)
         if watch.status()["state"] == "drifted":
             alarm = watch.status()["text"]

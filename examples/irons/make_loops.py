@@ -26,7 +26,7 @@ from pydantic import TypeAdapter
 
 from anhyst._core import Coil, Magnet
 from anhyst.rig.parts.iron import IronEntry, NamedIron
-from anhyst.rig.parts.magnet import Electromagnet, Poles, iron_magnet
+from anhyst.rig.parts.magnet import Poles, iron_magnet
 from anhyst.support.numeric import FloatArray, sine
 
 HERE = Path(__file__).resolve().parent
@@ -140,19 +140,27 @@ def rows(truths: list[Truth], offset: float) -> Iterator[str]:
         clock = float(columns[0][-1]) + DRIVE["pause_s"]
 
 
+class Stepped:
+    """A magnet of one iron as the bundled script steps it."""
+
+    def __init__(self, name: str) -> None:
+        self._coil = Coil(magnet(name))
+
+    def step(self, current: float, gap: float) -> float:
+        """Move to a current, A, at a gap, m, and return the pull, N."""
+        return self._coil.hold(current, gap)
+
+
 def files(name: str) -> dict[str, str]:
     """Text of every file of one iron, by name."""
     offset = SETTINGS["sensors"]["current_offset_A"]
-
-    def fresh() -> Electromagnet:
-        return Electromagnet(magnet(name))
 
     head = f"simulated, see README.md: the bundled electromagnet with the iron {name}\n"
     truth = f"{head}F_N: true force. I_A: true current plus the constant offset of the sensor\n"
     settled = "history: settled; one cycle of each loop after three of the same loop"
     begun = "history: demagnetised"
-    measured = bundled.measure("identification", other=fresh())
-    unseen = bundled.measure("unseen", other=fresh())
+    measured = bundled.measure("identification", other=Stepped(name))
+    unseen = bundled.measure("unseen", other=Stepped(name))
     texts = {
         "loops": (head + settled, bundled.measured_rows(measured), "settled"),
         "unseen_truth": (truth + settled, bundled.true_rows(unseen, offset), "settled"),

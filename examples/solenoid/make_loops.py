@@ -15,7 +15,6 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from anhyst.rig.force.bench import HeldActuator
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.measuring import conditioning, measure_place
@@ -31,12 +30,12 @@ t_s,I_A,F_N,gap_m,loop
 
 def rows(rig: Rig) -> Iterator[str]:
     """Measure every record at every position, in the order of the file."""
-    held, campaign = HeldActuator(rig), campaign_of(rig)
-    solenoid, sample = held.magnet(), campaign.sample_s
+    campaign, solenoid = campaign_of(rig), rig.magnet()
+    sample = campaign.sample_s
     step = campaign.sweep_A_per_s * sample
     clock = 0.0
     for place in range(len(campaign.gaps_m)):
-        for loop in measure_place(held, campaign, place, solenoid):
+        for loop in measure_place(rig, campaign, place, solenoid):
             clock += sum(conditioning(campaign)) / step * 2.0 * sample
             gap = campaign.gaps_m[place]
             for current, force in zip(loop.input.tolist(), loop.output.tolist(), strict=True):

@@ -8,16 +8,23 @@
 #define HALVED 30
 
 void anhyst_plant_field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
-                        double b, double r, double tolerance, anhyst_plant_goal *goal)
+                        double b, double r, double tolerance, const anhyst_plant_beyond *beyond,
+                        anhyst_plant_goal *goal)
 {
   double low = -HUGE_VAL;
   double high = HUGE_VAL;
   int i;
   goal->at = memory->at + memory->stride;
   for (i = 0; i < ITERATIONS; i++) {
+    double slope = b;
     double left;
     iron->family->look(iron, memory, goal);
     left = r - a * goal->field - b * goal->density;
+    if (beyond) {
+      double steeper;
+      left -= beyond->needs(beyond->self, goal->density, &steeper);
+      slope += steeper;
+    }
     if (fabs(left) <= tolerance) {
       break;
     }
@@ -31,7 +38,7 @@ void anhyst_plant_field(const anhyst_plant_iron *iron, const anhyst_plant_memory
       high = goal->at;
       low = end > low ? end : low;
     }
-    goal->at += left / (a * goal->field_slope + b * goal->density_slope);
+    goal->at += left / (a * goal->field_slope + slope * goal->density_slope);
     if (i >= HALVED || !(goal->at > low && goal->at < high)) {
       goal->at = 0.5 * (low + high);
     }

@@ -9,6 +9,8 @@
 /* Of the flux density, T: less than 1e-6 of the largest force of a magnet of 1 T and more. */
 #define TOLERANCE 1e-7
 #define ITERATIONS 100
+#define CONE_TOLERANCE 1e-10 /* the same where a cone is, T */
+#define SUBSTEPS 8           /* of a way that takes time */
 
 typedef struct {
   double outer;    /* reluctance that the flux of the iron passes outside it, 1/H */
@@ -16,7 +18,16 @@ typedef struct {
   double per_area; /* 1/(area of a gap, fringes included), 1/m^2 */
   double widens;   /* 1 - gap*(change of the area for each metre)/area */
   double moved;    /* of a bias: by so much from the middle towards the force, m */
+  anhyst_plant_cone_gap cone;
 } around;
+
+/* What the ampere-turns over a cone count for in an equation of the iron. */
+typedef struct {
+  const anhyst_plant_cone_gap *at;
+  double area;   /* of the iron, m^2 */
+  double weight; /* of an ampere-turn in the equation */
+  double over;   /* found last, A */
+} over_cone;
 
 /* Where a step ends. */
 typedef struct {
@@ -31,14 +42,18 @@ typedef struct {
 typedef struct {
   anhyst_plant_goal goal;    /* of the iron; circuit only */
   anhyst_plant_soaked solid; /* of solid iron */
+  double over;               /* ampere-turns over a cone, A */
   double steady;             /* current that the field needs, A */
   double current;            /* with that of the eddies, A */
 } reached;
 
 static around around_iron(const anhyst_plant_circuit *c, double gap)
 {
-  around found = {c->joints, 1.0, 1.0 / c->iron_area, 0.0, c->middle - gap};
-  if (c->bias == 0.0) {
+  around found = {
+      .outer = c->joints, .share = 1.0, .per_area = 1.0 / c->iron_area, .moved = c->middle - gap};
+  if (c->cone) {
+    anhyst_plant_cone_at(c->cone, gap, &found.cone);
+  } else if (c->bias == 0.0) {
     const double area = (c->pole_width + gap) * (c->pole_depth + gap);
     const double permeance = 0.5 * ANHYST_PLANT_MU0 * area / gap;
     found.outer = 1.0 / (permeance + c->leakage);
@@ -53,19 +68,46 @@ static around around_iron(const anhyst_plant_circuit *c, double gap)
 static void pull(const anhyst_plant_circuit *c, const around *at, anhyst_plant_coil *coil)
 {
   const double flux = coil->iron.density * c->iron_area * at->share;
+  if (c->cone) {
+    double slope;
+    coil->over = anhyst_plant_cone_mmf(&at->cone, flux, coil->over, &slope);
+    coil->density = ANHYST_PLANT_MU0 * coil->over / at->cone.gap;
+    coil->force = anhyst_plant_cone_force(&at->cone, coil->over);
+    return;
+  }
   coil->density = flux * at->per_area;
   coil->force = c->bias == 0.0 ? flux * coil->density * (1.0 / ANHYST_PLANT_MU0) * at->widens
                                : c->bias * flux - c->spring * at->moved;
 }
 
-/* Field and flux density of the iron, for which a*H + b*B = r. */
-static void iron_answers(const anhyst_plant_circuit *c, const anhyst_plant_coil *coil,
-                         const anhyst_plant_asked *asked, double tolerance, reached *found)
+static double needs_over_cone(void *self, double density, double *slope)
 {
-  if (c->solid) {
+  over_cone *of = (over_cone *)self;
+  of->over = anhyst_plant_cone_mmf(of->at, of->area * density, of->over, slope);
+  *slope *= of->weight * of->area;
+  return of->weight * of->over;
+}
+
+/* Field and flux density of the iron, for which a*H + b*B = r, to within a flux density; of a cone
+   with its ampere-turns, so much for each. */
+static void iron_answers(const anhyst_plant_circuit *c, const anhyst_plant_coil *coil,
+                         const around *at, const anhyst_plant_asked *asked, double weight,
+                         double tolerance, reached *found)
+{
+  found->over = 0.0;
+  if (c->cone) {
+    over_cone of = {&at->cone, c->iron_area, weight, coil->over};
+    const anhyst_plant_beyond beyond = {needs_over_cone, &of};
+    const double least = weight * c->iron_area / (at->cone.straight + at->cone.cone);
+    anhyst_plant_field(&c->iron, &coil->iron, asked->a, asked->b, asked->r,
+                       (asked->b + least) * CONE_TOLERANCE, &beyond, &found->goal);
+    found->over = of.over;
+    found->solid.field = found->goal.field;
+    found->solid.density = found->goal.density;
+  } else if (c->solid) {
     anhyst_plant_soak(&c->iron, c->solid, coil->volume, &coil->iron, asked, &found->solid);
   } else {
-    anhyst_plant_field(&c->iron, &coil->iron, asked->a, asked->b, asked->r, tolerance,
+    anhyst_plant_field(&c->iron, &coil->iron, asked->a, asked->b, asked->r, tolerance, NULL,
                        &found->goal);
     found->solid.field = found->goal.field;
     found->solid.density = found->goal.density;
@@ -211,8 +253,12 @@ static void end_under(const anhyst_plant_magnet *magnet, const anhyst_plant_coil
     const double moved = c->bias * end->around.moved / magnet->turns;
     const anhyst_plant_asked asked = {half * taken * per_field, weight + half * taken * per_density,
                                       end->begun + half * (given + taken * moved), 0.5 / end->half};
-    iron_answers(c, coil, &asked, weight * TOLERANCE, found);
+    iron_answers(c, coil, &end->around, &asked, half * taken / magnet->turns, weight * TOLERANCE,
+                 found);
     found->steady = per_field * found->solid.field + per_density * found->solid.density - moved;
+    if (c->cone) {
+      found->steady += found->over / magnet->turns;
+    }
   } else {
     found->steady = current_for(&magnet->law->table, end->gap, end->half * taken,
                                 end->begun + end->half * given, coil->steady);
@@ -236,12 +282,11 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
 {
   const double half = 0.5 * seconds;
   anhyst_plant_source s = *source;
-  ending end = {{0.0, 0.0, 0.0, 0.0, 0.0}, 0.0, 0.0, 0.0, 0.0};
+  ending end = {.gap = gap, .half = half, .eddies = eddy_share(magnet)};
   reached found;
   double before;
   double voltage;
   int beyond;
-  end.eddies = eddy_share(magnet);
   s.voltage += coil->integral;
   before = current_under(magnet, end.eddies, coil->steady, &s);
   beyond = limited(&s, before);
@@ -251,8 +296,6 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
   coil->heat += half * magnet->resistance * before * before;
   coil->energy += half * voltage * before;
 
-  end.gap = gap;
-  end.half = half;
   if (magnet->circuit) {
     end.around = around_iron(magnet->circuit, gap);
   }
@@ -293,7 +336,7 @@ void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil
         c->iron_length, b + opposing,
         magnet->turns * current + c->bias * at.moved + opposing * before, per_second};
     reached found;
-    iron_answers(c, coil, &asked, b * TOLERANCE, &found);
+    iron_answers(c, coil, &at, &asked, 1.0, b * TOLERANCE, &found);
     iron_moves(c, coil, &found);
     coil->steady -= opposing / magnet->turns * (coil->iron.density - before);
     pull(c, &at, coil);
@@ -303,6 +346,19 @@ void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil
     law_moves(magnet->law, coil, gap, per_second);
     coil->psi = linkage(&magnet->law->table, current, gap, &slope);
   }
+}
+
+void anhyst_plant_coil_follow(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
+                              double current, double gap, double seconds)
+{
+  const double start = coil->current;
+  const double step = (current - start) / SUBSTEPS;
+  const double per_second = 1.0 / (seconds / SUBSTEPS);
+  int n;
+  for (n = 1; n < SUBSTEPS; n++) {
+    anhyst_plant_coil_lead(magnet, coil, start + n * step, gap, per_second);
+  }
+  anhyst_plant_coil_lead(magnet, coil, current, gap, per_second);
 }
 
 void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,

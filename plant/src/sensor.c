@@ -92,13 +92,28 @@ void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor, anhyst_plant_
   sensing->line[sensing->at] = sensing->value;
 }
 
+static double show(const anhyst_plant_sensor *sensor, const anhyst_plant_sensing *sensing,
+                   double noise)
+{
+  const double value = sensing->line[(sensing->at - (unsigned)sensor->delay) & MASK];
+  return anhyst_plant_convert(sensor->gain * value + sensor->offset + noise, sensor->low,
+                              sensor->high, sensor->step);
+}
+
+double anhyst_plant_sensor_take(const anhyst_plant_sensor *sensor, anhyst_plant_sensing *sensing,
+                                int is_first, double value, double noise)
+{
+  if (is_first) {
+    anhyst_plant_sensor_start(sensing, value);
+  } else {
+    anhyst_plant_sensor_follow(sensor, sensing, value, value);
+  }
+  return show(sensor, sensing, noise);
+}
+
 double anhyst_plant_sensor_read(const anhyst_plant_sensor *sensor,
                                 const anhyst_plant_sensing *sensing, anhyst_plant_noise *noise)
 {
-  double value = sensing->line[(sensing->at - (unsigned)sensor->delay) & MASK];
-  value = sensor->gain * value + sensor->offset;
-  if (sensor->noise > 0.0) {
-    value += sensor->noise * anhyst_plant_normal(noise);
-  }
-  return anhyst_plant_convert(value, sensor->low, sensor->high, sensor->step);
+  return show(sensor, sensing,
+              sensor->noise > 0.0 ? sensor->noise * anhyst_plant_normal(noise) : 0.0);
 }

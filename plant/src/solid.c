@@ -2,6 +2,7 @@
 #include "anhyst_plant/solid.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 #define VOLUMES ANHYST_PLANT_VOLUMES
@@ -40,7 +41,7 @@ static double drag(const problem *of, int j) { return of->solid->drag[j] * of->a
 static void sheets_follow(const problem *of, double flux, anhyst_plant_soaked *found)
 {
   anhyst_plant_field(of->iron, of->sheets, SHEETS_FIELD, 1.0,
-                     flux + SHEETS_FIELD * of->sheets->field, SHEETS_CLOSE, &found->sheets);
+                     flux + SHEETS_FIELD * of->sheets->field, SHEETS_CLOSE, NULL, &found->sheets);
 }
 
 static void look_at(const problem *of, anhyst_plant_soaked *found, look *now)

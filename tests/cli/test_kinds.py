@@ -60,7 +60,7 @@ WORKS = {
     "diff": MODEL,
     "compile": MODEL | STAGES,
     "watch": MODEL,
-    "export": {"model", "bearing", *STAGES},
+    "export": {"model", "bearing", *STAGES, "force"},
     "verify": {"compiled"},
     "simulate": RIGS,
     "calibrate": {"bearing", *STAGES},
@@ -177,6 +177,14 @@ def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
         else expected in complaint
     )
     assert not list(tmp_path.glob("out*"))
+
+
+def test_gains_of_an_open_loop_are_not_tuned_and_it_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "open loop: there are no gains" in refusal(
+        "tune", written("force", tmp_path), monkeypatch, capsys
+    )
 
 
 def test_every_verb_has_its_row() -> None:

@@ -11,7 +11,7 @@ import pytest
 from anhyst._core import Coil, Piece
 from anhyst.data.reading import read_loops
 from anhyst.rig.parts.iron import AnySteel
-from anhyst.rig.parts.magnet import Electromagnet, iron_magnet
+from anhyst.rig.parts.magnet import iron_magnet
 from anhyst.support.numeric import FloatArray
 from tests.plant.irons import FOLDER, STEELS, generator
 
@@ -50,7 +50,7 @@ def test_the_table_holds_what_the_irons_do(name: str) -> None:
     coercive, remanence, density, force, widest, mean = map(float, ROWS[name])
     assert major(STEELS[name]) == pytest.approx((coercive, remanence, density), abs=6e-3, rel=5e-3)
     example = generator()
-    magnet = Electromagnet(example.magnet(name))
+    magnet = example.Stepped(name)
     record = next(
         one
         for one in example.bundled.measure("identification", other=magnet)

@@ -13,6 +13,7 @@ import pytest
 
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.parts.iron import CellSteel
+from anhyst.support.units import MU_0
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 CURRENT_MAX = 1.2
@@ -63,20 +64,22 @@ def test_the_table_of_positions(rig: Rig) -> None:
     assert file is not None
     assert file.measurement is not None
     measured = {round(1e3 * gap, 2) for gap in file.measurement.gaps_m}
-    turns, length = file.circuit.turns, file.iron.length_m
+    turns = file.circuit.turns
     for place, force, left, width, density, share, where in rows:
         gap = float(place.split()[0])
-        solenoid = file.solenoid()
+        solenoid, at = rig.magnet(), np.full(201, 1e-3 * gap)
         current = np.linspace(0.0, CURRENT_MAX, 201)
         for turn in (CURRENT_MAX, 0.0) * 3:
-            rest = solenoid.step(turn, 1e-3 * gap)
-        rising = np.array([solenoid.step(one, 1e-3 * gap) for one in current])
+            rest = solenoid.hold(turn, 1e-3 * gap)
+        rising = solenoid.run(current, at)[:, 0]
         assert f"{rising[-1]:.1f} N" == force
         assert f"{rest:.2f} N" == left
-        assert f"{solenoid.flux / file.iron.area_m2:.2f} T" == density
-        used = solenoid.iron.field * length / (turns * CURRENT_MAX)
+        flux = solenoid.psi / turns
+        assert f"{flux / file.iron.area_m2:.2f} T" == density
+        over = solenoid.density * 1e-3 * gap / MU_0 + file.circuit.slide_reluctance_per_H * flux
+        used = 1.0 - over / (turns * CURRENT_MAX)
         assert f"{100.0 * used:.0f} %" == share
-        falling = np.array([solenoid.step(one, 1e-3 * gap) for one in current[::-1]])[::-1]
+        falling = solenoid.run(current[::-1].copy(), at)[::-1, 0]
         level = LEVELS * rising[-1]
         opening = np.interp(level, rising, current) - np.interp(level, falling, current)
         percent = 100.0 * opening / CURRENT_MAX

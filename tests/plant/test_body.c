@@ -15,8 +15,11 @@
 #define NODES 33
 #define MOST 10 /* magnets */
 
-enum { OF_CELLS, OF_LAW, OF_PREISACH, OF_DUHEM, SOLID, KINDS };
-static const char *const kinds[KINDS] = {"cells", "law", "preisach", "duhem", "solid"};
+enum { OF_CELLS, OF_LAW, OF_PREISACH, OF_DUHEM, SOLID, CONE, KINDS };
+static const char *const kinds[KINDS] = {"cells", "law", "preisach", "duhem", "solid", "cone"};
+
+/* As wide as the poles of the others, and a cone that saturates. */
+static const anhyst_plant_cone cone = {1e-8, 0.011, 0.5, 0.05, 0.4e-3, 6e-4, 2e-4, 1e-3, 0.45, 1.7};
 
 /* Of preisach; in eight volumes, a quarter of the path. */
 static anhyst_plant_solid solid;
@@ -89,6 +92,10 @@ static void make_circuit(anhyst_plant_circuit *c, int kind)
   c->pole_depth = 0.014;
   c->leakage = 1.2e-8;
   c->eddy = 10.0;
+  if (kind == CONE) {
+    c->joints = 2e5;
+    c->cone = &cone;
+  }
   if (kind == SOLID) {
     int j;
     solid.volumes = 8;

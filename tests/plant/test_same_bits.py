@@ -26,6 +26,8 @@ RUNS = (
     "ok duhem, 1 magnets, current, 8484f57d7cec83e0",
     "ok solid, 1 magnets, voltage, 3c855433693fad01",
     "ok solid, 1 magnets, current, 034ec79ea96fd9c7",
+    "ok cone, 1 magnets, voltage, 8139f6a6516d2db4",
+    "ok cone, 1 magnets, current, 75480e0c4997e205",
     "ok cells, 2 magnets, voltage, bcdb025991aa9da5",
     "ok cells, six axes, voltage, e2aaa0b0dc1ab9e6",
     "ok cells, 2 magnets, current, d1f619427449ea73",
@@ -46,6 +48,10 @@ RUNS = (
     "ok solid, six axes, voltage, b5d1b5365f8c109a",
     "ok solid, 2 magnets, current, f5c2b520ccb64b94",
     "ok solid, six axes, current, 9c9b84efd99bdef5",
+    "ok cone, 2 magnets, voltage, 64fe741af029734e",
+    "ok cone, six axes, voltage, 864ea09dee5bb45e",
+    "ok cone, 2 magnets, current, 643f5408f00447b1",
+    "ok cone, six axes, current, 1c3d1155959ecf5a",
 )
 """What every build on every processor prints."""
 

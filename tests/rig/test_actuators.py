@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import doctest
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
-from scipy.optimize import brentq
 
-from anhyst.rig.parts import sensors
+from anhyst._core import Coil, HeldPlant
+from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.rig.parts.sensors import Amplifier, Converter, Lag, Sensor
-from anhyst.rig.parts.solenoid import CircuitTable, FluxPath, Solenoid
-from anhyst.support.numeric import passed
+from anhyst.rig.parts.sensors import NoisySensor
+from anhyst.rig.parts.solenoid import CircuitTable, FluxPath, solenoid_magnet
+from anhyst.support.numeric import FloatArray, passed
 from anhyst.support.units import MU_0
 from tests.oracles.cell_iron import CellIron
+from tests.oracles.held import OracleSensor, currents
+from tests.oracles.solenoid import OracleGap, OracleSolenoid
 
 STEEL = CellSteel(
     cells=12,
@@ -101,105 +102,115 @@ def test_a_loop_of_iron_costs_energy() -> None:
     assert iron.flux_density(0.0)[0] == 0.0
 
 
-@pytest.mark.parametrize("gap", GAPS)
-def test_flux_and_ampere_turns_of_the_gap_invert_each_other(gap: float) -> None:
-    place = Solenoid(STEEL, PATH, CIRCUIT)._gap(gap)
-    for mmf in (-700.0, -1.0, 0.0, 20.0, 900.0, 3000.0):
-        flux, slope = place.flux(mmf)
-        found, inverse = place.mmf(flux)
-        assert found == pytest.approx(mmf, rel=1e-9, abs=1e-9)
-        assert inverse == pytest.approx(1.0 / slope, rel=1e-6)
+def solenoid() -> Coil:
+    return Coil(solenoid_magnet(STEEL, PATH, CIRCUIT))
 
 
 @pytest.mark.parametrize("gap", GAPS)
-def test_the_force_is_the_coenergy_that_the_gap_gives_up(gap: float) -> None:
-    solenoid = Solenoid(STEEL, PATH, CIRCUIT)
-
-    def coenergy(at: float, mmf: float) -> float:
-        place = solenoid._gap(at)
-        return float(quad(lambda u: place.flux(u)[0], 0.0, mmf, epsabs=1e-14)[0])
-
-    step = 1e-7
-    for mmf in (100.0, 500.0, 900.0):
-        slope = (coenergy(gap + step, mmf) - coenergy(gap - step, mmf)) / (2.0 * step)
-        assert solenoid._gap(gap).force(mmf) == pytest.approx(-slope, rel=1e-5)
-
-
-@pytest.mark.parametrize("gap", GAPS)
-def test_the_ampere_turns_of_a_step_are_used_up(gap: float) -> None:
-    ours, rng = Solenoid(STEEL, PATH, CIRCUIT), np.random.default_rng(1)
-    before = CellIron(STEEL)
-    for current in rng.uniform(0.0, 1.2, 30).tolist():
-
-        def excess(field: float, iron: CellIron = before, drive: float = current) -> float:
-            flux = PATH.area_m2 * iron.flux_density(field)[0]
-            outside = ours._gap(gap).mmf(flux)[0]
-            used = PATH.length_m * field + CIRCUIT.slide_reluctance_per_H * flux + outside
-            return CIRCUIT.turns * drive - used
-
-        ours.step(current, gap)
-        wanted = brentq(excess, -1e5, 1e5, xtol=1e-10)
-        assert ours.iron.field == pytest.approx(wanted, abs=1e-5)
-        before.commit(wanted)
+def test_the_pull_of_a_solenoid_is_the_coenergy_that_its_gap_gives_up(gap: float) -> None:
+    """And its flux uses up the ampere-turns, the cone saturated or not; both written again."""
+    ours, again, rng = solenoid(), OracleSolenoid(STEEL, PATH, CIRCUIT), np.random.default_rng(1)
+    for current in (1.2, 0.0, *rng.uniform(-1.2, 1.2, 30).tolist()):
+        expected = again.step(current, gap)
+        assert ours.hold(current, gap) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+        assert ours.psi == pytest.approx(CIRCUIT.turns * again.flux, rel=1e-9, abs=1e-9)
+        assert ours.density == pytest.approx(MU_0 * again.mmf / gap, rel=1e-8, abs=1e-9)
+    assert expected > 0.0
 
 
 def test_a_solenoid_may_be_stepped_coarsely_and_in_both_directions_of_the_gap() -> None:
-    coarse, fine = Solenoid(STEEL, PATH, CIRCUIT), Solenoid(STEEL, PATH, CIRCUIT)
-    coarse.step(1.0, 1e-3)
-    for share in np.linspace(0.02, 1.0, 50):
-        fine.step(share, 1e-3)
+    coarse, fine = solenoid(), solenoid()
+    coarse.hold(1.0, 1e-3)
+    for share in np.linspace(0.02, 1.0, 50).tolist():
+        fine.hold(share, 1e-3)
     assert coarse.force == pytest.approx(fine.force, rel=1e-9)
-    nearer = coarse.step(1.0, 0.8e-3)
+    nearer = coarse.hold(1.0, 0.8e-3)
     assert nearer > fine.force
-    assert coarse.step(1.0, 1e-3) > fine.force  # what the flux was, the iron remembers
+    assert coarse.hold(1.0, 1e-3) > fine.force  # what the flux was, the iron remembers
 
 
-def test_a_converter_gives_the_nearest_of_its_values() -> None:
-    converter = Converter.of_bits(-1.0, 2.0, 4)
-    values = -1.0 + converter.step * np.arange(16)
-    for value in np.linspace(-1.5, 2.5, 401).tolist():
-        held = min(max(value, -1.0), 2.0)
-        assert abs(converter(value) - held) <= 0.5 * converter.step + 1e-12
-        assert np.abs(values - converter(value)).min() < 1e-12
+def test_a_solenoid_on_a_voltage_gives_its_plunger_what_it_took_less_the_heat_of_its_iron() -> None:
+    """Over the last of three closed cycles; its iron's heat from its own field and flux density."""
+    samples, h = 2000, 1e-4
+    coil, turn = solenoid(), 2.0 * np.pi * np.arange(3 * samples + 1) / samples
+    gap = 1.6e-3 + 0.6e-3 * np.sin(turn)
+    rows = []
+    for voltage, at in zip((5.0 * np.sin(turn)).tolist(), gap.tolist(), strict=True):
+        coil.step(voltage, at, h)
+        rows.append((coil.current, coil.psi, coil.density * at / MU_0, coil.force, coil.energy))
+    current, psi, over, force, energy = np.array(rows)[-samples - 1 :].T
+    flux, gap = psi / CIRCUIT.turns, gap[-samples - 1 :]
+    in_iron = CIRCUIT.turns * current - CIRCUIT.slide_reluctance_per_H * flux - over
+    heat = float(0.5 * (in_iron[1:] + in_iron[:-1]) @ np.diff(flux))
+    work = -float(0.5 * (force[1:] + force[:-1]) @ np.diff(gap))
+    ends = [
+        flux[n] * over[n]
+        - OracleGap(CIRCUIT, gap[n]).coenergy(over[n])
+        + 0.5 * CIRCUIT.slide_reluctance_per_H * flux[n] ** 2
+        for n in (0, -1)
+    ]
+    assert heat > 1e-3
+    assert abs(work) > heat
+    assert energy[-1] - energy[0] - heat - work - (ends[1] - ends[0]) == pytest.approx(
+        0.0, abs=2e-3 * heat
+    )
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return read_rig(Path(__file__).resolve().parents[2] / "examples" / "solenoid" / "rig.toml")
+
+
+def test_amplifier_and_sensors_of_a_held_actuator_are_those_written_again_bit_for_bit(
+    rig: Rig,
+) -> None:
+    rng, ticks = np.random.default_rng(2), 400
+    reference = np.repeat(rng.uniform(-0.2, 1.5, ticks // 20), 20)  # beyond both ends too
+    gap, noise = rng.uniform(1e-3, 3e-3, ticks), 1e-3 * rng.standard_normal((ticks, 3))
+    found = rig.plant().run(reference, gap, noise)
+    assert found[:, 0].tolist() == currents(rig.held_numbers(), reference)
+    magnet = rig.magnet()
+    assert found[:, 1].tolist() == [
+        magnet.hold(*one) for one in zip(found[:, 0].tolist(), gap.tolist(), strict=True)
+    ]
+    quantities = {"gap": gap, "force": found[:, 1], "current": found[:, 0]}
+    for n, (name, values) in enumerate(quantities.items()):
+        sensor = OracleSensor(rig.sensor_numbers(rig.dt)[name])
+        pairs = zip(values.tolist(), noise[:, n].tolist(), strict=True)
+        assert found[:, 2 + n].tolist() == [sensor.read(*one) for one in pairs], name
+    assert found[:, 0].max() < 1.2  # the zero of its shunt is an error of the current
+    assert (found[:, 0] == 0.0).any()  # which never is below zero
+
+
+def test_an_amplifier_is_late_by_a_tick_follows_and_keeps_its_limits(rig: Rig) -> None:
+    def step(**changes: float) -> FloatArray:
+        plant = HeldPlant(
+            rig.held_numbers() | changes,
+            [*rig.sensor_numbers(rig.dt).values()],
+            solenoid_magnet(STEEL, PATH, CIRCUIT),
+        )
+        return plant.run(np.full(60, 1.0), np.full(60, 1e-3), np.zeros((60, 3)))[:, 0]
+
+    slow = step(share=0.25, most=1e9, zero=0.0)
+    assert slow[:2].tolist() == [0.0, 0.0]
+    assert slow[2:5] == pytest.approx([0.25, 0.4375, 0.578125], abs=3e-4)  # steps of the converter
+    limited = step(share=1.0, most=0.02, zero=0.0)
+    assert limited[2:] == pytest.approx(np.minimum(0.02 * np.arange(1, 59), 1.0), abs=3e-4)
+    assert step(share=1.0, most=1e9, zero=0.004)[-1] == pytest.approx(0.996, abs=3e-4)
 
 
 def test_a_sensor_has_the_noise_offset_and_lag_that_it_says() -> None:
-    fine = Converter.of_bits(-10.0, 10.0, 24)
-    numbers = {"low": -10.0, "high": 10.0, "step": fine.step, "gain": 1.0, "share": 1.0}
-    noisy = numbers | {"offset": 0.1, "noise": 0.2}
-    readings = np.array([Sensor(noisy, 5).read(1.0)] * 1)
-    sensor = Sensor(noisy, 5)
-    many = np.array([sensor.read(1.0) for _ in range(20_000)])
-    assert many[0] == readings[0]  # the seed decides
+    numbers = {"low": -10.0, "high": 10.0, "step": 20.0 / (2**24 - 1), "gain": 1.0, "share": 1.0}
+    noisy = numbers | {"offset": 0.1, "noise": 0.2, "delay": 0}
+    many = NoisySensor(noisy, [5]).read(np.ones(20_000))
+    assert (
+        many[:1].tolist() == NoisySensor(noisy, [5]).read(np.ones(1)).tolist()
+    )  # the seed decides
     assert many.mean() == pytest.approx(1.1, abs=0.01)
     assert many.std() == pytest.approx(0.2, rel=0.03)
-    assert Sensor(noisy | {"offset": 0.0}, 6).read(1.0) != many[0]
-    lag = Lag(passed(1e-3 / 0.01))
-    assert lag(0.0) == 0.0
-    assert [lag(1.0) for _ in range(10)][-1] == pytest.approx(1.0 - math.exp(-1.0))
-
-
-def test_an_amplifier_is_late_by_a_tick_follows_and_keeps_its_limits() -> None:
-    tau, dt = 2e-3, 1e-3
-    slow = Amplifier(Converter.of_bits(0.0, 2.0, 20), 1.0 / (2.0 * math.pi * tau), 1e9, 0.0, dt)
-    assert slow.tick(1.0) == 0.0
-    assert slow.tick(1.0) == pytest.approx(1.0 - math.exp(-dt / tau), abs=1e-5)
-    limited = Amplifier(Converter.of_bits(0.0, 2.0, 20), 1e6, 100.0, 0.0, dt)
-    limited.tick(5.0)
-    steps = [limited.tick(5.0) for _ in range(40)]
-    assert steps[0] == pytest.approx(0.1)
-    assert steps[-1] == pytest.approx(2.0)
-
-
-def test_the_zero_of_the_shunt_is_an_error_of_the_current_but_none_below_zero() -> None:
-    wrong = Amplifier(Converter.of_bits(0.0, 2.0, 20), 1e6, 1e9, 0.004, 1e-3)
-    for _ in range(3):
-        wrong.tick(1.0)
-    assert wrong.current == pytest.approx(0.996, abs=1e-5)
-    for _ in range(3):
-        wrong.tick(0.0)
-    assert wrong.current == 0.0
-
-
-def test_examples_in_the_docstrings() -> None:
-    assert doctest.testmod(sensors).failed == 0
+    assert NoisySensor(noisy, [6]).read(np.ones(1))[0] != many[0]
+    lag = noisy | {"noise": 0.0, "offset": 0.0, "share": passed(1e-3 / 0.01), "delay": 2}
+    values = np.concatenate([[0.0], np.ones(12)])
+    late = NoisySensor(lag, [1]).read(values)
+    assert late[:3].tolist() == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+    assert late[-1] == pytest.approx(1.0 - math.exp(-1.0), abs=1e-6)

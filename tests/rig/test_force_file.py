@@ -38,7 +38,7 @@ def test_the_bundled_rigs_are_read(folder: Path) -> None:
     rig = read_rig(folder / "rig.toml")
     assert rig.dt == 1.0 / rig.settings.timing.rate_Hz
     assert rig.measured.places[0] == folder / "loops.csv"
-    assert rig.actuator().step(1.0, 1e-3) > 30.0
+    assert rig.magnet().hold(1.0, 1e-3) > 30.0
 
 
 def test_an_unknown_key_is_reported_with_its_line_and_the_nearest_known_one(rig: Path) -> None:

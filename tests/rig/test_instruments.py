@@ -14,7 +14,6 @@ from anhyst.rig.force.bench import (
     LEAD_IN,
     ActuatorStand,
     moving_gap,
-    read_gaps,
     run_open_loop,
     triangle,
     with_lead_in,
@@ -136,7 +135,7 @@ def test_two_benches_of_one_seed_are_the_same_and_noise_is_not_the_truth(rig: Ri
     assert one["force_read_N"].tolist() == two["force_read_N"].tolist()
     assert one["force_N"].tolist() != other["force_N"].tolist()  # another unknown past
     assert one["gap_m"].tolist() == gap.tolist()
-    assert one["gap_read_m"].tolist() == read_gaps(rig, gap, [1]).tolist()
+    assert one["gap_read_m"].tolist() == rig.instruments([1])["gap"].read(gap).tolist()
     apart = one["force_read_N"][5:] - one["force_N"][5:]
     assert 0.0 < np.abs(apart).max() < 3.0
 

@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst._core import Coil, Piece
 from anhyst.data.verdict import judge
 from anhyst.rig.body import read_bearing
 from anhyst.rig.drift import Drift, changed, drifted_file, with_iron
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.measuring import measure_loops
-from anhyst.rig.parts.solenoid import Solenoid
+from anhyst.rig.parts.solenoid import solenoid_magnet
 from anhyst.rig.plant import make_plant
+from tests.oracles.solenoid import OracleGap
 from tests.plant.irons import FOLDER, STEELS
 from tests.refusals import refused
 
@@ -75,16 +77,18 @@ def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, nam
 @every
 def test_a_solenoid_uses_up_its_ampere_turns_whatever_its_iron(solenoid: Path, name: str) -> None:
     with_keys(solenoid.with_name("solenoid.toml"), keys_of(name))
-    actuator = read_rig(solenoid).actuator()
-    assert isinstance(actuator, Solenoid)
-    path, circuit = actuator.path, actuator.circuit
+    rig, piece = read_rig(solenoid), Piece(STEELS[name].plant())
+    file, magnet = rig.solenoid_file, rig.magnet()
+    assert file is not None
     forces = []
     for current in (0.0, 1.2, 0.4, 1.0, 0.7, 0.1):
-        forces.append(actuator.step(current, 1.6e-3))
-        outside = actuator._gap(1.6e-3).mmf(actuator.flux)[0]
-        used = path.length_m * actuator.iron.field
-        used += circuit.slide_reluctance_per_H * actuator.flux
-        assert used + outside == pytest.approx(circuit.turns * current, abs=1e-5)
+        forces.append(magnet.hold(current, 1.6e-3))
+        flux = magnet.psi / file.circuit.turns
+        used = OracleGap(file.circuit, 1.6e-3).mmf(flux)
+        used += file.circuit.slide_reluctance_per_H * flux
+        field = (file.circuit.turns * current - used) / file.iron.length_m
+        piece.commit(field)
+        assert piece.density * file.iron.area_m2 == pytest.approx(flux, rel=1e-7, abs=1e-11)
     assert forces[1] > forces[3] > forces[4] > forces[2] > forces[5] >= 0.0
 
 
@@ -92,11 +96,12 @@ def test_a_solenoid_follows_the_same_path_cut_finely(solenoid: Path) -> None:
     file = read_rig(solenoid).solenoid_file
     assert file is not None
     for name in ("preisach-hard", "duhem-hard"):
-        coarse, fine = (Solenoid(STEELS[name], file.iron, file.circuit) for _ in range(2))
+        magnet = solenoid_magnet(STEELS[name], file.iron, file.circuit)
+        coarse, fine = Coil(magnet), Coil(magnet)
         for start, end in ((0.0, 1.2), (1.2, 0.3), (0.3, 0.9)):
-            coarse.step(end, 1.6e-3)
+            coarse.hold(end, 1.6e-3)
             for current in np.linspace(start, end, 40)[1:].tolist():
-                fine.step(current, 1.6e-3)
+                fine.hold(current, 1.6e-3)
             assert fine.force == pytest.approx(coarse.force, rel=1e-6)
 
 

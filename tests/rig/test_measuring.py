@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from anhyst.rig.measuring import measure_path
+from anhyst.support.numeric import FloatArray
 
 
 class Held:
-    """Magnet and sensors that show what they are given."""
+    """A magnet and a sensor that show what they are given."""
 
-    def step(self, current: float, gap: float) -> float:
-        return current * gap
+    def run(self, current: FloatArray, gap: FloatArray, seconds: float) -> FloatArray:
+        return np.column_stack([current * gap])
 
-    def read(self, current: float, force: float) -> tuple[float, float]:
-        return current, force
+    def read(self, values: FloatArray) -> FloatArray:
+        return values
 
 
 @pytest.mark.parametrize(
@@ -27,4 +28,5 @@ class Held:
 )  # fmt: skip
 def test_no_two_gaps_share_a_label(gap: float, name: str) -> None:
     held = cast(Any, Held())
-    assert measure_path(held, held, gap, np.array([0.0, 1.0, 0.0]), "up", ()).label == name
+    sensors = {"current": held, "force": held}
+    assert measure_path(held, sensors, gap, np.array([0.0, 1.0, 0.0]), "up", ()).label == name

@@ -13,7 +13,6 @@ from anhyst.data.history import History
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.rig.body import read_bearing
-from anhyst.rig.force.bench import HeldActuator
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.measuring import HeldBearing, HeldRig, measure_place, straight
@@ -69,9 +68,9 @@ class MeasuredRig:
         """Return current and force from turning point to turning point, after conditioning."""
         largest, magnet = self.campaign.current_max_A, self.held.magnet()
         for turn in self.past:
-            magnet.step(turn, gap)
+            magnet.hold(turn, gap)
         current = straight([largest * turn for turn in turns], largest / 80.0)
-        return current, np.array([magnet.step(one, gap) for one in current.tolist()])
+        return current, magnet.run(current, np.full(current.size, gap))[:, 0].copy()
 
     def errors(self, model: Model, turns: tuple[float, ...]) -> float:
         """Return the rms error of a model at gaps that were not measured, N."""
@@ -103,6 +102,4 @@ def measured_rig(
     assert rig.solenoid_file is not None
     campaign = rig.solenoid_file.measurement
     assert campaign is not None
-    return MeasuredRig(
-        kind, path, HeldActuator(rig), campaign, rig.settings.current_sensor.offset_A
-    )
+    return MeasuredRig(kind, path, rig, campaign, rig.settings.current_sensor.offset_A)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from anhyst.data.reading import read_loops
 from anhyst.data.speeds import rate_line, speeds_of
-from anhyst.rig.measuring import HeldRig, Pull, Sensors
+from anhyst.rig.measuring import HeldRig, Pull
+from anhyst.rig.parts.sensors import Sensors
 from anhyst.study.excite.design import Bound, Specimen, Winding
 from anhyst.study.excite.excite import Excitation, excite, measure, read_specimen
+from anhyst.support.numeric import FloatArray
 from tests.plant.test_energy import STAGE
 from tests.refusals import refused
 from tests.study.measured_rigs import INNER, WIDE, measured_rig
@@ -39,11 +43,18 @@ class Watched:
         rig, forces = self.rig.magnet(), self.forces
 
         class Feeling:
-            def step(self, current: float, gap: float) -> float:
-                forces.append(rig.step(current, gap))
+            def hold(self, current: float, gap: float) -> float:
+                forces.append(rig.hold(current, gap))
                 return forces[-1]
 
-        return Feeling()
+            def run(
+                self, current: FloatArray, gap: FloatArray, seconds: float = math.inf
+            ) -> FloatArray:
+                rows = rig.run(current, gap, seconds)
+                forces.extend(rows[:, 0].tolist())
+                return rows
+
+        return cast(Any, Feeling())  # type: ignore[no-any-return]
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
         return self.rig.sensors(seed, sample)
@@ -144,7 +155,8 @@ def test_a_bipolar_amplifier_demagnetises_before_every_record(tmp_path: Path) ->
     for loop in found.loops.loops:
         virgin, gap = specimen.held.magnet(), float(loop.schedule[0])  # type: ignore[index]
         rise = slice(0, int(np.argmax(loop.input)) // 2)
-        true = np.array([virgin.step(one, gap) for one in loop.input[rise].tolist()])
+        path = loop.input[rise].copy()
+        true = virgin.run(path, np.full(path.size, gap))[:, 0]
         # Within the noise of the load cell: 0.5 N.
         assert np.mean(loop.output[rise] - true) == pytest.approx(0.0, abs=0.5)
 

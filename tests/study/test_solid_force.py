@@ -27,8 +27,7 @@ from anhyst.reports.force import draw
 from anhyst.rig.force.bench import ActuatorStand
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.from_loops import complete_rig
-from anhyst.rig.measuring import straight
-from anhyst.rig.parts.magnet import Electromagnet
+from anhyst.rig.measuring import straight, take
 from anhyst.study.force.force_control import build_program, force_control
 from anhyst.support.units import QUANTITIES
 from anhyst.verification.verify import verify
@@ -133,19 +132,18 @@ def measured(rig: Rig, sweeps: tuple[float, ...] = SWEEPS, seed: int = 5) -> Loo
     loops = []
     for gap in GAPS:
         for number, sweep in enumerate(sweeps):
-            magnet, sample = rig.actuator(), 2.0 * TOP / (sweep * 200)
-            assert isinstance(magnet, Electromagnet)
+            magnet, sample = rig.magnet(), 2.0 * TOP / (sweep * 200)
             for turn in (TOP, 0.0):
-                magnet.step(turn, gap)
-            magnet.seconds = sample
-            sensors = rig.instruments([seed, number], sample)
-            current = straight([0.0, TOP, 0.0, TOP, 0.0], sweep * sample)
-            force = [sensors.force.read(magnet.step(one, gap)) for one in current.tolist()]
+                magnet.hold(turn, gap)
+            path = straight([0.0, TOP, 0.0, TOP, 0.0], sweep * sample)
+            current, force = take(
+                magnet, rig.instruments([seed, number], sample), gap, path, sample
+            )
             loops.append(
                 Loop(
                     f"{sweep:g}",
-                    np.array([sensors.current.read(one) for one in current.tolist()]),
-                    np.array(force),
+                    current,
+                    force,
                     np.full(current.size, gap),
                     np.arange(current.size, dtype=np.float64) * sample,
                     History("conditioned", (0.0, TOP, 0.0)),
@@ -242,9 +240,7 @@ def test_c_from_loops_at_three_speeds_is_verified_and_leaves_a_fifth_of_what_res
 
 def force_at(rig: Rig, gap: float) -> float:
     """Return the force of the largest current; N."""
-    magnet = rig.actuator()
-    assert isinstance(magnet, Electromagnet)
-    return magnet.step(TOP, gap)
+    return rig.magnet().hold(TOP, gap)
 
 
 def worst_of_the_last_cycle(rig: Rig, model: Model, gap: float, reached: float) -> float:
@@ -257,11 +253,9 @@ def worst_of_the_last_cycle(rig: Rig, model: Model, gap: float, reached: float) 
         * np.minimum(2.0 * part, 1.0)
     )
     current = twin_of(plan.block, "q31").run(demand, np.full(1600, gap))
-    magnet = rig.actuator()
-    assert isinstance(magnet, Electromagnet)
-    magnet.step(0.0, gap)
-    magnet.seconds = 1.0 / 20e3
-    force = np.array([magnet.step(one, gap) for one in current.tolist()])
+    magnet = rig.magnet()
+    magnet.hold(0.0, gap)
+    force = magnet.run(current, np.full(1600, gap), 1.0 / 20e3)[:, 0]
     return float(np.abs(force - demand)[-400:].max())
 
 

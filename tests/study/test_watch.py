@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,10 +38,9 @@ def true_force(rig: Rig, current: FloatArray, gap: FloatArray, pinning: float = 
     assert file is not None
     scale = file.iron.pinning_scale_A_per_m * pinning  # type: ignore[union-attr]
     iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
-    actuator = file.model_copy(update={"iron": iron}).solenoid()
     assert isinstance(iron, CellSteel)
-    pairs = zip(current.tolist(), gap.tolist(), strict=True)
-    return np.array([actuator.step(*pair) for pair in pairs])
+    other = replace(rig, solenoid_file=file.model_copy(update={"iron": iron}))
+    return other.magnet().run(current, gap)[:, 0].copy()
 
 
 def sensed(
@@ -48,9 +49,9 @@ def sensed(
     """Return what the rig's own sensors say, with their noise."""
     sensors = rig.instruments([5], 1.0 / RATE)
     return (
-        np.array([sensors.current.read(one) for one in current.tolist()]),
-        np.array([sensors.gap.read(one) for one in gap.tolist()]),
-        np.array([sensors.force.read(one) for one in force.tolist()]),
+        sensors["current"].read(current),
+        sensors["gap"].read(gap),
+        sensors["force"].read(force),
     )
 
 
@@ -131,11 +132,13 @@ def test_an_hour_of_noise_is_no_drift(rig: Rig, model: Model) -> None:
     sensors = rig.instruments([6], 1.0 / RATE)
     for minute in range(60):
         ticks = np.arange(60 * RATE, dtype=np.float64) + minute * 60 * RATE
-        read = [
-            (sensors.current.read(one), sensors.gap.read(1.25e-3), sensors.force.read(pull))
-            for one, pull in zip(few[3 * RATE :].tolist() * 60, last.tolist() * 60, strict=True)
-        ]
-        assert watch.take(ticks, *np.array(read).T).drifted is None
+        minute_of = {
+            "current": np.tile(few[3 * RATE :], 60),
+            "gap": np.full(ticks.size, 1.25e-3),
+            "force": np.tile(last, 60),
+        }
+        read = [sensors[name].read(values) for name, values in minute_of.items()]
+        assert watch.take(ticks, *read).drifted is None
     assert watch.finding.cycles == 3598
 
 

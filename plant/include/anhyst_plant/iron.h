@@ -71,10 +71,18 @@ struct anhyst_plant_iron {
   } steel;
 };
 
-/* The field H for which a*H + b*B(H) = r, for a > 0 and b >= 0, if the field moves there in a
-   straight line; the memory is not touched. |a*H + b*B - r| <= tolerance. */
+/* What stands outside an iron beyond b*B: any n(B) that rises, with its slope. */
+typedef struct {
+  double (*needs)(void *self, double density, double *slope);
+  void *self;
+} anhyst_plant_beyond;
+
+/* The field H for which a*H + b*B(H) + n(B) = r, for a > 0 and b >= 0, if the field moves there in
+   a straight line; the memory is not touched. |a*H + b*B + n - r| <= tolerance. beyond null: no n.
+ */
 void anhyst_plant_field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
-                        double b, double r, double tolerance, anhyst_plant_goal *goal);
+                        double b, double r, double tolerance, const anhyst_plant_beyond *beyond,
+                        anhyst_plant_goal *goal);
 
 /* Moves there. */
 void anhyst_plant_move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,

@@ -16,6 +16,9 @@
      turns*current + bias*x = length*H + eddy*length*dB/dt + joints*area*B
      force = bias*area*B - spring*x,   x = middle - gap
 
+   A circuit with a cone (cone.c) has that in place of the gaps, in series with its joints: the
+   sliding clearance of a solenoid's plunger.
+
    law: an identified model. The pull comes from the law, c_H*(I - I_0) through rho(gap) to B and
    c_out*B^2 + F_0; the flux linkage from a table psi(I, gap), odd in I.
 
@@ -33,6 +36,47 @@
 extern "C" {
 #endif
 
+/* The working gap of a solenoid: a plunger in front of a stop with a control cone. Three ways lie
+   in parallel: its flat face, the wall of the cone, into which it dips and whose thin end
+   saturates, and leakage that pulls at nothing. At ampere-turns u
+
+     flux(u) = (face + leakage)*u + cone*u/sqrt(1 + (cone*u/limit)^2)
+
+   and the pull is what the coenergy, the integral of the flux over u, loses for each metre. */
+typedef struct {
+  double leakage;    /* permeance parallel to the working gap, H */
+  double side;       /* of a square as large as the flat face, m */
+  double fringe;     /* by which this widens on each side, over the gap */
+  double around;     /* circumference of the wall, m */
+  double clearance;  /* radial, between plunger and wall, m */
+  double depth;      /* gap at which the plunger begins to dip in, m */
+  double onset;      /* length over which this beginning is washed out, m */
+  double thickness;  /* of the wall at its end, m */
+  double taper;      /* how much thicker it is for each metre of depth */
+  double saturation; /* flux density at which the wall saturates, T */
+} anhyst_plant_cone;
+
+/* At one gap: permeances, H, and what they change by for each metre. */
+typedef struct {
+  double gap;      /* m */
+  double straight; /* of face and leakage together */
+  double d_face;
+  double cone;
+  double d_cone;
+  double limit; /* flux that saturates the wall, Wb */
+  double d_limit;
+} anhyst_plant_cone_gap;
+
+void anhyst_plant_cone_at(const anhyst_plant_cone *cone, double gap, anhyst_plant_cone_gap *at);
+
+/* Ampere-turns that a flux needs, looked for from some near by, A; and their slope over the flux,
+   1/H. */
+double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, double near,
+                             double *slope);
+
+/* Pull that closes the gap, N. */
+double anhyst_plant_cone_force(const anhyst_plant_cone_gap *at, double mmf);
+
 typedef struct {
   anhyst_plant_iron iron;
   double iron_length; /* m */
@@ -45,7 +89,8 @@ typedef struct {
   double bias;        /* magnetomotive force for each m moved, A/m; 0: the gaps pull */
   double middle;      /* gap where that is none, m */
   double spring;      /* force against the motion that no flux of the circuit makes, N/m */
-  const anhyst_plant_solid *solid; /* null: all of it is sheets */
+  const anhyst_plant_solid *solid; /* null: all of it is sheets; with a cone it is */
+  const anhyst_plant_cone *cone;   /* null: two gaps */
 } anhyst_plant_circuit;
 
 /* How a model's drive and output are made up at one gap. */
@@ -99,6 +144,7 @@ typedef struct {
   anhyst_plant_memory iron;    /* of a circuit, of its sheets */
   anhyst_plant_memory *volume; /* of its solid iron, the surface first; the caller's */
   anhyst_memory_f64 law;
+  double over;     /* cone: ampere-turns over the gap, A */
   double stride;   /* law: by which the flux density moved last, T */
   double psi;      /* flux linkage, Wb */
   double current;  /* A */
@@ -119,6 +165,10 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
    slowly that nothing is induced. */
 void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             double current, double gap, double per_second);
+
+/* Moves straight to a current in so many seconds, in a few such steps. */
+void anhyst_plant_coil_follow(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
+                              double current, double gap, double seconds);
 
 /* The same, slowly. */
 void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,

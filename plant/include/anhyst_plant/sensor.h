@@ -58,6 +58,11 @@ void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor, anhyst_plant_
 double anhyst_plant_sensor_read(const anhyst_plant_sensor *sensor,
                                 const anhyst_plant_sensing *sensing, anhyst_plant_noise *noise);
 
+/* What it says of a quantity that stood there for a whole step, at the first one for ever; with
+   noise from outside, in the unit of the quantity. */
+double anhyst_plant_sensor_take(const anhyst_plant_sensor *sensor, anhyst_plant_sensing *sensing,
+                                int is_first, double value, double noise);
+
 #ifdef __cplusplus
 }
 #endif

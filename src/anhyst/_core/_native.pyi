@@ -375,6 +375,8 @@ class Magnet:
     """An electromagnet, plant/include/anhyst_plant/magnet.h: an iron, or a law and a table."""
 
     @overload
+    def __init__(self, numbers: _Numbers, steel: Steel, cone: _Numbers) -> None: ...
+    @overload
     def __init__(self, numbers: _Numbers, steel: Steel, *solid: float | _Array) -> None: ...
     @overload
     def __init__(self, numbers: _Numbers, iron: AnyIron, rows: _Array, psi: _Array) -> None: ...
@@ -383,12 +385,15 @@ class Coil:
     """The winding of a magnet with its memory; starts demagnetised."""
 
     def __init__(self, magnet: Magnet) -> None: ...
-    def hold(self, current: float, gap: float) -> None:
-        """Move to a current (A) at a gap (m) so slowly that nothing is induced."""
+    def hold(self, current: float, gap: float) -> float:
+        """Move to a current (A) at a gap (m) so slowly that nothing is induced; return the pull (N)."""
     def lead(self, current: float, gap: float, seconds: float) -> None: ...  # under any voltage
     def step(self, voltage: float, gap: float, seconds: float) -> None: ...  # under a voltage
-    def run(self, current: _Array, gap: _Array) -> _Array:
-        """Hold one after the other; rows of force (N), flux linkage (Wb), flux density (T)."""
+    def run(self, current: _Array, gap: _Array, seconds: float = ...) -> _Array:
+        """Go straight from one to the next, slowly or in `seconds` each.
+
+        Rows of force (N), flux linkage (Wb), flux density (T).
+        """
     @property
     def force(self) -> float: ...
     @property
@@ -401,6 +406,28 @@ class Coil:
     def heat(self) -> float: ...
     @property
     def energy(self) -> float: ...
+
+class Sensor:
+    """A sensor of the plant, plant/include/anhyst_plant/sensor.h, by the names there."""
+
+    def __init__(self, numbers: _Numbers) -> None: ...
+    def run(self, values: _Array, noise: _Array) -> _Array:
+        """Return what it says of values that each stand for a step, the first for ever."""
+
+class HeldPlant:
+    """An actuator whose armature is moved from outside, plant/include/anhyst_plant/held.h.
+
+    Sensors are those of gap, force and current.
+    """
+
+    def __init__(self, numbers: _Numbers, sensors: Sequence[_Numbers], magnet: Magnet) -> None: ...
+    def hold(self, current: float, gap: float) -> None:
+        """Move to a current (A) at a gap (m), slowly and past the amplifier."""
+    def run(self, reference: _Array, gap: _Array, noise: _Array) -> _Array:
+        """Go on tick by tick; rows of current (A), force (N), and gap, force and current as read.
+
+        `reference` was asked for at the tick before; a row of `noise` is of the three sensors.
+        """
 
 class Plant:
     """A body at rest, irons demagnetised, by the names of plant/include/anhyst_plant/body.h."""

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The virtual plant in Python: converts and checks, no logic.
+#include <cmath>
+
+#include "anhyst_plant/held.h"
 #include "plant.h"
 
 namespace {
@@ -14,7 +17,11 @@ public:
   Coil(const Coil &) = delete;
   Coil &operator=(const Coil &) = delete;
 
-  void hold(double current, double gap) { anhyst_plant_coil_hold(&magnet_, &coil_, current, gap); }
+  double hold(double current, double gap)
+  {
+    anhyst_plant_coil_hold(&magnet_, &coil_, current, gap);
+    return coil_.force;
+  }
   void lead(double current, double gap, double seconds)
   {
     anhyst_plant_coil_lead(&magnet_, &coil_, current, gap, 1.0 / seconds);
@@ -24,13 +31,18 @@ public:
     const anhyst_plant_source source = {0.0, 0.0, 0.0, voltage, HUGE_VAL};
     anhyst_plant_coil_step(&magnet_, &coil_, &source, gap, seconds);
   }
-  // Many currents at once; rows of pull, flux linkage, flux density in the gap.
-  OutTable run(const In &current, const In &gap)
+  // Many currents, slowly or in so many seconds each; rows of pull, flux linkage, flux density in
+  // the gap.
+  OutTable run(const In &current, const In &gap, double seconds)
   {
     same_length(current.shape(0), gap.shape(0), "gap");
     OutTable out = make_table(current.shape(0), 3);
     for (size_t i = 0; i < current.shape(0); i++) {
-      hold(current(i), gap(i));
+      if (std::isinf(seconds)) {
+        hold(current(i), gap(i));
+      } else {
+        anhyst_plant_coil_follow(&magnet_, &coil_, current(i), gap(i), seconds);
+      }
       double *row = out.data() + 3 * i;
       row[0] = coil_.force;
       row[1] = coil_.psi;
@@ -44,6 +56,75 @@ private:
   anhyst_plant_magnet magnet_;
   std::vector<anhyst_plant_memory> volumes_;
   anhyst_plant_coil coil_{};
+};
+
+// A sensor, whose noise comes from outside.
+class Sensor {
+public:
+  explicit Sensor(const nb::dict &numbers) : sensor_(to_sensor(numbers)) {}
+
+  Out run(const In &values, const In &noise)
+  {
+    same_length(values.shape(0), noise.shape(0), "noise");
+    Out out = make_array(values.shape(0));
+    for (size_t i = 0; i < values.shape(0); i++) {
+      out.data()[i] = anhyst_plant_sensor_take(&sensor_, &sensing_, !begun_, values(i), noise(i));
+      begun_ = true;
+    }
+    return out;
+  }
+
+private:
+  anhyst_plant_sensor sensor_;
+  anhyst_plant_sensing sensing_{};
+  bool begun_ = false;
+};
+
+// An actuator whose armature is moved from outside, with amplifier and sensors.
+class HeldPlant {
+public:
+  HeldPlant(const nb::dict &numbers, const std::vector<nb::dict> &sensors, const Magnet &magnet)
+      : volumes_(magnet.volumes())
+  {
+    same_length(sensors.size(), ANHYST_HELD_SENSORS, "sensors");
+    Settings given(numbers);
+    held_ = {magnet.get(),
+             given.take<double>("seconds"),
+             given.take<double>("low"),
+             given.take<double>("high"),
+             given.take<double>("step"),
+             given.take<double>("share"),
+             given.take<double>("most"),
+             given.take<double>("zero"),
+             {to_sensor(sensors[0]), to_sensor(sensors[1]), to_sensor(sensors[2])}};
+    given.finish();
+    state_.coil.volume = volumes_.data();
+  }
+  HeldPlant(const HeldPlant &) = delete;
+  HeldPlant &operator=(const HeldPlant &) = delete;
+
+  void hold(double current, double gap)
+  {
+    anhyst_plant_coil_hold(&held_.magnet, &state_.coil, current, gap);
+  }
+  // Rows of current, force, and what is read of gap, force and current.
+  OutTable run(const In &reference, const In &gap, const InTable &noise)
+  {
+    same_length(reference.shape(0), gap.shape(0), "gap");
+    same_length(reference.shape(0), noise.shape(0), "noise");
+    same_length(noise.shape(1), ANHYST_HELD_SENSORS, "a row of noise");
+    OutTable out = make_table(reference.shape(0), ANHYST_HELD_COLUMNS);
+    for (size_t i = 0; i < reference.shape(0); i++) {
+      anhyst_plant_held_tick(&held_, &state_, reference(i), gap(i), &noise(i, 0),
+                             out.data() + i * ANHYST_HELD_COLUMNS);
+    }
+    return out;
+  }
+
+private:
+  anhyst_plant_held held_{};
+  std::vector<anhyst_plant_memory> volumes_;
+  anhyst_plant_held_state state_{};
 };
 
 // A row a magnet: gap, current, flux linkage, pull, energy taken and heat given.
@@ -83,6 +164,8 @@ void bind_plant(nb::module_ &m)
            nb::keep_alive<1, 3>())
       .def(nb::init<const nb::dict &, const Steel &, double, const In &, const In &>(), "numbers"_a,
            "steel"_a, "part"_a, "share"_a.noconvert(), "drag"_a.noconvert(), nb::keep_alive<1, 3>())
+      .def(nb::init<const nb::dict &, const Steel &, const nb::dict &>(), "numbers"_a, "steel"_a,
+           "cone"_a, nb::keep_alive<1, 3>())
       .def(nb::init<const nb::dict &, const AnyIron &, const InTable &, const InTable &>(),
            "numbers"_a, "iron"_a, "rows"_a.noconvert(), "psi"_a.noconvert(),
            nb::keep_alive<1, 3>());
@@ -91,13 +174,22 @@ void bind_plant(nb::module_ &m)
       .def("hold", &Coil::hold, "current"_a, "gap"_a)
       .def("lead", &Coil::lead, "current"_a, "gap"_a, "seconds"_a)
       .def("step", &Coil::step, "voltage"_a, "gap"_a, "seconds"_a)
-      .def("run", &Coil::run, "current"_a.noconvert(), "gap"_a.noconvert())
+      .def("run", &Coil::run, "current"_a.noconvert(), "gap"_a.noconvert(), "seconds"_a = HUGE_VAL)
       .def_prop_ro("force", [](const Coil &c) { return c.get().force; })
       .def_prop_ro("psi", [](const Coil &c) { return c.get().psi; })
       .def_prop_ro("density", [](const Coil &c) { return c.get().density; })
       .def_prop_ro("current", [](const Coil &c) { return c.get().current; })
       .def_prop_ro("heat", [](const Coil &c) { return c.get().heat; })
       .def_prop_ro("energy", [](const Coil &c) { return c.get().energy; });
+  nb::class_<Sensor>(m, "Sensor")
+      .def(nb::init<const nb::dict &>(), "numbers"_a)
+      .def("run", &Sensor::run, "values"_a.noconvert(), "noise"_a.noconvert());
+  nb::class_<HeldPlant>(m, "HeldPlant")
+      .def(nb::init<const nb::dict &, const std::vector<nb::dict> &, const Magnet &>(), "numbers"_a,
+           "sensors"_a, "magnet"_a, nb::keep_alive<1, 4>())
+      .def("hold", &HeldPlant::hold, "current"_a, "gap"_a)
+      .def("run", &HeldPlant::run, "reference"_a.noconvert(), "gap"_a.noconvert(),
+           "noise"_a.noconvert());
   nb::class_<Plant>(m, "Plant")
       .def(nb::init<const nb::dict &, const std::vector<nb::dict> &, const std::vector<nb::dict> &,
                     const nb::dict &, const std::vector<nb::object> &, uint64_t>(),

@@ -53,6 +53,19 @@ public:
     circuit_.solid = &solid_;
   }
 
+  // A solenoid: the same iron in front of a cone.
+  Magnet(const nb::dict &numbers, const Steel &steel, const nb::dict &cone) : Magnet(numbers, steel)
+  {
+    Settings given(cone);
+    cone_ = {given.take<double>("leakage"),   given.take<double>("side"),
+             given.take<double>("fringe"),    given.take<double>("around"),
+             given.take<double>("clearance"), given.take<double>("depth"),
+             given.take<double>("onset"),     given.take<double>("thickness"),
+             given.take<double>("taper"),     given.take<double>("saturation")};
+    given.finish();
+    circuit_.cone = &cone_;
+  }
+
   // An identified law with a table of the flux linkage.
   Magnet(const nb::dict &numbers, const AnyIron &iron, const InTable &rows, const InTable &psi)
   {
@@ -96,6 +109,7 @@ private:
   }
 
   anhyst_plant_solid solid_{};
+  anhyst_plant_cone cone_{};
   anhyst_plant_circuit circuit_{};
   anhyst_plant_law law_{};
   anhyst_plant_magnet magnet_{};

@@ -117,7 +117,7 @@ private:
   anhyst_plant_goal seek(double a, double b, double r) const
   {
     anhyst_plant_goal goal;
-    anhyst_plant_field(&iron_, &memory_, a, b, r, 1e-12 * (a + std::fabs(r)), &goal);
+    anhyst_plant_field(&iron_, &memory_, a, b, r, 1e-12 * (a + std::fabs(r)), nullptr, &goal);
     return goal;
   }
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from anhyst.compilation.output import compile_actuator
 from anhyst.compilation.toolchain import core_files
 from anhyst.exchange.part import (
+    CORE_OF_LAWS,
     WRAPPER,
     Part,
     Variable,
@@ -21,8 +22,8 @@ from anhyst.exchange.part import (
 )
 from anhyst.rig.bearing.loop import compiled_model
 from anhyst.rig.body import BodyRig
-from anhyst.rig.parts.iron import CURVE, CellSteel, PreisachSteel, everett
-from anhyst.rig.parts.magnet import circuit_numbers
+from anhyst.rig.parts.iron import CURVE, AnySteel, CellSteel, PreisachSteel, everett
+from anhyst.rig.parts.magnet import Solid, circuit_numbers
 from anhyst.rig.plant import current_loops, noise_seed, plant_numbers
 from anhyst.rig.recording import column
 from anhyst.study.bearing.operating import make_ready, read_files
@@ -32,11 +33,7 @@ from anhyst.support.states import Command
 
 FORMATS = ("f32", "f64")
 CORE_OF_PLANT = (
-    "numeric/elementary.c",
-    *(f"law/{name}.c" for name in ("langevin", "branch", "operator", "solver")),
-    *(f"law/{name}.c" for name in ("circuit", "layers")),
-    *(f"law/{name}.c" for name in ("lag_exact", "lag_linear", "lag_1986", "law_lag")),
-    *(f"law/{name}.c" for name in ("cell_shape", "cell_table", "cells", "law_cells")),
+    *CORE_OF_LAWS,
     *(f"compensator/{name}_{of}.c" for name in ("full", "cells", "simplified") for of in FORMATS),
     *(
         f"compensator/{name}_{of}.c"
@@ -75,15 +72,8 @@ def bearing_part(rig_path: PathLike) -> Part:
             controller=controller.path,
         )
         manifest, sources = compiled_sources(folder)
-    sources = {path: text.encode() for path, text in core_files(CORE_OF_PLANT).items()} | sources
-    sources |= plant_sources("tracking|piezo")
-    for own_file in (
-        "bearing.c",
-        "bearing_controller.c",
-        "bearing_controller.h",
-        "virtual_plant.h",
-    ):
-        sources[own_file] = (WRAPPER / own_file).read_bytes()
+    own = ("bearing.c", "bearing_controller.c", "bearing_controller.h", "virtual_plant.h")
+    sources = plant_sources("tracking|piezo|held", CORE_OF_PLANT, own) | sources
     sources["bearing_numbers.h"] = numbers_of_plant(ready.rig).encode()
     sources["controller_numbers.h"] = _names(manifest["name"]).encode()
     title = rig.settings.name
@@ -104,10 +94,13 @@ def refuse_plant(rig: BodyRig) -> None:
         )
 
 
-def plant_sources(others: str) -> dict[str, bytes]:
-    """Return all of the plant but what moves other rigs."""
+def plant_sources(
+    others: str, core: Iterable[str] = (), own: Iterable[str] = (), memories: int = 1
+) -> dict[str, bytes]:
+    """Return all of the plant but what moves other rigs, sources of the core, and a part's own."""
+    found = {path: text.encode() for path, text in core_files(core, memories).items()}
+    found |= {name: (WRAPPER / name).read_bytes() for name in own}
     folder = plant_folder()
-    found = {}
     for path in sorted(folder.rglob("*.[ch]")):
         name = path.relative_to(folder).as_posix()
         if path.name != "bus.c" and not re.search(others, name):
@@ -126,9 +119,8 @@ def fields(numbers: object) -> str:
     return str(numbers)
 
 
-def _iron(rig: BodyRig) -> tuple[str, str]:
+def _iron(steel: AnySteel) -> tuple[str, str]:
     """Return the iron of all magnets as a structure, and the arrays to which it points."""
-    steel = rig.settings.steel
     numbers, table = steel.numbers(), ""
     own: dict[str, object] = {key: value for key, value in numbers.items() if key not in CURVE}
     own["curve"] = {key: numbers[key] for key in CURVE}
@@ -171,21 +163,41 @@ def _names(name: str) -> str:
     return header("controller_numbers", defined, f'#include "{name}_controller.h"\n\n')
 
 
+def magnet_text(
+    steel: AnySteel,
+    circuit: Mapping[str, float],
+    solid: Solid | None,
+    cone: Mapping[str, float] | None = None,
+) -> tuple[str, str]:
+    """Return a magnet as a structure, and the lines that define what it points to."""
+    iron, everett_table = _iron(steel)
+    numbers: dict[str, object] = dict(circuit)
+    winding = {key: numbers.pop(key) for key in ("turns", "resistance")}
+    text, own = everett_table, {"iron": iron, **numbers}
+    if solid is not None:
+        share, drag = solid.numbers()
+        part = solid.length / circuit["iron_length"]
+        slab = {"volumes": solid.volumes, "part": part, "share": row(share), "drag": row(drag)}
+        text += f"static const anhyst_plant_solid magnet_solid = {fields(slab)};\n"
+        own["solid"] = "&magnet_solid"
+    if cone is not None:
+        text += f"static const anhyst_plant_cone magnet_cone = {fields(cone)};\n"
+        own["cone"] = "&magnet_cone"
+    text += f"static const anhyst_plant_circuit magnet_circuit = {fields(own)};\n"
+    return fields({"circuit": "&magnet_circuit", **winding}), text
+
+
+def volumes_of(solid: Solid | None) -> int:
+    """Return for how many volumes of solid iron an array has place, one at least."""
+    return 1 if solid is None else solid.volumes
+
+
 def numbers_of_plant(rig: BodyRig) -> str:
     """Return the plant as structures."""
     settings = rig.settings
     numbers = plant_numbers(rig)
-    iron, everett_table = _iron(rig)
-    circuit = circuit_numbers(settings.magnet.poles, settings.magnet.eddy_time_s,
-                              settings.gap_m)  # fmt: skip
-    winding = {key: circuit.pop(key) for key in ("turns", "resistance")}
-    solid = settings.magnet.solid_iron
-    slab: dict[str, object] = {"volumes": 0}
-    if solid is not None:
-        share, drag = solid.numbers()
-        part = solid.length / settings.magnet.poles.iron_length
-        slab = {"volumes": solid.volumes, "part": part, "share": row(share), "drag": row(drag)}
-    magnet = fields({"circuit": "&bearing_circuit", "law": "NULL", **winding})
+    circuit = circuit_numbers(settings.magnet.poles, settings.magnet.eddy_time_s, settings.gap_m)
+    magnet, circuits = magnet_text(settings.steel, circuit, settings.magnet.solid_iron)
     actuators = [{"magnet": magnet, **actuator} for actuator in numbers.actuators]
     bearing = {
         **numbers.body,
@@ -198,9 +210,7 @@ def numbers_of_plant(rig: BodyRig) -> str:
     }
     text = (
         '#include "anhyst_plant/body.h"\n\n'
-        f"{everett_table}static const anhyst_plant_solid bearing_solid = {fields(slab)};\n"
-        "static const anhyst_plant_circuit bearing_circuit = "
-        f"{fields({'iron': iron, **circuit, 'solid': '&bearing_solid' if solid else 'NULL'})};\n"
+        f"{circuits}"
         f"static const anhyst_plant_actuator bearing_actuators[] = {fields(actuators)};\n"
         f"static const anhyst_plant_head bearing_heads[] = {fields(numbers.heads)};\n"
         f"static const anhyst_plant_body bearing = {fields(bearing)};\n\n"
@@ -208,7 +218,7 @@ def numbers_of_plant(rig: BodyRig) -> str:
     defined = {
         "BEARING_MAGNETS": len(actuators),
         "BEARING_COORDINATES": bearing["coordinates"],
-        "BEARING_VOLUMES": max(1, solid.volumes if solid else 0),
+        "BEARING_VOLUMES": volumes_of(settings.magnet.solid_iron),
         "BEARING_SEED": f"UINT64_C({noise_seed(rig, 0)})",
         "BEARING_HEADS": len(numbers.heads),
         "BEARING_CURRENT_LOOPS": fields(current_loops(rig)),

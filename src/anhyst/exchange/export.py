@@ -17,6 +17,7 @@ import numpy as np
 from anhyst.compilation.toolchain import zig_cc
 from anhyst.data.formats.text import write_csv
 from anhyst.exchange.bearing_part import bearing_part
+from anhyst.exchange.force_part import force_part
 from anhyst.exchange.part import (
     MODEL,
     WRAPPER,
@@ -141,8 +142,9 @@ def export_fmu(
     fixed-point C computes on a controller, bit for bit; between ticks inputs and outputs are held.
     An actuator (current and gap in, force out) takes each step of the tool as one sample, as the
     model's stepper does. A bearing (wanted gap and load in; gap, force and currents out) or a stage
-    (set-point and feedforward in) is plant and controller of ``anhyst simulate``. States can be
-    read, set and serialised.
+    (set-point and feedforward in) is plant and controller of ``anhyst simulate``, a force rig
+    (demand and gap in; current and force out) those of ``anhyst force-control``. States can be read,
+    set and serialised.
     """
     path = Path(out)
     if path.suffix != ".fmu":
@@ -187,7 +189,8 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
                     code="option-not-for-this",
                     key=name,
                 )
-        return bearing_part(model) if file is FileKind.BEARING else stage_part(model)
+        parts = {FileKind.BEARING: bearing_part, FileKind.FORCE: force_part}
+        return parts.get(file, stage_part)(model)
     if of == "actuator":
         for name, value in (("--rate", rate), ("--kind", kind)):
             if value is not None:
@@ -372,8 +375,8 @@ def export(
     Parameters
     ----------
     model : Model or path-like
-        The model, its file, or the rig file of a bearing or a stage, for plant and controller in
-        one.
+        The model, its file, or the rig file of a bearing, a stage or of force control, for plant
+        and controller in one.
     out : path-like
         ``.fmu``, a folder for Simulink, ``.csv`` or ``.json``.
     as_ : str

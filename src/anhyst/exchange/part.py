@@ -239,7 +239,7 @@ def _text(root: Xml.Element) -> bytes:
     return bytes(Xml.tostring(root, encoding="UTF-8", xml_declaration=True))
 
 
-_CORE = (
+CORE_OF_LAWS = (
     *("numeric/elementary.c", "law/langevin.c", "law/circuit.c", "law/layers.c"),
     *(f"law/{name}.c" for name in ("cell_shape", "cell_table", "cells", "law_cells")),
     *(f"law/{name}.c" for name in ("branch", "operator", "lag_exact", "lag_linear", "lag_1986")),
@@ -269,7 +269,7 @@ def actuator_part(model: Model) -> Part:
     require_core(model, middle)
     around, rows = _around(model)
     defined = _law(model) | around | _creep(model) | _layers(model)
-    files = {name: text.encode() for name, text in core_files(_CORE).items()}
+    files = {name: text.encode() for name, text in core_files(CORE_OF_LAWS).items()}
     files |= {name: (WRAPPER / name).read_bytes() for name in ("actuator.c", "curve.c", "curve.h")}
     files["actuator_numbers.h"] = header("actuator_numbers", defined, rows).encode()
     text = (

@@ -8,7 +8,7 @@ import numpy as np
 
 from anhyst.compilation.parameters import memories
 from anhyst.compilation.stage import parameters_in_double
-from anhyst.compilation.toolchain import LAYERS, SOURCES, core_files
+from anhyst.compilation.toolchain import LAYERS, SOURCES
 from anhyst.exchange.bearing_part import (
     CORE_OF_PLANT,
     FORMATS,
@@ -18,7 +18,7 @@ from anhyst.exchange.bearing_part import (
     plant_sources,
     refuse_plant,
 )
-from anhyst.exchange.part import WRAPPER, Causality, Part, Variable, header, kernel_of, row
+from anhyst.exchange.part import Causality, Part, Variable, header, kernel_of, row
 from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import column
@@ -81,11 +81,8 @@ def stage_part(rig_path: PathLike) -> Part:
         layers, compensators = max(map(memories, blocks_of(setup))), _words(setup)
     else:
         layers, compensators, own = _in_double(setup)
-    sources = {path: text.encode() for path, text in core_files(_CORE_OF_STAGE, layers).items()}
-    sources |= own
-    sources |= plant_sources("piezo|position")
-    for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
-        sources[own_file] = (WRAPPER / own_file).read_bytes()
+    files = ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h")
+    sources = plant_sources("piezo|position|held", _CORE_OF_STAGE, files, layers) | own
     sources["bearing_numbers.h"] = numbers_of_plant(rig).encode()
     sources["stage_numbers.h"] = _controller_numbers(setup, compensators).encode()
     title = rig.settings.name

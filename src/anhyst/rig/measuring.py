@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
+from anhyst._core import Coil
 from anhyst.data import Loops
 from anhyst.data.history import History
 from anhyst.data.loops import Loop
 from anhyst.rig.body import BodyRig
-from anhyst.rig.measurement_table import CampaignTable, MeasurementTable
-from anhyst.rig.parts.magnet import Electromagnet
-from anhyst.rig.parts.sensors import Sensor
+from anhyst.rig.measurement_table import MeasurementTable
+from anhyst.rig.parts.sensors import NoisySensor, Sensors
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 
@@ -24,23 +24,8 @@ _WHOLE = 1e-6
 """Of a step: so much more than a whole number of them is rounding."""
 
 
-class Pull(Protocol):
-    """A magnet with the memory of its iron, moved so slowly that nothing is induced."""
-
-    def step(self, current: float, gap: float) -> float:
-        """Move to a current, A, at a gap, m, and return the pull, N."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sensors:
-    """What measures loops: a shunt and a load cell."""
-
-    current: Sensor
-    force: Sensor
-
-    def read(self, current: float, force: float) -> tuple[float, float]:
-        """Return what they say of a current, A, and a force, N, one sample on."""
-        return self.current.read(current), self.force.read(force)
+Pull = Coil
+"""A magnet with the memory of its iron, held at currents and gaps or moved in time."""
 
 
 class HeldRig(Protocol):
@@ -73,18 +58,24 @@ def conditioning(campaign: MeasurementTable) -> list[float]:
 
 
 def take(
-    magnet: Pull, sensors: Sensors, gap: float, path: FloatArray
+    magnet: Pull, sensors: Sensors, gap: float, path: FloatArray, seconds: float = math.inf
 ) -> tuple[FloatArray, FloatArray]:
-    """Move along currents, A, at a gap, m."""
-    rows = np.array([sensors.read(current, magnet.step(current, gap)) for current in path.tolist()])
-    return rows[:, 0], rows[:, 1]
+    """Move along currents, A, at a gap, m: slowly, or in so many seconds each."""
+    force = magnet.run(path, np.full(path.size, gap), seconds)[:, 0]
+    return sensors["current"].read(path), sensors["force"].read(force)
 
 
 def measure_path(
-    magnet: Pull, sensors: Sensors, gap: float, path: FloatArray, name: str, past: Sequence[float]
+    magnet: Pull,
+    sensors: Sensors,
+    gap: float,
+    path: FloatArray,
+    name: str,
+    past: Sequence[float],
+    seconds: float = math.inf,
 ) -> Loop:
     """Measure one record of a magnet that was conditioned."""
-    current, force = take(magnet, sensors, gap, path)
+    current, force = take(magnet, sensors, gap, path, seconds)
     short, whole = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
     return Loop(
         label=f"{(short if float(short) == float(whole) else whole)}mm-{name}",
@@ -95,25 +86,42 @@ def measure_path(
     )
 
 
-def measure_place(
-    held: HeldRig, campaign: MeasurementTable, index: int, magnet: Pull | None = None
-) -> list[Loop]:
-    """Measure all records of a campaign at one of its gaps."""
-    gap, past = campaign.gaps_m[index], conditioning(campaign)
-    step = campaign.sweep_A_per_s * campaign.sample_s
-    loops = []
-    for number, record in enumerate(campaign.records):
-        specimen = held.magnet() if magnet is None else magnet
-        for turn in past:
-            specimen.step(turn, gap)
-        path = straight([campaign.current_max_A * turn for turn in record.turns], step)
-        sensors = held.sensors([index, number], campaign.sample_s)
-        loops.append(measure_path(specimen, sensors, gap, path, record.name, past))
-    return loops
-
-
 FAST_SAMPLES, FAST_CYCLES = 200, 2
 """Of a fast cycle, and how many of them are recorded."""
+
+
+def measure_place(
+    held: HeldRig,
+    campaign: MeasurementTable,
+    index: int,
+    magnet: Pull | None = None,
+    fast: Sequence[float] = (),
+) -> list[Loop]:
+    """Measure all records of a campaign at one of its gaps.
+
+    With speeds, A/s, all of them in time, and full cycles at each of these besides.
+    """
+    gap, past, high = campaign.gaps_m[index], conditioning(campaign), campaign.current_max_A
+    pace, sample_s = campaign.sweep_A_per_s, campaign.sample_s
+    runs = [
+        (record.name, [high * turn for turn in record.turns], pace, sample_s)
+        for record in campaign.records
+    ]
+    cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
+    runs += [
+        (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * FAST_SAMPLES)) for speed in fast
+    ]
+    loops = []
+    for number, (name, turns, speed, sample) in enumerate(runs):
+        specimen = held.magnet() if magnet is None else magnet
+        for turn in past:
+            specimen.hold(turn, gap)
+        path, sensors = straight(turns, speed * sample), held.sensors([index, number], sample)
+        seconds = sample if fast else math.inf
+        loop = measure_path(specimen, sensors, gap, path, name, past, seconds)
+        time = np.arange(path.size, dtype=np.float64) * sample
+        loops.append(replace(loop, time=time) if fast else loop)
+    return loops
 
 
 class HeldBearing:
@@ -122,9 +130,9 @@ class HeldBearing:
     def __init__(self, rig: BodyRig) -> None:
         self._rig = rig
 
-    def magnet(self) -> Electromagnet:
+    def magnet(self) -> Coil:
         """Return what pulls, demagnetised."""
-        return Electromagnet(self._rig.magnet)
+        return Coil(self._rig.magnet)
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
         """Return what measures; the seed of the rig file is added, a sample is so many seconds."""
@@ -132,36 +140,10 @@ class HeldBearing:
         current, force = settings.current_sensor, settings.force_sensor
         own = [settings.seed, *seed]
         shunt = current.numbers(sample) | {"share": 1.0}  # slow loops pass it as they are
-        return Sensors(Sensor(shunt, [*own, 0]), Sensor(force.numbers(sample), [*own, 1]))
-
-
-def _measure_in_time(held: HeldBearing, campaign: CampaignTable, index: int) -> list[Loop]:
-    """Measure all records at one gap and full cycles at every fast speed, with what speed induces."""
-    gap, past, high = campaign.gaps_m[index], conditioning(campaign), campaign.current_max_A
-    runs = [
-        (
-            record.name,
-            [high * turn for turn in record.turns],
-            campaign.sweep_A_per_s,
-            campaign.sample_s,
-        )
-        for record in campaign.records
-    ]
-    cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
-    runs += [
-        (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * FAST_SAMPLES))
-        for speed in campaign.fast_A_per_s
-    ]
-    loops = []
-    for number, (name, turns, speed, sample) in enumerate(runs):
-        magnet = held.magnet()
-        for turn in past:
-            magnet.step(turn, gap)
-        magnet.seconds = sample
-        path = straight(turns, speed * sample)
-        loop = measure_path(magnet, held.sensors([index, number], sample), gap, path, name, past)
-        loops.append(replace(loop, time=np.arange(path.size, dtype=np.float64) * sample))
-    return loops
+        return {
+            "current": NoisySensor(shunt, [*own, 0]),
+            "force": NoisySensor(force.numbers(sample), [*own, 1]),
+        }
 
 
 def loop_texts(loops: Loops, notes: str) -> dict[str, str]:
@@ -191,7 +173,7 @@ def measure_loops(rig: BodyRig) -> Loops:
     """
     held, campaign = HeldBearing(rig), rig.settings.measurement
     places = range(len(campaign.gaps_m))
-    measure = _measure_in_time if campaign.fast_A_per_s else measure_place
-    loops = [loop for index in places for loop in measure(held, campaign, index)]
+    fast = campaign.fast_A_per_s
+    loops = [loop for one in places for loop in measure_place(held, campaign, one, fast=fast)]
     output = QUANTITIES[rig.settings.magnet.output]
     return Loops(tuple(loops), QUANTITIES["current"], output, QUANTITIES["gap"])

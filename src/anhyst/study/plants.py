@@ -25,7 +25,7 @@ from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import Drift, drifted_file, drifted_plant
 from anhyst.rig.file import RigFile
 from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.force.bench import ActuatorStand, read_gaps, run_open_loop, triangle
+from anhyst.rig.force.bench import ActuatorStand, run_open_loop, triangle
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
@@ -203,7 +203,7 @@ class ForceWork:
         figures: dict[str, list[float]] = {"rms_N": [], "worst_N": []}
         for trial in _trials(self.rig):
             gap, seed = trial.gap(self.rig), [noise, trial.number]
-            known = read_gaps(self.rig, gap, seed) + drift.gap_offset
+            known = self.rig.instruments(seed)["gap"].read(gap) + drift.gap_offset
             asked = self.compensators[method].fresh().run(trial.demand.force, known)
             current = (1.0 + drift.first_scale) * asked
             force = run_open_loop(ActuatorStand(plant, seed), gap, current)["force_N"]

@@ -57,7 +57,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "diff": _MODEL,
     "compile": (FileKind.MODEL, FileKind.STAGE),
     "watch": _MODEL,
-    "export": (FileKind.MODEL, FileKind.BEARING, FileKind.STAGE),
+    "export": (FileKind.MODEL, FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
     "verify": (FileKind.COMPILED,),
     "simulate": RIGS,
     "calibrate": (FileKind.BEARING, FileKind.STAGE),
@@ -68,6 +68,8 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "xcp": (FileKind.PORT,),
 }
 """What the first argument of every verb may be."""
+_WHY = {("tune", FileKind.FORCE): " (force control is open loop: there are no gains)"}
+"""What is said of a refusal beside the kinds that a verb takes."""
 
 MEASUREMENTS = frozenset(
     {".csv", ".tsv", ".mat", ".mf4", ".tdms", ".h5", ".hdf5", ".parquet", ".xlsx", ".xlsm"}
@@ -137,6 +139,7 @@ def refuse_other(
     plural = verb != ""
     names = _listed([NAMES[kind][plural] for kind in taken], "and" if plural else "or")
     needed = f"{verb} is for {names}" if plural else f"{names} is needed"
+    needed += _WHY.get((verb, kind), "")
     raise InputError(
         f"{path}: this is {NAMES[kind][0]}; {needed}; {_taken(kind)}", code="wrong-kind"
     )

@@ -73,4 +73,4 @@ static const char *tick(const void *tables, void *state, double *values, double 
   return isfinite(now->plant.plant.pose[0]) ? NULL : "the bearing has left all bounds; reset it";
 }
 
-const anhyst_part anhyst_the_part = {0, sizeof(state_of), build, drop, relink, start, tick};
+const anhyst_part anhyst_the_part = {0, sizeof(state_of), NULL, NULL, relink, start, tick};

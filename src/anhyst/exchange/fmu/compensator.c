@@ -10,14 +10,6 @@ enum { DEMAND = 1, GAP = 2, CURRENT = COMPENSATOR_HAS_GAP ? 3 : 2 };
 
 #define ONE_Q31 2147483648.0
 
-static int build(void *tables)
-{
-  (void)tables;
-  return 0;
-}
-
-static void drop(void *tables) { (void)tables; }
-
 static void relink(const void *tables, void *state)
 {
   anhyst_compensator *compensator = (anhyst_compensator *)state;
@@ -67,5 +59,5 @@ static const char *tick(const void *tables, void *state, double *values, double 
   return NULL;
 }
 
-const anhyst_part anhyst_the_part = {0,   sizeof(anhyst_compensator), build, drop, relink, start,
+const anhyst_part anhyst_the_part = {0,   sizeof(anhyst_compensator), NULL, NULL, relink, start,
                                      tick};

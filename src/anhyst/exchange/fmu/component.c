@@ -41,7 +41,8 @@ anhyst_component *anhyst_component_new(void)
   }
   made->tables = calloc(1, anhyst_the_part.tables > 0 ? anhyst_the_part.tables : 1);
   made->now = (moment *)calloc(1, size_of_moment());
-  if (made->tables == NULL || made->now == NULL || anhyst_the_part.build(made->tables) != 0 ||
+  if (made->tables == NULL || made->now == NULL ||
+      (anhyst_the_part.build != NULL && anhyst_the_part.build(made->tables) != 0) ||
       anhyst_component_reset(made) != NULL) {
     anhyst_component_free(made);
     return NULL;
@@ -54,7 +55,7 @@ void anhyst_component_free(anhyst_component *component)
   if (component == NULL) {
     return;
   }
-  if (component->tables != NULL) {
+  if (component->tables != NULL && anhyst_the_part.drop != NULL) {
     anhyst_the_part.drop(component->tables);
   }
   free(component->tables);

@@ -9,8 +9,8 @@
 typedef struct {
   size_t tables;              /* bytes that are built once an instance and then only read */
   size_t state;               /* bytes that change; pointers in them are set anew at every tick */
-  int (*build)(void *tables); /* from zeros; 0, or -1 without memory */
-  void (*drop)(void *tables); /* gives back what build took */
+  int (*build)(void *tables); /* from zeros; 0, or -1 without memory; null: nothing to build */
+  void (*drop)(void *tables); /* gives back what build took; null with it */
   /* Sets the pointers in a state that comes from another instance. */
   void (*relink)(const void *tables, void *state);
   /* The state at time 0, from zeros, and the outputs there. 0, or -1 for damaged parameters. */

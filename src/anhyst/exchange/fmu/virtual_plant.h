@@ -22,14 +22,6 @@ typedef struct {
   double record[RECORDED];
 } virtual_plant;
 
-static int build(void *tables)
-{
-  (void)tables;
-  return 0;
-}
-
-static void drop(void *tables) { (void)tables; }
-
 static void link_plant(virtual_plant *now)
 {
   now->plant.actuator = now->actuator;

@@ -22,7 +22,6 @@ from anhyst.rig.force.bench import (
     Demand,
     StandTick,
     bench_recording,
-    on_bus,
 )
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import ONE, Program, Session
@@ -128,7 +127,12 @@ class StandPlant:
         del tick  # it counts for itself
         self.gap = self.armature.move()
         self.at = self._stand.step(currents[0] * self._scales.current, self.gap)
-        return on_bus(self.at.reading, self._scales)
+        scales = self._scales
+        return Reading(
+            (self.at.gap_read - scales.gap_low) / (scales.gap_high - scales.gap_low or 1.0),
+            self.at.force_read / scales.demand,
+            self.at.current_read / scales.current,
+        )
 
 
 class ForceBench(LockStepBench[PlantBus]):
@@ -183,13 +187,13 @@ class ForceBench(LockStepBench[PlantBus]):
         return (
             self._bus.tick,
             self._stand.gap,
-            at.reading.gap,
+            at.gap_read,
             answer.demand / Q31 * scales.demand,
             at.force,
-            at.reading.force,
+            at.force_read,
             answer.drive / Q31 * scales.current,
             at.current,
-            at.reading.current,
+            at.current_read,
             answer.expected / Q31 * scales.demand,
             answer.flux / Q30,
             answer.state & 0xFF,

@@ -8,32 +8,18 @@ Beside it the demands of a force, and the motion of an armature.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from anhyst.link.virtual_boards import Reading
 from anhyst.rig.case_table import ForceCase, MovingCase
-from anhyst.rig.force.file import Rig
-from anhyst.rig.measuring import Sensors
-from anhyst.rig.parts.magnet import Electromagnet
-from anhyst.rig.parts.solenoid import Solenoid
+from anhyst.rig.force.file import READ, Rig
 from anhyst.rig.recording import Recording
-from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 
 _PAST = 12
 """Steps of the unknown past."""
-
-
-class BenchReading(NamedTuple):
-    """What the sensors say at a tick: gap, m; force, N; current, A."""
-
-    gap: float
-    force: float
-    current: float
 
 
 RECORDED = (
@@ -44,11 +30,13 @@ RECORDED = (
 
 
 class StandTick(NamedTuple):
-    """What is at a tick: current that flows, A; true force, N; what the sensors say."""
+    """What is at a tick, and what the sensors say of it."""
 
-    current: float
-    force: float
-    reading: BenchReading
+    current: float  # A
+    force: float  # N
+    gap_read: float  # m
+    force_read: float  # N
+    current_read: float  # A
 
 
 class ActuatorStand:
@@ -57,77 +45,41 @@ class ActuatorStand:
     def __init__(self, rig: Rig, seed: list[int]) -> None:
         self.dt = rig.dt
         self._seed = [rig.settings.seed, *seed]
-        self._actuator = rig.actuator()
-        self._tick = rig.dt if rig.solid else math.inf
-        self._amplifier = rig.amplifier()
-        self._sensors = rig.instruments(seed)
-        self._begun = False
+        self._plant, self._sensors = rig.plant(), rig.instruments(seed)
+        amplifier = rig.held_numbers()
+        self._high, self._zero = amplifier["high"], amplifier["zero"]
 
     def give_past(self, gap: float) -> None:
         """Take the current up and down at random, slowly and past the amplifier, and back to 0."""
         rng = np.random.default_rng([*self._seed, 3])
         for share in (*rng.uniform(size=_PAST).tolist(), 0.0):
-            self._actuator.step(share * self._amplifier.converter.high, gap)
+            self._plant.hold(share * self._high, gap)
 
     def condition(self, turns: list[float], gap: float) -> None:
         """Take the reference from turning point to turning point, A, slowly."""
         for turn in turns:
-            self._actuator.step(max(turn - self._amplifier.shunt_offset, 0.0), gap)
+            self._plant.hold(max(turn - self._zero, 0.0), gap)
 
     def step(self, reference: float, gap: float) -> StandTick:
-        """Go on to the beginning of the next tick."""
-        if self._begun:  # nothing comes before the first tick
-            self._amplifier.tick(reference)
-        elif isinstance(self._actuator, Electromagnet):
-            self._actuator.seconds = self._tick
-        self._begun = True
-        current = self._amplifier.current
-        force = self._actuator.step(current, gap)
-        reading = BenchReading(
-            self._sensors.gap.read(gap),
-            self._sensors.force.read(force),
-            self._sensors.current.read(current),
-        )
-        return StandTick(current, force, reading)
+        """Go on to the beginning of the next tick; what was asked for at this one is given, A."""
+        return StandTick(*self.run(np.array([reference]), np.array([gap]))[0].tolist())
 
-
-def read_gaps(rig: Rig, gap: FloatArray, seed: list[int]) -> FloatArray:
-    """Return what the LVDT of a bench with the same gaps and seed says, m, shape (n,)."""
-    sensor = rig.instruments(seed).gap
-    return np.array([sensor.read(one) for one in gap.tolist()])
+    def run(self, reference: FloatArray, gap: FloatArray) -> FloatArray:
+        """Go on by many ticks, a row of a :class:`StandTick` each."""
+        noise = np.column_stack([self._sensors[name].noise(gap.size) for name in READ])
+        return self._plant.run(reference, gap, noise)
 
 
 def run_open_loop(stand: ActuatorStand, gap: FloatArray, reference: FloatArray) -> Recording:
     """Put out currents that were computed before, one at the end of each tick."""
-    rows = []
-    before = 0.0
-    for current, at_gap in zip(reference.tolist(), gap.tolist(), strict=True):
-        at = stand.step(before, at_gap)
-        rows.append((current, at.current, at.force, at_gap, *at.reading))
-        before = current
-    return bench_recording(np.array(rows), stand.dt)
+    rows = stand.run(np.concatenate([[0.0], reference[:-1]]), gap)
+    return bench_recording(np.column_stack([reference, rows[:, :2], gap, rows[:, 2:]]), stand.dt)
 
 
 def bench_recording(rows: FloatArray, dt: float) -> Recording:
     """Return the recording of a bench from its columns but the first, a row for each tick."""
     clock = dt * np.arange(len(rows), dtype=np.float64)
     return Recording(dict(zip(RECORDED, (clock, *rows.T), strict=True)))
-
-
-class HeldActuator:
-    """A force rig whose armature is held."""
-
-    def __init__(self, rig: Rig) -> None:
-        self._rig = rig
-
-    def magnet(self) -> Solenoid | Electromagnet:
-        """Return what pulls, demagnetised."""
-        return self._rig.actuator()
-
-    def sensors(self, seed: list[int], sample: float) -> Sensors:
-        """Return what measures; the seed of the rig file is added, a sample is so many seconds."""
-        instruments = self._rig.instruments([0, *seed], sample)
-        return Sensors(instruments.current, instruments.force)
 
 
 LEAD_IN = 0.2
@@ -164,10 +116,3 @@ def moving_gap(shape: MovingCase, ticks: int, rate: float) -> FloatArray:
     phase = 2.0 * np.pi * np.arange(ticks) / (rate * shape.period_s)
     share: FloatArray = 0.5 - 0.5 * np.cos(phase)
     return shape.low_m + (shape.high_m - shape.low_m) * share
-
-
-def on_bus(reading: BenchReading, scales: Scales) -> Reading:
-    """Return what a firmware is shown of a reading: fractions of full scale."""
-    span = scales.gap_high - scales.gap_low or 1.0
-    gap = (reading.gap - scales.gap_low) / span
-    return Reading(gap, reading.force / scales.demand, reading.current / scales.current)

@@ -5,30 +5,40 @@ Everything is SI and the unit stands in the key. Every key is described in docs/
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from pydantic import Tag
 
-from anhyst._core import Magnet
+from anhyst._core import Coil, HeldPlant, Magnet
 from anhyst.data import Loop, Loops
 from anhyst.data.speeds import slow_loops
 from anhyst.model.actuator import Model
-from anhyst.rig.distance import Follow, PlantCheck, along, along_in_time, distance, model_distance
+from anhyst.rig.distance import (
+    PlantCheck,
+    along,
+    along_in_time,
+    distance,
+    follower,
+    model_distance,
+)
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.measurement_table import Measured, MeasurementTable
 from anhyst.rig.parts.iron import BY_FAMILY, CellSteel, DuhemSteel, PreisachSteel
-from anhyst.rig.parts.magnet import Electromagnet, iron_magnet
-from anhyst.rig.parts.sensors import Amplifier, Converter, Sensor
-from anhyst.rig.parts.solenoid import CircuitTable, FluxPath, Solenoid
+from anhyst.rig.parts.magnet import iron_magnet
+from anhyst.rig.parts.sensors import NoisySensor, Sensors
+from anhyst.rig.parts.solenoid import CircuitTable, FluxPath, solenoid_magnet
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, passed
 from anhyst.support.toml_file import BRANCH, Table, read_toml
+
+READ = ("gap", "force", "current")
+"""What sensors of the plant read, in the order of ``anhyst_plant/held.h``."""
 
 
 class CellPathTable(CellSteel, FluxPath):
@@ -58,19 +68,6 @@ class SolenoidFile(Table):
     circuit: CircuitTable
     measurement: MeasurementTable | None = None
 
-    def solenoid(self) -> Solenoid:
-        """Return it demagnetised."""
-        return Solenoid(self.iron, self.iron, self.circuit)
-
-
-@dataclass(frozen=True, slots=True)
-class Instruments:
-    """The sensors of a rig, with noise of their own."""
-
-    current: Sensor
-    gap: Sensor
-    force: Sensor
-
 
 @dataclass(frozen=True, slots=True)
 class Rig:
@@ -92,14 +89,14 @@ class Rig:
         """The loops that its file names."""
         return Measured(self.path, self.settings.loops)
 
-    def actuator(self) -> Solenoid | Electromagnet:
+    def magnet(self) -> Coil:
         """Return what pulls, demagnetised."""
-        if self.solenoid_file is not None:
-            return self.solenoid_file.solenoid()
-        return Electromagnet(self._magnet)
+        return Coil(self._magnet)
 
     @property
     def _magnet(self) -> Magnet:
+        if (file := self.solenoid_file) is not None:
+            return solenoid_magnet(file.iron, file.iron, file.circuit)
         table = self.settings.magnet
         return iron_magnet(table.poles, self.settings.steel, solid=table.solid_iron)
 
@@ -107,16 +104,6 @@ class Rig:
     def solid(self) -> bool:
         """Whether its iron answers late."""
         return self.solenoid_file is None and self.settings.magnet.solid is not None
-
-    def follower(self) -> Follow:
-        """Return what its actuator does along currents and gaps, from demagnetised on."""
-        actuator = self.actuator()
-
-        def follow(current: FloatArray, gap: FloatArray) -> FloatArray:
-            pairs = zip(current.tolist(), gap.tolist(), strict=True)
-            return np.array([actuator.step(*pair) for pair in pairs])
-
-        return follow
 
     def check(self, loops: Loops, model: Model) -> PlantCheck:
         """Hold its actuator and a model against loops, of thin iron against the slow ones."""
@@ -128,7 +115,7 @@ class Rig:
         def force(loop: Loop) -> FloatArray:
             if timed:
                 return along_in_time(self._magnet, loop, zeros[0]) + zeros[1]
-            return along(self.follower(), loop, zeros[0]) + zeros[1]
+            return along(follower(self._magnet), loop, zeros[0]) + zeros[1]
 
         return PlantCheck(
             plant=distance(loops, force),
@@ -144,19 +131,38 @@ class Rig:
             return "proportional solenoid", self.solenoid_file.circuit.turns
         return "electromagnet", self.settings.magnet.poles.turns
 
-    def amplifier(self) -> Amplifier:
-        """Return its amplifier at rest."""
+    def held_numbers(self) -> dict[str, float]:
+        """Return its amplifier by the names of ``anhyst_plant/held.h``."""
         table = self.settings.amplifier
-        converter = Converter.of_bits(0.0, table.current_high_A, table.dac_bits)
-        offset = self.settings.current_sensor.offset_A
-        return Amplifier(converter, table.bandwidth_Hz, table.slew, offset, self.dt)
+        return {
+            "seconds": self.dt if self.solid else 0.0,
+            "low": 0.0,
+            "high": table.current_high_A,
+            "step": table.current_high_A / ((1 << table.dac_bits) - 1),
+            "share": passed(2.0 * math.pi * table.bandwidth_Hz * self.dt),
+            "most": table.slew * self.dt,
+            "zero": self.settings.current_sensor.offset_A,
+        }
 
-    def instruments(self, seed: list[int], dt: float | None = None) -> Instruments:
-        """Return the sensors."""
-        file, own = self.settings, [self.settings.seed, *seed]
+    def plant(self) -> HeldPlant:
+        """Return its actuator with amplifier and sensors, demagnetised."""
+        sensors = self.sensor_numbers(self.dt)
+        return HeldPlant(self.held_numbers(), [sensors[name] for name in READ], self._magnet)
+
+    def sensor_numbers(self, seconds: float) -> dict[str, dict[str, float]]:
+        """Return its sensors in samples of so many seconds."""
+        file = self.settings
         tables = (file.current_sensor, file.gap_sensor, file.force_sensor)
-        numbers = [table.numbers(self.dt if dt is None else dt) for table in tables]
-        return Instruments(*(Sensor(one, [*own, n]) for n, one in enumerate(numbers)))
+        return {table.of: table.numbers(seconds) for table in tables}
+
+    def instruments(self, seed: list[int], sample: float | None = None) -> Sensors:
+        """Return the sensors, with noise of their own; a sample is so many seconds, or a tick."""
+        own, numbers = [self.settings.seed, *seed], self.sensor_numbers(sample or self.dt)
+        return {name: NoisySensor(one, [*own, n]) for n, (name, one) in enumerate(numbers.items())}
+
+    def sensors(self, seed: list[int], sample: float) -> Sensors:
+        """Return what measures loops; the seed of the rig file is added."""
+        return self.instruments([0, *seed], sample)
 
 
 def read_rig(path: PathLike) -> Rig:

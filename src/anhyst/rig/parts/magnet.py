@@ -5,7 +5,6 @@ The equations stand in ``plant/include/anhyst_plant/magnet.h``; here are their n
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from anhyst._core import AnyIron, Coil, Magnet, Steel
+from anhyst._core import AnyIron, Coil, Magnet
 from anhyst.data.table import DataTable, read_columns
 from anhyst.laws.law import IronOperator
 from anhyst.rig.parts.iron import AnySteel
@@ -23,8 +22,6 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 _CURRENTS, _GAPS = 257, 129
-_SUBSTEPS = 8
-"""Of a way that takes time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,14 +120,10 @@ def iron_magnet(
     solid: Solid | None = None,
 ) -> Magnet:
     """Return a magnet whose iron is not a Jiles-Atherton material."""
-    if solid is None:
-        return _in_circuit(poles, steel.plant(), eddy_time, gap)
     numbers = circuit_numbers(poles, eddy_time, gap)
+    if solid is None:
+        return Magnet(numbers, steel.plant())
     return Magnet(numbers, steel.plant(), solid.length / poles.iron_length, *solid.numbers())
-
-
-def _in_circuit(poles: Poles, steel: Steel, eddy_time: float, gap: float) -> Magnet:
-    return Magnet(circuit_numbers(poles, eddy_time, gap), steel)
 
 
 def circuit_numbers(poles: Poles, eddy_time: float, gap: float) -> dict[str, float]:
@@ -149,24 +142,6 @@ def circuit_numbers(poles: Poles, eddy_time: float, gap: float) -> dict[str, flo
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
-
-
-class Electromagnet:
-    """A magnet with the memory of its iron, moved so slowly that nothing is induced, or in time."""
-
-    def __init__(self, magnet: Magnet) -> None:
-        self._coil = Coil(magnet)
-        self.seconds = math.inf  # in which it moves
-
-    def step(self, current: float, gap: float) -> float:
-        """Move straight to a current, A, at a gap, m, and return the pull, N."""
-        if math.isinf(self.seconds):
-            self._coil.hold(current, gap)
-            return self._coil.force
-        start, step = self._coil.current, (current - self._coil.current) / _SUBSTEPS
-        for value in (*(start + n * step for n in range(1, _SUBSTEPS)), current):
-            self._coil.lead(value, gap, self.seconds / _SUBSTEPS)
-        return self._coil.force
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,7 +249,7 @@ def flux_table_of(
     """Make a flux table from a magnet's poles and the anhysteretic curve of its iron."""
     current = np.linspace(0.0, current_high, _CURRENTS)
     gap = np.linspace(*gaps, _GAPS)
-    magnet = _in_circuit(poles, steel.unpinned(), 0.0, float(gap[0]))
+    magnet = Magnet(circuit_numbers(poles, 0.0, float(gap[0])), steel.unpinned())
     psi = [Coil(magnet).run(current, np.full(current.size, at))[:, 1] for at in gap]
     return FluxTable(current, gap, np.array(psi))
 

@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from anhyst._core import Coil
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
@@ -24,7 +25,6 @@ from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.old_files import rig_error
-from anhyst.rig.parts.magnet import Electromagnet
 from anhyst.rig.plant import current_gains
 from anhyst.study.bearing import linear
 from anhyst.support.atomic import PathLike, check_writable
@@ -73,7 +73,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     rising = float(np.interp(wanted, force[:_CURRENTS], up))
     falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
     current = 0.5 * (rising + falling)
-    step = Electromagnet(rig.magnet).step
+    step = Coil(rig.magnet).hold
     try:
         slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
     except ValueError as error:

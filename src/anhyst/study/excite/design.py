@@ -17,7 +17,6 @@ import numpy as np
 from anhyst.data.history import DEMAGNETISED, History
 from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile
-from anhyst.rig.force.bench import HeldActuator
 from anhyst.rig.force.file import Rig
 from anhyst.rig.measurement_table import ExciteTable, MeasurementTable
 from anhyst.rig.measuring import FAST_CYCLES, FAST_SAMPLES, HeldBearing, HeldRig, straight
@@ -164,7 +163,7 @@ def force_specimen(rig: Rig) -> Specimen:
     campaign = None if file is None else file.measurement
     usual = sorted({force.end_m, *settings.held.gaps_m}) if campaign is None else campaign.gaps_m
     return _specimen(
-        HeldActuator(rig),
+        rig,
         tuple(excite.gaps_m or usual),
         excite,
         campaign,

@@ -15,8 +15,8 @@ from anhyst.data.sidecar import is_sidecar
 from anhyst.rig.body import read_bearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.from_loops import complete_rig
-from anhyst.rig.measuring import Pull, Sensors, straight, take
-from anhyst.rig.parts.magnet import Electromagnet
+from anhyst.rig.measuring import Pull, straight, take
+from anhyst.rig.parts.sensors import Sensors
 from anhyst.rig.stage.file import read_stage
 from anhyst.study.excite.design import (
     INNER,
@@ -245,10 +245,10 @@ def _probe(
     sensors = specimen.held.sensors([number, _PROBE], specimen.sample)
     forces: list[float] = []
     for current in path.tolist():
-        forces.append(sensors.read(current, magnet.step(current, gap))[1])
+        forces.append(sensors["force"].read(np.array([magnet.hold(current, gap)])).item())
         if forces[-1] >= HEADROOM * specimen.force.value:
             break
-    magnet.step(0.0, gap)
+    magnet.hold(0.0, gap)
     gone = path[: len(forces)]
     clock.play(np.concatenate([gone, gone[::-1]]), gap)
     return place_of(specimen, gap, gone, forces, cool)
@@ -293,15 +293,11 @@ def _take(
     clock.cool(record.whole(specimen.sample), gap)
     clock.play(record.approach, gap)
     for turn in record.before:
-        magnet.step(turn, gap)
+        magnet.hold(turn, gap)
     time = clock.time + record.sample * np.arange(1.0, record.path.size + 1.0)
     clock.play(record.counted(specimen.sample), gap)
-    timed = magnet if record.fast and isinstance(magnet, Electromagnet) else None
-    if timed is not None:
-        timed.seconds = record.sample
-    current, force = take(magnet, sensors, gap, record.path)
-    if timed is not None:
-        timed.seconds = math.inf
+    seconds = record.sample if record.fast else math.inf
+    current, force = take(magnet, sensors, gap, record.path, seconds)
     label = f"{1e3 * gap:g}mm-{record.name}"
     above = np.flatnonzero(np.abs(force) > specimen.force.value)
     if above.size:

@@ -17,7 +17,6 @@ from anhyst.rig.force.bench import (
     ActuatorStand,
     Demand,
     moving_gap,
-    read_gaps,
     run_open_loop,
 )
 from anhyst.rig.force.file import Rig
@@ -128,7 +127,7 @@ def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOut
         recordings[program.name] = recording
         differing[program.name] = ticks_that_differ(program, session)
         simulated[program.name] = _expected(program, recording, demagnetised)
-    known = read_gaps(rig, gap, seed)
+    known = rig.instruments(seed)["gap"].read(gap)
     for name, baseline in controllers.baselines.items():
         driven = stand()
         if not demagnetised:

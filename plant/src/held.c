@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst_plant/held.h"
+
+static void amplify(const anhyst_plant_held *held, anhyst_plant_held_state *s, double reference)
+{
+  const double missing = s->reference - held->zero - s->current;
+  const double wanted =
+      s->current + anhyst_plant_bound(held->share * missing, -held->most, held->most);
+  s->current = wanted > held->low ? wanted : held->low;
+  s->reference = anhyst_plant_convert(reference, held->low, held->high, held->step);
+}
+
+void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_state *state,
+                            double reference, double gap, const double *noise, double *row)
+{
+  double quantity[ANHYST_HELD_SENSORS];
+  int i;
+  if (state->begun) { /* nothing comes before the first tick */
+    amplify(held, state, reference);
+  }
+  if (held->seconds > 0.0) {
+    anhyst_plant_coil_follow(&held->magnet, &state->coil, state->current, gap, held->seconds);
+  } else {
+    anhyst_plant_coil_hold(&held->magnet, &state->coil, state->current, gap);
+  }
+  row[0] = quantity[ANHYST_HELD_CURRENT] = state->current;
+  row[1] = quantity[ANHYST_HELD_FORCE] = state->coil.force;
+  quantity[ANHYST_HELD_GAP] = gap;
+  for (i = 0; i < ANHYST_HELD_SENSORS; i++) {
+    row[2 + i] = anhyst_plant_sensor_take(&held->sensor[i], &state->sensing[i], !state->begun,
+                                          quantity[i], noise[i]);
+  }
+  state->begun = 1;
+}
