@@ -190,7 +190,8 @@ def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, com
 def render(rig: BodyRig | Rig | PiezoRig, gains: Benefit, command: str) -> str:
     """Return the page of the map of any other rig."""
     kind = NAMES[rig.settings.kind][0]
-    what = f"{kind.capitalize()}, judged in: {gains.cells[0].case}."
+    cases = ", ".join(dict.fromkeys(_case(cell.case) for cell in gains.cells))
+    what = f"{kind.capitalize()}, judged in: {cases}."
     runs = f"each with gains of its own where it has some, {gains.seeds} noise seeds each."
     head = _headline(gains, rig.settings.name, what, runs)
     sections = (_section(gains), origin(hashes([rig.path]), command, rig.settings.seed))

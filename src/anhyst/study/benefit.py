@@ -57,10 +57,9 @@ OF_STEPS = (
 """Figures of a step that are compared."""
 CASES: Mapping[FileKind, str] = {
     FileKind.STAGE: "test set-point",
-    FileKind.FORCE: "worst of all trials",
     FileKind.PIEZO: "triangle",
 }
-"""What any other rig is judged in."""
+"""What a rig with a single case is judged in; of force control each stage of its trials is one."""
 SEEDS = 4
 """Of noise, where the rig file says none."""
 STANDSTILLS = 3.0
@@ -376,34 +375,53 @@ def benefit_of_plants(
     return Benefit(
         rig=rig.settings.name,
         seeds=count,
-        cells=tuple(cell for cell, _ in rows),
+        cells=tuple(cell for cells, _ in rows for cell in cells),
         metrics=rows[0][1],
     )
 
 
-def _map_plants(work: _PlantWork) -> tuple[MapCell, tuple[Metric, ...]]:
+def _map_plants(work: _PlantWork) -> tuple[list[MapCell], tuple[Metric, ...]]:
     """Run one iron behind every method."""
     loops, plants = _with_other_iron(work)
     share = reversal_share(loops)
     label = "" if share is None else "pathological" if share < PATHOLOGICAL else "regular"
     width = judge(loops).width_relative
     iron = IronFigures(work.scale, work.fraction, width, share, None, label)
-    values: dict[MethodName, dict[str, FloatArray]] = {}
-    for method in plants.methods:
-        runs = [plants.work.run(method, NO_DRIFT, seed) for seed in work.seeds]
-        if not any("lost_s" in run for run in runs):
-            values[method] = {
-                figure.key: np.array([_largest(run[figure.key]) for run in runs])
+    runs = {
+        method: [plants.work.run(method, NO_DRIFT, seed) for seed in work.seeds]
+        for method in plants.methods
+    }
+    held = {
+        method: each for method, each in runs.items() if not any("lost_s" in run for run in each)
+    }
+    cells = []
+    for case, numbers in _cases(plants).items():
+        values = {
+            method: {
+                figure.key: np.array([_largest(run[figure.key], numbers) for run in each])
                 for figure in plants.figures
             }
+            for method, each in held.items()
+        }
+        cells.append(compare_cell(iron, case, values, {}, "flux" in plants.methods))
     metrics = tuple(Metric(one.key, one.title, one.unit, one.factor) for one in plants.figures)
-    cell = compare_cell(iron, CASES[plants.file.kind], values, {}, "flux" in plants.methods)
-    return cell, metrics
+    return cells, metrics
 
 
-def _largest(figure: float | Sequence[float | None] | None) -> float:
-    """Return the largest of a figure over its cases; infinite where a level was not reached."""
-    row = figure if isinstance(figure, Sequence) else [figure]
+def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
+    """Return the cases of a map, and the places of each in the figures of a plant."""
+    if plants.file.kind is not FileKind.FORCE:
+        return {CASES[plants.file.kind]: [0]}
+    stages = [name.partition("_")[0] for name in plants.figures[0].names]
+    return {
+        f"worst of {stage}": [place for place, one in enumerate(stages) if one == stage]
+        for stage in dict.fromkeys(stages)
+    }
+
+
+def _largest(figure: float | Sequence[float | None] | None, numbers: Sequence[int]) -> float:
+    """Return the largest of some values of a figure; infinite where a level was not reached."""
+    row = [figure[number] for number in numbers] if isinstance(figure, Sequence) else [figure]
     return max(math.inf if value is None else value for value in row)
 
 
