@@ -1,7 +1,7 @@
 """Simulate the force-current loops of this folder's solenoid.
 
 The solenoid is described in ``solenoid.toml``, its amplifier and sensors in ``rig.toml``; what they
-do is in ``anhyst.rig.parts``: iron of pinned cells (play operators with one anhysteretic curve, not a
+do is in ``plant/`` (C): iron of pinned cells (play operators with one anhysteretic curve, not a
 Jiles-Atherton material) in a circuit with a control cone. Positions are set with gauge blocks, so
 ``gap_m`` is exact; current and force are what the rig's own sensors read.
 

@@ -7,22 +7,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.exchange import export, force_part
-from anhyst.exchange.export import export_fmu
+from anhyst.cli.app import main
+from anhyst.exchange import force_part
+from anhyst.exchange.export import export_fmu, export_sfunction
+from anhyst.exchange.part import FmiVersion
 from anhyst.rig.bench.force import run_firmware
 from anhyst.rig.case_table import ForceCase, MovingCase
 from anhyst.rig.force.bench import RECORDED, ActuatorStand, moving_gap, triangle
 from anhyst.rig.force.file import READ, Rig, read_rig
 from anhyst.rig.force.programs import ticks_that_differ
 from anhyst.study.force.force_control import build_program
-from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, needs_binary, slave
+from tests.exchange.test_checker import findings
+from tests.exchange.test_sfunction import beside, built, simulated
 from tests.refusals import says
 from tests.rig.forces import EXAMPLE
 from tests.study.test_solid_force import rig_in
 from tests.truths import truth
-
-pytestmark = pytest.mark.slow
 
 SHAPE = ForceCase(kind="force", name="wide", low=0.05, high=0.95, period_s=0.4, cycles=2)
 SEED = [2, 0]
@@ -36,6 +37,7 @@ def copied(folder: Path) -> Rig:
 
 
 @needs_binary
+@pytest.mark.slow
 @pytest.mark.parametrize("moves", [True, False])
 def test_it_drives_and_pulls_as_the_firmware_at_the_virtual_bench_bit_for_bit(
     moves: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -69,12 +71,15 @@ def test_it_drives_and_pulls_as_the_firmware_at_the_virtual_bench_bit_for_bit(
         made.begin()
         again = np.array(made.run({key: one[:50] for key, one in inputs.items()}, shown, rig.dt)).T
         assert np.array_equal(again, found[:, :50])
+    block = simulated(built(export_sfunction(rig.path, tmp_path / "block")), beside(*columns))[1]
+    assert np.array_equal(block[1:], found.T[:-1])
     off = recording["force_N"] - demand.force
     assert np.abs(off[demand.lead_in :]).max() < 0.15 * rig.settings.force.force_max_N
     assert np.ptp(recording["force_N"]) > 30.0
 
 
 @needs_binary
+@pytest.mark.slow
 def test_solid_iron_goes_along_in_its_time_and_a_state_over_to_another_instance(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -106,15 +111,28 @@ def test_solid_iron_goes_along_in_its_time_and_a_state_over_to_another_instance(
     assert force.max() > 30.0
 
 
-def test_the_command_writes_blocks_and_refuses_what_is_of_a_model(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_command_writes_a_block_and_refuses_what_is_of_a_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     copied(tmp_path)
-    done = run("export", "rig.toml", "--rate", "1e3", "-o", "valve.fmu", cwd=tmp_path)
-    assert done.returncode == 2
-    assert says(done.stderr, "option-not-for-this: --rate")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(force_part, "find_model", lambda *_: truth("solenoid-end"))
+    assert main(["export", "rig.toml", "--as", "simulink", "--rate", "1e3", "-o", "block"]) == 2
+    assert says(capsys.readouterr().err, "option-not-for-this: --rate")
+    assert main(["export", "rig.toml", "--as", "simulink", "--out", "block"]) == 0
+    (script,) = (tmp_path / "block").glob("build_sfun_*.m")
+    assert "input 2: gap_m (m)" in script.read_text()
+    numbers = (tmp_path / "block" / "src" / "force_numbers.h").read_text()
+    assert "magnet_cone" in numbers
+    assert "bearing" not in " ".join(path.name for path in (tmp_path / "block" / "src").iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+def test_it_breaks_no_rule_of_the_standard(
+    fmi: FmiVersion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copied(tmp_path)
     monkeypatch.setattr(force_part, "find_model", lambda *_: truth("solenoid-three-gaps"))
-    made = export.export(tmp_path / "rig.toml", tmp_path / "block", as_="simulink")
-    (script,) = made.out.glob("build_sfun_*.m")
-    assert "demand_N (N)" in script.read_text()
-    assert (made.out / "src" / "force.c").is_file()
+    made = export_fmu(tmp_path / "rig.toml", tmp_path / "valve.fmu", fmi=fmi, platforms=[])
+    assert findings(made) == (fmi, [])

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "anhyst_plant/body.h"
+#include "anhyst_plant/held.h"
 
 #define CELLS 25
 #define POINTS 5
@@ -283,6 +284,39 @@ static int run(const anhyst_plant_body *b, const char *name, int ticks)
   return 0;
 }
 
+/* An armature that is moved between 0.2 and 0.7 mm under an amplifier that is asked for anything.
+ */
+static int run_held(const anhyst_plant_magnet *magnet, const char *name, double seconds)
+{
+  static anhyst_plant_held_state state;
+  static anhyst_plant_memory volumes[ANHYST_PLANT_VOLUMES];
+  const anhyst_plant_held held = {
+      *magnet, seconds, 0.0,
+      4.5,     1e-3,    0.6,
+      0.5,     0.01,    {sensor(0.0, 1e-3, 0), sensor(-500.0, 1000.0, 2), sensor(-0.5, 5.0, 1)}};
+  uint64_t hash = UINT64_C(0xCBF29CE484222325);
+  unsigned seed = 3;
+  int tick;
+  int j;
+  memset(&state, 0, sizeof state);
+  memset(volumes, 0, sizeof volumes);
+  state.coil.volume = volumes;
+  for (tick = 0; tick < TICKS; tick++) {
+    const double gap = 0.45e-3 + 0.25e-3 * ((double)(tick % 200) / 100.0 - 1.0);
+    const double noise[ANHYST_HELD_SENSORS] = {1e-7 * command(&seed), command(&seed), 0.0};
+    double row[ANHYST_HELD_COLUMNS];
+    anhyst_plant_held_tick(&held, &state, command(&seed), gap, noise, row);
+    for (j = 0; j < ANHYST_HELD_COLUMNS; j++) {
+      if (!isfinite(row[j])) {
+        return 1;
+      }
+      add(&hash, row[j]);
+    }
+  }
+  (void)printf("ok %s, held, %016llx\n", name, (unsigned long long)hash);
+  return 0;
+}
+
 int main(void)
 {
   static anhyst_plant_circuit circuits[KINDS];
@@ -325,6 +359,9 @@ int main(void)
     }
     for (j = 0; j < MOST; j++) {
       make_actuator(&actuators[j], &magnet, by_current);
+    }
+    if (pair && !by_current && !magnet.law) {
+      failed += run_held(&magnet, kinds[kind], kind == SOLID ? 1e-3 : 0.0);
     }
     make_body(&body, pair ? 2 : 1, pair ? 4 : 1);
     (void)snprintf(name, sizeof name, "%s, %d magnets, %s", kinds[kind], body.magnets,

@@ -26,7 +26,7 @@ CORE = (
 """What of the core the plant stands on."""
 PLANT = (
     *("iron", "irons/cells", "irons/preisach", "irons/duhem"),
-    *("solid", "cone", "magnet", "sensor", "body"),
+    *("solid", "cone", "magnet", "sensor", "held", "body"),
 )
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow")
 
@@ -63,4 +63,4 @@ def test_no_command_leads_to_undefined_behaviour(tmp_path: Path) -> None:
     )
     done = subprocess.run([program], capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("ok ") == 36
+    assert done.stdout.count("ok ") == 41

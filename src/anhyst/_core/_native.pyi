@@ -358,14 +358,10 @@ class Piece:
     def __init__(self, steel: Steel) -> None: ...
     def flux_density(self, field: float) -> tuple[float, float]:
         """Return flux density (T) and its slope if the field (A/m) moved there straight."""
-    def commit(self, field: float) -> None:
-        """Move to a field (A/m) in a straight line."""
-    def solve(self, a: float, b: float, r: float) -> float:
-        """Move to where ``a*H + b*B = r``, a > 0 and b >= 0, and return the field H (A/m)."""
-    def run(self, field: _Array) -> _Array:
-        """Move to fields one after the other; rows of field (A/m) and flux density (T)."""
-    def demagnetise(self) -> None:
-        """Forget everything, as after a field that alternated and died away."""
+    def commit(self, field: float) -> None: ...  # moves straight to a field (A/m)
+    def solve(self, a: float, b: float, r: float) -> float: ...  # to H where a*H + b*B = r
+    def run(self, field: _Array) -> _Array: ...  # rows of field (A/m) and flux density (T)
+    def demagnetise(self) -> None: ...  # forgets everything
     @property
     def field(self) -> float: ...
     @property
@@ -386,14 +382,11 @@ class Coil:
 
     def __init__(self, magnet: Magnet) -> None: ...
     def hold(self, current: float, gap: float) -> float:
-        """Move to a current (A) at a gap (m) so slowly that nothing is induced; return the pull (N)."""
+        """Move slowly to a current (A) at a gap (m) and return the pull (N)."""
     def lead(self, current: float, gap: float, seconds: float) -> None: ...  # under any voltage
     def step(self, voltage: float, gap: float, seconds: float) -> None: ...  # under a voltage
     def run(self, current: _Array, gap: _Array, seconds: float = ...) -> _Array:
-        """Go straight from one to the next, slowly or in `seconds` each.
-
-        Rows of force (N), flux linkage (Wb), flux density (T).
-        """
+        """Hold, or lead in `seconds` each; rows of force (N), flux linkage (Wb), flux density (T)."""
     @property
     def force(self) -> float: ...
     @property
@@ -408,26 +401,18 @@ class Coil:
     def energy(self) -> float: ...
 
 class Sensor:
-    """A sensor of the plant, plant/include/anhyst_plant/sensor.h, by the names there."""
+    """A sensor by the names of plant/include/anhyst_plant/sensor.h; noise comes from outside."""
 
     def __init__(self, numbers: _Numbers) -> None: ...
-    def run(self, values: _Array, noise: _Array) -> _Array:
-        """Return what it says of values that each stand for a step, the first for ever."""
+    def run(self, values: _Array, noise: _Array) -> _Array: ...
 
 class HeldPlant:
-    """An actuator whose armature is moved from outside, plant/include/anhyst_plant/held.h.
-
-    Sensors are those of gap, force and current.
-    """
+    """An actuator whose armature is moved, by the names of plant/include/anhyst_plant/held.h."""
 
     def __init__(self, numbers: _Numbers, sensors: Sequence[_Numbers], magnet: Magnet) -> None: ...
-    def hold(self, current: float, gap: float) -> None:
-        """Move to a current (A) at a gap (m), slowly and past the amplifier."""
+    def hold(self, current: float, gap: float) -> None: ...  # slowly and past the amplifier
     def run(self, reference: _Array, gap: _Array, noise: _Array) -> _Array:
-        """Go on tick by tick; rows of current (A), force (N), and gap, force and current as read.
-
-        `reference` was asked for at the tick before; a row of `noise` is of the three sensors.
-        """
+        """Go on tick by tick; rows of current, force, and gap, force and current as read."""
 
 class Plant:
     """A body at rest, irons demagnetised, by the names of plant/include/anhyst_plant/body.h."""
