@@ -88,18 +88,24 @@ class PiezoRig:
         late = self.settings.stack_amplifier.time_constant_s
         return 1.5 / self.settings.timing.rate_Hz + late + rounded
 
-    def make_loop(self, plant: PiezoRig, inverse: ForceController) -> PiezoLoop:
+    def make_loop(self, plant: PiezoRig, drive: ForceController) -> PiezoLoop:
         """Return a stage at long rest at 0 V behind the controller of this one."""
         loop = PiezoLoop(plant.motion(self.dt), self.settings.position_sensor.step_m)
-        if inverse.format == "fixed":
-            inverse.native.commit(0, 0)  # the stack is at 0 V
-        loop.control(inverse.native, **controller_numbers(self, inverse))
+        loop.control(drive.native, **controller_numbers(self, drive))
         return loop
 
 
 def read_piezo_rig(path: PathLike) -> PiezoRig:
     """Read and check the rig file of a piezo stage."""
     return PiezoRig(Path(path), read_rig_file(path, [FileKind.PIEZO]))
+
+
+def at_rest(inverse: ForceController) -> ForceController:
+    """Return another of the same parameters, for a stack that is at 0 V for long."""
+    fresh = inverse.fresh()
+    if fresh.format == "fixed":
+        fresh.native.commit(0, 0)
+    return fresh
 
 
 def controller_numbers(rig: PiezoRig, inverse: ForceController) -> ControllerNumbers:

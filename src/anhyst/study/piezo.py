@@ -27,7 +27,7 @@ from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.identification import identify
 from anhyst.identification.run import whole_search
 from anhyst.model.actuator import Model
-from anhyst.rig.piezo import SEED, PiezoRig, piezo_loss, rounded, triangle
+from anhyst.rig.piezo import SEED, PiezoRig, at_rest, piezo_loss, rounded, triangle
 from anhyst.rig.recording import Recording, peak, rms
 from anhyst.study.engine.table import FIGURES, ComparedFigure, Judgement, Metric, StudyResult, judge
 from anhyst.support.atomic import PathLike
@@ -263,7 +263,7 @@ def follow(
     ).standard_normal(target.size)
     time = rig.dt * np.arange(target.size, dtype=np.float64)
     expected = np.interp(time - rig.lateness, time, target)
-    loop = rig.make_loop(plant or rig, inverse.fresh())
+    loop = rig.make_loop(plant or rig, at_rest(inverse))
     table = loop.run(target, expected, noise, np.zeros(target.size))
     position, _, corrected, voltage = table.T.copy()
     error = position - expected
