@@ -48,11 +48,11 @@ class PiezoRig:
     path: Path
     settings: RigFile
 
-    def motion(self, dt: float) -> PiezoMotion:
-        """Return it at rest for ticks of a length, s, on which a command is held."""
+    def numbers(self, dt: float) -> dict[str, float]:
+        """Return it as the core takes it, for ticks of a length, s, on which a command is held."""
         stack, flexure = self.settings.stack, self.settings.flexure
         steps = max(1, math.ceil(dt / min(STEP, 1.0 / (40.0 * flexure.resonance_Hz))))
-        numbers = {
+        return {
             "stroke_per_volt": stack.stroke_m_per_V,
             "bend": stack.bend_m_per_V2,
             "slope": stack.slope_m_per_V,
@@ -64,7 +64,11 @@ class PiezoRig:
             "step": dt / steps,
             "steps": steps,
         }
-        return PiezoMotion(numbers, np.array(stack.creep_times_s), np.array(stack.creep_shares))
+
+    def motion(self, dt: float) -> PiezoMotion:
+        """Return it for ticks of a length, s."""
+        times, shares = self.settings.stack.creep_times_s, self.settings.stack.creep_shares
+        return PiezoMotion(self.numbers(dt), np.array(times), np.array(shares))
 
     @property
     def dt(self) -> float:
