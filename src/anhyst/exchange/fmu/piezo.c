@@ -31,6 +31,8 @@ static const anhyst_tracking_settings_f64 settings = PIEZO_SETTINGS;
 static const anhyst_code_scales_f64 codes = PIEZO_CODES;
 static const int16_t words[] = PIEZO_WORDS;
 
+#define MOST 1.0 /* m; the integral would not come back from what is beyond all bounds */
+
 typedef struct {
   anhyst_piezo_state stage;
   double command; /* V, at the next tick */
@@ -107,6 +109,11 @@ static const char *tick(const void *tables, void *state, double *values, double 
   double row[ANHYST_PIEZO_COLUMNS];
   int i;
   (void)seconds;
+  for (i = REFERENCE; i <= NOISE; i++) {
+    if (!(fabs(values[i]) <= MOST)) {
+      return "a reference, a load and a noise are at most 1 m";
+    }
+  }
   remember(now, event.wanted);
   event.expected = expected(now);
   relink(tables, state);

@@ -140,6 +140,7 @@ class PiezoBench(Bench):
                 return
             self._whole += 1
             self._laps += 1
+            self._above = 0.0
         if self._staged:
             self._take()
             self._since = 0
