@@ -323,6 +323,8 @@ def live(
     operates it. Ctrl-C ends it.
 
     Example: anhyst live examples/bearing/rig.toml
+
+    Example: anhyst live examples/piezo/rig.toml
     """
     for name in _PACKAGES:
         if importlib.util.find_spec(name) is None:

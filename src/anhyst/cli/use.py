@@ -275,10 +275,10 @@ def export(
     """Export a model for other tools: its compensator or the actuator as FMU or S-function; tables.
 
     A compensator computes what the compiled fixed-point C computes on a controller, an actuator
-    what the model does; the rig file of a bearing or a stage gives plant and controller in one. An
-    FMU holds the sources, and binaries for Linux, Windows and macOS (extra 'verify'). Simulink, Amesim,
-    Dymola, OpenModelica and fmpy read it. An S-function is C that MATLAB compiles with the script
-    beside it. For C alone: anhyst compile.
+    what the model does; the rig file of a bearing, a stage or a piezo stage gives plant and
+    controller in one. An FMU holds the sources, and binaries for Linux, Windows and macOS (extra
+    'verify'). Simulink, Amesim, Dymola, OpenModelica and fmpy read it. An S-function is C that
+    MATLAB compiles with the script beside it. For C alone: anhyst compile.
 
     Example: anhyst export model.toml --as fmu --rate 20000 --out magnet.fmu
 
@@ -287,6 +287,8 @@ def export(
     Example: anhyst export rig.toml --as fmu --out bearing.fmu
 
     Example: anhyst export examples/stage/rig.toml --as fmu --out stage.fmu
+
+    Example: anhyst export examples/piezo/rig.toml --as fmu --out piezo.fmu
 
     Example: anhyst export model.toml --as simulink --rate 20000 --out simulink
 

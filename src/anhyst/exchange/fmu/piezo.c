@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A piezo stage with its controller as `anhyst simulate` runs them: the inverse of its hysteresis in
-   fixed point, the integrator behind a notch filter in double precision. */
+/* A piezo stage with its controller as `anhyst simulate` runs them: the inverse of its hysteresis
+   in fixed point, the integrator behind a notch filter in double precision. */
 #include "anhyst_plant/piezo.h"
 
 #include <math.h>
@@ -66,14 +66,15 @@ static int start(const void *tables, void *state, double *values)
   (void)tables;
   (void)values;
   if (anhyst_force_controller_init_compensator_q31(&now->inverse, &PIEZO_KERNEL, words,
-                                                   (uint16_t)(sizeof words / sizeof *words)) != ANHYST_OK) {
+                                                   (uint16_t)(sizeof words / sizeof *words)) !=
+      ANHYST_OK) {
     return -1;
   }
   (void)anhyst_force_controller_commit_q31(&now->inverse, 0, 0); /* the stack is at 0 V for long */
   return 0;
 }
 
-/* What of the reference should show by now: straight between its ticks, as the simulation has it. */
+/* What of the reference should show by now, straight between its ticks as in the simulation. */
 static double expected(const state_of *now)
 {
   const double at = PIEZO_TICK_S * now->ticks - PIEZO_LATENESS_S;
