@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import json
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
 import anhyst
+from anhyst.cli.app import main
 from anhyst.dashboard.generator import Generator
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.verb import opened
 from anhyst.rig.recording import rms
-from anhyst.study import bench
+from anhyst.study import bench as opening
 from anhyst.study.bench import kind_of_bench, prepared_once
 from anhyst.study.prepared import PreparedPiezo
 from anhyst.support.kinds import FileKind
@@ -122,7 +130,7 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
         prepares.append(given)
         return first
 
-    monkeypatch.setattr(bench, "prepare_bench", again)
+    monkeypatch.setattr(opening, "prepare_bench", again)
     with prepared_once(rig, None) as second:
         assert isinstance(second, PreparedPiezo)
         assert prepares == []
@@ -133,3 +141,37 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
     rig.write_text(rig.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     with prepared_once(rig, None):
         assert len(prepares) == 1
+
+
+@pytest.mark.slow
+def test_the_command_runs_it_and_its_recording_is_what_a_bench_gives_and_inspect_reads(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.csv"
+    command = [sys.executable, "-m", "anhyst.cli.app", "live", str(RIG), "--listen", "0"]
+    with subprocess.Popen(
+        [*command, "--record", str(path)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")},
+    ) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().split()[0].removesuffix("/")
+            with connect(f"ws{address[4:]}/live", origin=Origin(address), max_size=None) as line:
+                line.send(json.dumps({"do": "command", "name": "run", "id": 1}))
+                wait_for(lambda: path.stat().st_size > 2e6)
+        finally:
+            process.send_signal(signal.SIGINT)
+        assert f"written: {path}" in process.stdout.read()
+    assert process.returncode == 0
+    rows = numbers(path)
+    (begun,) = np.flatnonzero(np.diff(rows[:, -1]) == 1.0)[:1]  # the first period
+    bench = piezos.bench()
+    same = [bench.advance(int(begun) + 1)]
+    bench.command(Command.RUN)
+    same.append(bench.advance(len(rows) - int(begun) - 1))
+    assert np.array_equal(np.delete(rows, 1, axis=1), np.concatenate(same))
+    given = ["--columns", "position_read_m=x_m", "--loop", "lap"]
+    assert main(["inspect", str(path), *given]) == 0
+    assert "A hysteresis model is worth it" in capsys.readouterr().out

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.rig.bench.piezo import PiezoBench
+from anhyst.rig.bench.protocol import next_step, refusal, standing
 from anhyst.rig.drift import draw_plant, drifted_file
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.piezo import follow, reference
@@ -17,12 +18,13 @@ from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
 from tests.study import piezos
 
+SIGNALS = [signal.name for signal in PiezoBench.signals]
 PERIOD = 1000
 """Ticks of the triangle."""
 
 
 def column(rows: FloatArray, name: str) -> FloatArray:
-    values: FloatArray = rows[:, 1 + [signal.name for signal in PiezoBench.signals].index(name)]
+    values: FloatArray = rows[:, 1 + SIGNALS.index(name)]
     return values
 
 
@@ -192,6 +194,27 @@ def test_what_cannot_be_is_refused_and_changes_nothing() -> None:
     with refused("option-not-for-this"):
         bench.load(1.0)
     assert np.array_equal(bench.advance(PERIOD), other.advance(PERIOD))
+
+
+@pytest.mark.parametrize("state", [State.READY, State.RUN, State.FAULT])
+def test_what_is_greyed_is_refused_and_the_next_step_leads_to_run(state: State) -> None:
+    bench = piezos.bench() if state is State.READY else running()
+    if state is State.FAULT:
+        bench.apply({"bandwidth": 500.0})
+        bench.advance(60 * PERIOD)
+    pressed: list[str] = []
+    while (
+        now := standing(dict(zip(SIGNALS, bench.advance(1)[0, 1:], strict=True)))
+    ).state is not State.RUN:
+        assert now.state is state or pressed
+        for command in set(bench.commands) - {Command.STOP}:
+            if refusal(command, now):
+                with refused("wrong-state"):
+                    bench.command(command)
+        name = next_step(bench.commands, now).removeprefix("press ").split(",")[0]
+        pressed.append(name)
+        bench.command(Command[name.upper()])
+    assert pressed == {State.READY: ["run"], State.RUN: [], State.FAULT: ["clear", "run"]}[state]
 
 
 @pytest.mark.slow
