@@ -16,7 +16,7 @@ import numpy as np
 
 from anhyst._core import PiezoLoop, PiezoMotion
 from anhyst.compensate.force_controller import ForceController
-from anhyst.control.pidd2 import integrator, notch
+from anhyst.control.pidd2 import Biquad, integrator, notch
 from anhyst.control.position import Allocation
 from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
@@ -112,12 +112,18 @@ def at_rest(inverse: ForceController) -> ForceController:
     return fresh
 
 
+def notch_of(file: RigFile) -> Biquad:
+    """Return the notch filter in the feedback, at the resonance."""
+    flexure, rate = file.flexure, file.timing.rate_Hz
+    return notch(flexure.resonance_Hz, flexure.damping_ratio, NOTCH, 1.0 / rate)
+
+
 def controller_numbers(rig: PiezoRig, inverse: ForceController) -> ControllerNumbers:
     """Return the controller of a stage behind what makes voltages of displacements."""
-    settings, flexure, coded = rig.settings, rig.settings.flexure, inverse.format == "fixed"
+    settings, coded = rig.settings, inverse.format == "fixed"
     bandwidth = 2.0 * np.pi * settings.displacement.bandwidth_Hz
     return {
-        "filters": [notch(flexure.resonance_Hz, flexure.damping_ratio, NOTCH, rig.dt).coefficients],
+        "filters": [notch_of(settings).coefficients],
         "pid": integrator(bandwidth * rig.dt).coefficients,
         "settings": {
             "error_full": 1.0,
