@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-static void advance(const anhyst_piezo *p, anhyst_piezo_state *s, double command)
+static void advance(const anhyst_piezo *p, anhyst_piezo_state *s, double command, double load)
 {
   const double before = s->voltage;
   const double h = s->hysteresis;
@@ -20,41 +20,37 @@ static void advance(const anhyst_piezo *p, anhyst_piezo_state *s, double command
     s->creep[j] += p->step / p->creep_time[j] * (p->creep_share[j] * free_stack - s->creep[j]);
     wanted += s->creep[j];
   }
-  wanted = free_stack + wanted;
+  wanted = free_stack + wanted + load;
   s->velocity += p->step * (p->omega * p->omega * (wanted - s->place) -
                             2.0 * p->damping * p->omega * s->velocity);
   s->place += p->step * s->velocity;
 }
 
-void anhyst_piezo_advance(const anhyst_piezo *piezo, anhyst_piezo_state *state, double command)
+void anhyst_piezo_advance(const anhyst_piezo *piezo, anhyst_piezo_state *state, double command,
+                          double load)
 {
   int i;
   for (i = 0; i < piezo->steps; i++) {
-    advance(piezo, state, command);
+    advance(piezo, state, command, load);
   }
 }
 
-void anhyst_piezo_run(const anhyst_piezo *piezo, anhyst_tracking_f64 *controller,
-                      const anhyst_piezo_events *events, size_t n, double *record)
+void anhyst_piezo_loop_tick(anhyst_piezo_loop *loop, const anhyst_piezo_event *event, double *row)
 {
   const double no_gap = 0.0;
   const double no_flux = (double)NAN;
-  anhyst_piezo_state state = {0};
-  double command = 0.0;
-  size_t i;
-  for (i = 0; i < n; i++) {
-    const double step = events->sensor_step;
-    const double place = state.place;
-    const double read = floor((place + events->noise[i]) / step + 0.5) * step;
-    const anhyst_tracking_sample_f64 sample = {events->expected[i] - read, events->wanted[i],
-                                               &no_gap, &no_flux};
-    double next;
-    anhyst_tracking_answer_f64 answer = {&next, 0.0, 0};
-    anhyst_tracking_tick_f64(controller, &sample, &answer);
-    anhyst_piezo_advance(piezo, &state, command);
-    command = next;
-    record[i * ANHYST_PIEZO_COLUMNS] = place;
-    record[i * ANHYST_PIEZO_COLUMNS + 1] = answer.demand;
-    record[i * ANHYST_PIEZO_COLUMNS + 2] = command;
-  }
+  const double step = loop->sensor_step;
+  const double place = loop->state.place;
+  const double read = floor((place + event->noise) / step + 0.5) * step;
+  const anhyst_tracking_sample_f64 sample = {event->expected - read, event->wanted, &no_gap,
+                                             &no_flux};
+  double next;
+  anhyst_tracking_answer_f64 answer = {&next, 0.0, 0};
+  anhyst_tracking_tick_f64(loop->controller, &sample, &answer);
+  anhyst_piezo_advance(loop->piezo, &loop->state, loop->command, event->load);
+  loop->command = next;
+  row[ANHYST_PIEZO_PLACE] = place;
+  row[ANHYST_PIEZO_READ] = read;
+  row[ANHYST_PIEZO_DEMAND] = answer.demand;
+  row[ANHYST_PIEZO_COMMAND] = next;
 }

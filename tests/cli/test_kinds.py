@@ -60,14 +60,14 @@ WORKS = {
     "diff": MODEL,
     "compile": MODEL | STAGES,
     "watch": MODEL,
-    "export": {"model", "bearing", *STAGES, "force"},
+    "export": {"model", *RIGS},
     "verify": {"compiled"},
     "simulate": RIGS,
     "calibrate": {"bearing", *STAGES},
     "tune": {"bearing", *STAGES},
     "force-control": MEASURED | {"force"},
     "excite": {"bearing", *STAGES, "force"},
-    "live": {"bearing", *STAGES, "force", "compiled"},
+    "live": RIGS | {"compiled"},
     "xcp": set[str](),
 }
 """What each verb is to take; everything else it refuses."""

@@ -7,11 +7,11 @@
 
    and pushes the stage through its own stiffness:
 
-     m x" + c x' + k x = k*free,   u' = (command - u)/T_amplifier */
+     m x" + c x' + k x = k*free + F,   u' = (command - u)/T_amplifier
+
+   A load F is told by what it does at rest, load = F/k, m. */
 #ifndef ANHYST_PLANT_PIEZO_H
 #define ANHYST_PLANT_PIEZO_H
-
-#include <stddef.h>
 
 #include "anhyst/control/tracking_real.h"
 
@@ -46,23 +46,37 @@ typedef struct {
   double velocity;
 } anhyst_piezo_state;
 
-/* Holds a command, V, for one tick. */
-void anhyst_piezo_advance(const anhyst_piezo *piezo, anhyst_piezo_state *state, double command);
+/* Holds a command, V, and a load, m, for one tick. */
+void anhyst_piezo_advance(const anhyst_piezo *piezo, anhyst_piezo_state *state, double command,
+                          double load);
 
-/* What happens, an entry a tick. */
+/* What happens at one tick. */
 typedef struct {
-  const double *wanted;   /* displacement that is fed forward, m */
-  const double *expected; /* and what of it should show by now */
-  const double *noise;    /* of the sensor, m */
-  double sensor_step;     /* of its converter, m */
-} anhyst_piezo_events;
+  double wanted;   /* displacement that is fed forward, m */
+  double expected; /* and what of it should show by now */
+  double noise;    /* of the sensor, m */
+  double load;     /* from this tick to the next, m */
+} anhyst_piezo_event;
 
-#define ANHYST_PIEZO_COLUMNS 3 /* place, corrected displacement, voltage */
+/* A stage and what controls it. */
+typedef struct {
+  const anhyst_piezo *piezo;
+  anhyst_tracking_f64 *controller; /* of one drive, from displacement to voltage */
+  double sensor_step;              /* of its converter, m */
+  anhyst_piezo_state state;
+  double command; /* V; it is put out one tick after the sample it answers */
+} anhyst_piezo_loop;
 
-/* n ticks from long rest, a row of the record each: a voltage is put out one tick after the sample.
-   The controller has one drive, from displacement to voltage. */
-void anhyst_piezo_run(const anhyst_piezo *piezo, anhyst_tracking_f64 *controller,
-                      const anhyst_piezo_events *events, size_t n, double *record);
+/* What is recorded of a tick, a number each. */
+enum {
+  ANHYST_PIEZO_PLACE,
+  ANHYST_PIEZO_READ,    /* place as the sensor says */
+  ANHYST_PIEZO_DEMAND,  /* corrected displacement */
+  ANHYST_PIEZO_COMMAND, /* V, from the next tick on */
+  ANHYST_PIEZO_COLUMNS
+};
+
+void anhyst_piezo_loop_tick(anhyst_piezo_loop *loop, const anhyst_piezo_event *event, double *row);
 
 #ifdef __cplusplus
 }

@@ -561,17 +561,22 @@ class PiezoMotion:
     def __init__(self, stage: _Numbers, creep_times: _Array, creep_shares: _Array) -> None: ...
     def run(self, command: _Array) -> _Array:
         """Return where the stage is at each tick, m, from long rest; its command then holds."""
-    def follow(
+
+class PiezoLoop:
+    """A piezo stage and its controller from long rest on."""
+
+    def __init__(self, motion: PiezoMotion, sensor_step: float) -> None: ...
+    def control(
         self,
         drive: _Drive,
         filters: list[_Array],
         pid: _Array,
         settings: _Numbers,
-        wanted: _Array,
-        expected: _Array,
-        noise: _Array,
-    ) -> _Array:
-        """Follow a displacement; a row a tick: place and corrected displacement, m, voltage."""
+        change: float | None = None,
+    ) -> None:
+        """Put a controller in force: at rest, or as the last one left off, its integral changed."""
+    def run(self, wanted: _Array, expected: _Array, noise: _Array, load: _Array) -> _Array:
+        """Go on; a row a tick: place, place read and corrected displacement, m, voltage."""
 
 def allocate(net: float, idle: float) -> tuple[float, float]:
     """Share a net force (N) out to a pair, class AB; idle is what either pulls at none."""

@@ -2,6 +2,10 @@
 // A piezo stage, alone and with its controller.
 #include "anhyst_plant/piezo.h"
 
+#include <nanobind/stl/optional.h>
+
+#include <memory>
+
 #include "tracking.h"
 
 namespace {
@@ -39,35 +43,74 @@ public:
     Out out = make_array(command.shape(0));
     for (size_t i = 0; i < command.shape(0); i++) {
       out.data()[i] = state.place;
-      anhyst_piezo_advance(&piezo_, &state, command(i));
+      anhyst_piezo_advance(&piezo_, &state, command(i), 0.0);
     }
     return out;
   }
 
-  OutTable follow(nb::handle drive, const nb::list &filters, const In &pid,
-                  const nb::dict &settings, const In &wanted, const In &expected,
-                  const In &noise) const
+  const anhyst_piezo &numbers() const { return piezo_; }
+
+private:
+  anhyst_piezo piezo_{};
+};
+
+class PiezoLoop {
+public:
+  PiezoLoop(const PiezoMotion &motion, double sensor_step) : piezo_(motion.numbers())
   {
+    loop_.piezo = &piezo_;
+    loop_.sensor_step = sensor_step;
+  }
+  PiezoLoop(const PiezoLoop &) = delete;
+  PiezoLoop &operator=(const PiezoLoop &) = delete;
+
+  // Puts a controller in force, at rest; or as the one before left off, its integral changed by so
+  // much.
+  void control(nb::handle drive, const nb::list &filters, const In &pid, const nb::dict &settings,
+               std::optional<double> change)
+  {
+    Settings given(settings);
+    const anhyst_tracking_scales scales = take_scales(given);
+    nb::list drives;
+    drives.append(drive);
+    auto law = std::make_unique<TrackingLaw<TrackingF64>>();
+    law->start(drives, filters, TrackingF64::pid(pid), given, scales);
+    given.finish();
+    anhyst_tracking_f64 *next = law->get();
+    if (change && law_) {
+      const anhyst_tracking_f64 *last = law_->get();
+      same_length(last->settings->filters, next->settings->filters, "filters");
+      std::copy(last->filtered, last->filtered + last->settings->filters, next->filtered);
+      next->state = last->state;
+      next->state.delayed[0] += *change;
+    }
+    law_ = std::move(law);
+    loop_.controller = next;
+  }
+
+  OutTable run(const In &wanted, const In &expected, const In &noise, const In &load)
+  {
+    if (!law_) {
+      throw std::invalid_argument("no controller is in force");
+    }
     const size_t n = wanted.shape(0);
     same_length(n, expected.shape(0), "expected");
     same_length(n, noise.shape(0), "noise");
-    Settings given(settings);
-    const anhyst_tracking_scales scales = take_scales(given);
-    const double step = given.take<double>("sensor_step");
-    nb::list drives;
-    drives.append(drive);
-    TrackingLaw<TrackingF64> law;
-    law.start(drives, filters, TrackingF64::pid(pid), given, scales);
-    given.finish();
-    const anhyst_piezo_events events = {wanted.data(), expected.data(), noise.data(), step};
+    same_length(n, load.shape(0), "load");
     OutTable out = make_table(n, ANHYST_PIEZO_COLUMNS);
     nb::gil_scoped_release release;
-    anhyst_piezo_run(&piezo_, law.get(), &events, n, out.data());
+    for (size_t i = 0; i < n; i++) {
+      const anhyst_piezo_event event = {wanted.data()[i], expected.data()[i], noise.data()[i],
+                                        load.data()[i]};
+      anhyst_piezo_loop_tick(&loop_, &event, out.data() + i * ANHYST_PIEZO_COLUMNS);
+    }
     return out;
   }
 
 private:
-  anhyst_piezo piezo_{};
+  anhyst_piezo piezo_;
+  anhyst_piezo_loop loop_{};
+  std::unique_ptr<TrackingLaw<TrackingF64>> law_;
 };
 
 } // namespace
@@ -77,7 +120,11 @@ void bind_piezo(nb::module_ &m)
   nb::class_<PiezoMotion>(m, "PiezoMotion")
       .def(nb::init<const nb::dict &, const In &, const In &>(), "stage"_a,
            "creep_times"_a.noconvert(), "creep_shares"_a.noconvert())
-      .def("run", &PiezoMotion::run, "command"_a.noconvert())
-      .def("follow", &PiezoMotion::follow, "drive"_a, "filters"_a, "pid"_a.noconvert(),
-           "settings"_a, "wanted"_a.noconvert(), "expected"_a.noconvert(), "noise"_a.noconvert());
+      .def("run", &PiezoMotion::run, "command"_a.noconvert());
+  nb::class_<PiezoLoop>(m, "PiezoLoop")
+      .def(nb::init<const PiezoMotion &, double>(), "motion"_a, "sensor_step"_a)
+      .def("control", &PiezoLoop::control, "drive"_a, "filters"_a, "pid"_a.noconvert(),
+           "settings"_a, "change"_a = nb::none())
+      .def("run", &PiezoLoop::run, "wanted"_a.noconvert(), "expected"_a.noconvert(),
+           "noise"_a.noconvert(), "load"_a.noconvert());
 }

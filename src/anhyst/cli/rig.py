@@ -267,8 +267,7 @@ def live(
         Path,
         typer.Argument(
             metavar="RIG",
-            help="Rig file: a bearing, a stage, or a force rig. With --xcp or --port the compiled folder "
-            "around which the firmware is built.",
+            help="Rig file, of any kind. With --xcp or --port the compiled folder around which the firmware is built.",
             callback=of_its_kind,
         ),
     ],
@@ -320,9 +319,12 @@ def live(
 
     The controller is compiled and built into the firmware, which levitates the virtual bearing, or
     drives the virtual magnet, in real time; or it runs on a board already. A stage follows its
-    set-point without a firmware. The page shows its signals and operates it. Ctrl-C ends it.
+    set-point, a piezo stage its triangle, without a firmware. The page shows its signals and
+    operates it. Ctrl-C ends it.
 
     Example: anhyst live examples/bearing/rig.toml
+
+    Example: anhyst live examples/piezo/rig.toml
     """
     for name in _PACKAGES:
         if importlib.util.find_spec(name) is None:

@@ -275,7 +275,7 @@ def export(
     """Export a model for other tools: its compensator or the actuator as FMU or S-function; tables.
 
     A compensator computes what the compiled fixed-point C computes on a controller, an actuator
-    what the model does; the rig file of a bearing, a stage or of force control gives plant and
+    what the model does; the rig file of any kind gives plant and
     controller in one. An FMU holds the sources, and binaries for Linux, Windows and macOS (extra
     'verify'). Simulink, Amesim, Dymola, OpenModelica and fmpy read it. An S-function is C that
     MATLAB compiles with the script beside it. For C alone: anhyst compile.
@@ -289,6 +289,8 @@ def export(
     Example: anhyst export examples/stage/rig.toml --as fmu --out stage.fmu
 
     Example: anhyst export examples/solenoid/rig.toml --as fmu --out valve.fmu
+
+    Example: anhyst export examples/piezo/rig.toml --as fmu --out piezo.fmu
 
     Example: anhyst export model.toml --as simulink --rate 20000 --out simulink
 

@@ -143,15 +143,17 @@ class ForceController(Compensator):
         native, scales = self.native, self.scales
         if not isinstance(native, _core.FixedForceController):
             return native.follow(applied, gap)
-        parts = (
-            applied / scales.current,
-            (gap - scales.gap_low) / (scales.gap_high - scales.gap_low),
-        )
+        parts = applied / scales.current, (gap - scales.gap_low) / self._gap_span
         codes = [np.clip(np.rint(part * _Q31), -_Q31, _Q31 - 1.0) for part in parts]
         return np.asarray(native.follow(*codes) / _Q31 * scales.demand)
 
     def _gap_code(self, gap: float) -> int:
-        return q31((gap - self.scales.gap_low) / (self.scales.gap_high - self.scales.gap_low))
+        return q31((gap - self.scales.gap_low) / self._gap_span)
+
+    @property
+    def _gap_span(self) -> float:
+        """Range of the gap, m; that of an actuator without one does not matter."""
+        return (self.scales.gap_high - self.scales.gap_low) or 1.0
 
 
 CodeArray = NDArray[np.int32]

@@ -20,7 +20,7 @@ from anhyst.rig.bench.pace import going_first
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.study.bench import address_of, open_board, prepare_board, prepared_once
-from anhyst.study.prepared import Prepared, PreparedBearing, PreparedStage
+from anhyst.study.prepared import Prepared, PreparedBearing, PreparedPiezo, PreparedStage
 from anhyst.study.tracking.beside import BearingLearner, BenchLearner, StageLearner
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -129,7 +129,7 @@ def live(
     Parameters
     ----------
     rig : path-like
-        Rig file: a bearing, a stage, or a force rig. With `xcp` or `port` the compiled folder around which
+        Rig file, of any kind. With `xcp` or `port` the compiled folder around which
         the firmware is built.
     controller : path-like, optional
         Controller file; ``controller.toml`` beside the rig file if left out.
@@ -220,6 +220,8 @@ def _open(
 
 def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | None]:
     """Open what was prepared, with what improves or calibrates it."""
+    if isinstance(prepared, PreparedPiezo):
+        return prepared.open(), None, None
     if isinstance(prepared, PreparedStage):
         stage = prepared.open()
         return stage, None, StageLearner(prepared.magnet, stage)

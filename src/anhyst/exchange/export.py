@@ -29,6 +29,7 @@ from anhyst.exchange.part import (
     compensator_part,
     model_description,
 )
+from anhyst.exchange.piezo_part import piezo_part
 from anhyst.exchange.stage_part import stage_part
 from anhyst.model.actuator import Model, read_model
 from anhyst.support.atomic import (
@@ -141,10 +142,10 @@ def export_fmu(
     A compensator (demand and gap in, current out) computes at its own rate what the compiled
     fixed-point C computes on a controller, bit for bit; between ticks inputs and outputs are held.
     An actuator (current and gap in, force out) takes each step of the tool as one sample, as the
-    model's stepper does. A bearing (wanted gap and load in; gap, force and currents out) or a stage
-    (set-point and feedforward in) is plant and controller of ``anhyst simulate``, a force rig
-    (demand and gap in; current and force out) those of ``anhyst force-control``. States can be read,
-    set and serialised.
+    model's stepper does. A bearing (wanted gap and load in; gap, force and currents out), a stage
+    (set-point and feedforward in) or a piezo stage (wanted displacement in) is plant and controller
+    of ``anhyst simulate``, a force rig (demand and gap in; current and force out) those of ``anhyst
+    force-control``. States can be read, set and serialised.
     """
     path = Path(out)
     if path.suffix != ".fmu":
@@ -189,8 +190,12 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
                     code="option-not-for-this",
                     key=name,
                 )
-        parts = {FileKind.BEARING: bearing_part, FileKind.FORCE: force_part}
-        return parts.get(file, stage_part)(model)
+        parts = {
+            FileKind.BEARING: bearing_part,
+            FileKind.STAGE: stage_part,
+            FileKind.FORCE: force_part,
+        }
+        return parts.get(file, piezo_part)(model)
     if of == "actuator":
         for name, value in (("--rate", rate), ("--kind", kind)):
             if value is not None:
@@ -375,8 +380,7 @@ def export(
     Parameters
     ----------
     model : Model or path-like
-        The model, its file, or the rig file of a bearing, a stage or of force control, for plant
-        and controller in one.
+        The model, its file, or the rig file of any kind, for plant and controller in one.
     out : path-like
         ``.fmu``, a folder for Simulink, ``.csv`` or ``.json``.
     as_ : str

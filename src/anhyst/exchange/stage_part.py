@@ -160,7 +160,7 @@ def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -
     scales = ("error_full", "forward_full", "demand_full", "current_full", "flux_full")
     gaps = ("gap_low", "gap_high", "gap_total")
     pair = {"idle": numbers["idle"], "kind": int(settings["allocation"])}
-    law: dict[str, object] = {"pid": _biquad([*pid(setup.rig).values()]), "allocation": pair}
+    law: dict[str, object] = {"pid": biquad([*pid(setup.rig).values()]), "allocation": pair}
     rows: Mapping[str, FloatArray] = {"see": np.zeros(1), "at": np.zeros(1)}
     if file.several:
         rows = axes_rows(setup)
@@ -201,11 +201,12 @@ def _law_of_axes(
             name: f"(const double[]){row(rows[name].ravel())}"
             for name in ("see", "decouple", "weigh", "reach", "land", "lift", "without")
         },
-        "pid": f"(const anhyst_biquad_f64[]){fields([*map(_biquad, rows['pid'].tolist())])}",
+        "pid": f"(const anhyst_biquad_f64[]){fields([*map(biquad, rows['pid'].tolist())])}",
     }
 
 
-def _biquad(numbers: Sequence[float]) -> dict[str, str]:
+def biquad(numbers: Sequence[float]) -> dict[str, str]:
+    """Return a filter of second order as a structure."""
     return {"forward": row(numbers[:3]), "back": row(numbers[3:])}
 
 

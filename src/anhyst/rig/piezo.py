@@ -1,21 +1,44 @@
-"""A piezo stage from its rig file."""
+"""A piezo stage from its rig file, its controller, and the path that both follow.
+
+The reference goes through the feedforward at once, and an integrator behind a notch filter at the
+resonance corrects what is left.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 
-from anhyst._core import PiezoMotion
+from anhyst._core import PiezoLoop, PiezoMotion
+from anhyst.compensate.force_controller import ForceController
+from anhyst.control.pidd2 import Biquad, integrator, notch
+from anhyst.control.position import Allocation
 from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
+from anhyst.rig.recording import Loss, SignalBound, find_loss
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
+from anhyst.support.numeric import FloatArray
 
 STEP = 25e-6
 """Longest step of the integration, s: a fortieth of the period of 1 kHz."""
+SEED = 20261125
+"""Of the noise of the sensor."""
+NOTCH = 0.7
+"""Damping ratio of the notch filter in the feedback."""
+
+
+class ControllerNumbers(TypedDict):
+    """A controller of a piezo stage as the core takes it."""
+
+    filters: list[FloatArray]  # of the deviation
+    pid: FloatArray
+    settings: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -25,11 +48,11 @@ class PiezoRig:
     path: Path
     settings: RigFile
 
-    def motion(self, dt: float) -> PiezoMotion:
-        """Return it at rest for ticks of a length, s, on which a command is held."""
+    def numbers(self, dt: float) -> dict[str, float]:
+        """Return it as the core takes it, for ticks of a length, s, on which a command is held."""
         stack, flexure = self.settings.stack, self.settings.flexure
-        steps = max(1, math.ceil(dt / STEP))
-        numbers = {
+        steps = max(1, math.ceil(dt / min(STEP, 1.0 / (40.0 * flexure.resonance_Hz))))
+        return {
             "stroke_per_volt": stack.stroke_m_per_V,
             "bend": stack.bend_m_per_V2,
             "slope": stack.slope_m_per_V,
@@ -41,9 +64,104 @@ class PiezoRig:
             "step": dt / steps,
             "steps": steps,
         }
-        return PiezoMotion(numbers, np.array(stack.creep_times_s), np.array(stack.creep_shares))
+
+    def motion(self, dt: float) -> PiezoMotion:
+        """Return it for ticks of a length, s."""
+        times, shares = self.settings.stack.creep_times_s, self.settings.stack.creep_shares
+        return PiezoMotion(self.numbers(dt), np.array(times), np.array(shares))
+
+    @property
+    def dt(self) -> float:
+        """Time between ticks, s."""
+        return 1.0 / self.settings.timing.rate_Hz
+
+    @property
+    def width(self) -> int:
+        """Ticks over which corners of the path are rounded."""
+        return max(1, round(self.settings.moved.corner_s * self.settings.timing.rate_Hz))
+
+    @property
+    def lateness(self) -> float:
+        """What the stage answers later, s: known, and the same whatever makes the voltage.
+
+        One sample of delay and half a one of hold, the amplifier, and the slope of the phase below
+        the resonance.
+        """
+        flexure = self.settings.flexure
+        rounded = 2.0 * flexure.damping_ratio / (2.0 * np.pi * flexure.resonance_Hz)
+        late = self.settings.stack_amplifier.time_constant_s
+        return 1.5 / self.settings.timing.rate_Hz + late + rounded
+
+    def make_loop(self, plant: PiezoRig, drive: ForceController) -> PiezoLoop:
+        """Return a stage at long rest at 0 V behind the controller of this one."""
+        loop = PiezoLoop(plant.motion(self.dt), self.settings.position_sensor.step_m)
+        loop.control(drive.native, **controller_numbers(self, drive))
+        return loop
 
 
 def read_piezo_rig(path: PathLike) -> PiezoRig:
     """Read and check the rig file of a piezo stage."""
     return PiezoRig(Path(path), read_rig_file(path, [FileKind.PIEZO]))
+
+
+def at_rest(inverse: ForceController) -> ForceController:
+    """Return another of the same parameters, for a stack that is at 0 V for long."""
+    fresh = inverse.fresh()
+    if fresh.format == "fixed":
+        fresh.native.commit(0, 0)
+    return fresh
+
+
+def notch_of(file: RigFile) -> Biquad:
+    """Return the notch filter in the feedback, at the resonance."""
+    flexure, rate = file.flexure, file.timing.rate_Hz
+    return notch(flexure.resonance_Hz, flexure.damping_ratio, NOTCH, 1.0 / rate)
+
+
+def controller_numbers(rig: PiezoRig, inverse: ForceController) -> ControllerNumbers:
+    """Return the controller of a stage behind what makes voltages of displacements."""
+    settings, coded = rig.settings, inverse.format == "fixed"
+    bandwidth = 2.0 * np.pi * settings.displacement.bandwidth_Hz
+    return {
+        "filters": [notch_of(settings).coefficients],
+        "pid": integrator(bandwidth * rig.dt).coefficients,
+        "settings": {
+            "error_full": 1.0,
+            "forward_full": 1.0,
+            "demand_full": inverse.scales.demand if coded else 1.0,
+            "current_full": inverse.scales.current if coded else 1.0,
+            "flux_full": 1.0,
+            "gap_low": 0.0,
+            "gap_high": 1.0,
+            "allocation": Allocation.SINGLE,
+            "idle": 0.0,
+            "current_low": settings.stack_amplifier.low_V,
+            "current_high": settings.stack_amplifier.high_V,
+            "current_step": 0.0,
+        },
+    }
+
+
+def triangle(phase: FloatArray) -> FloatArray:
+    """Return what a triangle is at its phase, in periods: 0 at whole ones, 1 in between."""
+    wave: FloatArray = 1.0 - np.abs(1.0 - 2.0 * (phase % 1.0))
+    return wave
+
+
+def rounded(path: FloatArray, width: int) -> FloatArray:
+    """Return a path with its corners rounded over so many ticks, all but the first of which it has.
+
+    Twice the mean over half of it: what the resonance answers to is gone at whole periods.
+    """
+    half = np.ones(max(1, width // 2)) / max(1, width // 2)
+    return np.asarray(np.convolve(np.convolve(path, half), half)[width : len(path)])
+
+
+def piezo_loss(rig: PiezoRig, error: FloatArray, correction: FloatArray) -> Loss | None:
+    """Return where the loop was lost, by the deviation and by what the feedback asks for, m."""
+    stroke = rig.settings.moved.stroke_m
+    bounds = (
+        SignalBound("the deviation was the whole stroke", error, -stroke, stroke),
+        SignalBound("the feedback asked for more than the stroke", correction, -stroke, stroke),
+    )
+    return find_loss(bounds, planned=error.size)

@@ -160,6 +160,10 @@ BodyEntry = Annotated[
 ]
 
 
+CREEPS = 8
+"""Most terms of the creep of a stack, as the plant has room for."""
+
+
 class StackTable(Table):
     """``[[stack]]``: what a free piezo stack does."""
 
@@ -176,6 +180,12 @@ class StackTable(Table):
         if len(self.creep_times_s) != len(self.creep_shares):
             raise InputError(
                 "creep_shares must hold one share for each of creep_times_s", code="length-differs"
+            )
+        if len(self.creep_times_s) > CREEPS:
+            raise InputError(
+                f"creep_times_s holds {len(self.creep_times_s)} times; a stack creeps in at most "
+                f"{CREEPS}, leave the smallest shares out",
+                code="too-many-creeps",
             )
         return self
 

@@ -26,10 +26,12 @@ from anhyst.model.actuator import Model, read_model
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.hardware import HardwareBench
+from anhyst.rig.bench.piezo import PiezoBench
 from anhyst.rig.bench.stage import StageBench
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
+from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage, make_stage
 from anhyst.rig.stage.setpoint import motion_of
@@ -39,11 +41,13 @@ from anhyst.study.excite.design import Specimen
 from anhyst.study.excite.excite import Excitation, Measuring
 from anhyst.study.excite.on_board import measure_on_board
 from anhyst.study.force.force_control import build_program
+from anhyst.study.piezo import find_inverses
 from anhyst.study.prepared import (
     Prepared,
     PreparedBearing,
     PreparedBoard,
     PreparedForce,
+    PreparedPiezo,
     PreparedStage,
 )
 from anhyst.study.tracking.simulate import OWN, check_calibration, find_gains
@@ -52,13 +56,13 @@ from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.kept import computed_with, forget, load, sealed
-from anhyst.support.kinds import NAMES, FileKind, MethodName, refuse_other
+from anhyst.support.kinds import NAMES, RIGS, FileKind, MethodName, refuse_other
 from anhyst.support.toml_file import take_kind
 
 
 def open_bench(
     rig_path: PathLike, controller_path: PathLike | None = None, progress: Progress | None = None
-) -> BearingBench | ForceBench | StageBench:
+) -> BearingBench | ForceBench | StageBench | PiezoBench:
     """Open the virtual bench of a rig."""
     with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:  # a firmware runs on without it
         parts = in_parts(progress, (2.0, 1.0))
@@ -165,6 +169,8 @@ def prepare_bench(
         )
     if kind is FileKind.STAGE:
         return _stage(rig_path, progress)
+    if kind is FileKind.PIEZO:
+        return _piezo(rig_path)
     return _force(rig_path, folder, progress)
 
 
@@ -212,9 +218,15 @@ def _stage(rig_path: PathLike, progress: Progress | None) -> PreparedStage:
     return PreparedStage(magnet, tuple(setups), tuple(gains))
 
 
+def _piezo(rig_path: PathLike) -> PreparedPiezo:
+    rig = read_piezo_rig(rig_path)
+    inverses = find_inverses(rig)
+    return PreparedPiezo(rig, (inverses["single-valued"], inverses["full"]))
+
+
 def kind_of_bench(path: PathLike) -> FileKind:
     """Return what a rig file is of; no other kind has a virtual bench."""
-    return take_kind(path, (FileKind.BEARING, FileKind.FORCE, FileKind.STAGE))
+    return take_kind(path, RIGS)
 
 
 MOST = 20
@@ -279,6 +291,8 @@ def _named(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
         stage = read_stage(rig_path)
         own = [stage.path, stage.calibration]
         files = stage.measured.files
+    elif kind is FileKind.PIEZO:
+        return [Path(rig_path)]
     elif kind is FileKind.FORCE:
         force = read_rig(rig_path)
         named = force.settings.solenoid

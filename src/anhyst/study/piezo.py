@@ -1,7 +1,6 @@
 """A piezo stage follows a triangle, with and without compensation of its hysteresis.
 
-The reference goes through the feedforward at once, and an integrator behind a notch filter at the
-resonance corrects what is left. Only what makes the voltage of a wanted displacement differs: a
+Only what makes the voltage of a wanted displacement differs: a
 constant, the best single-valued curve, or the inverse of the model as it is compiled, in fixed
 point. All are identified from loops that the virtual stage gives, at a pace of their own, with the
 sensor's noise.
@@ -22,16 +21,14 @@ from anhyst.compensate.current_map import CurrentMap
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.control.pidd2 import integrator, notch
-from anhyst.control.position import Allocation
 from anhyst.data import Loop, Loops
 from anhyst.data.history import History
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.identification import identify
 from anhyst.identification.run import whole_search
 from anhyst.model.actuator import Model
-from anhyst.rig.piezo import PiezoRig
-from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
+from anhyst.rig.piezo import SEED, PiezoRig, at_rest, piezo_loss, rounded, triangle
+from anhyst.rig.recording import Recording, peak, rms
 from anhyst.study.engine.table import FIGURES, ComparedFigure, Judgement, Metric, StudyResult, judge
 from anhyst.support.atomic import PathLike
 from anhyst.support.block_words import Scales
@@ -49,9 +46,6 @@ LOOP_STEP = 1e-3
 """From sample to sample of the loops, s."""
 CYCLES = ((0.0, 1.0), (0.0, 1.0), (0.0, 0.8), (0.1, 0.8), (0.1, 0.8), (0.2, 0.6), (0.0, 1.0))
 """Ends of the loops, in parts of the amplifier's range: all of it, and what a stage uses."""
-SEED = 20261125
-NOTCH = 0.7
-"""Damping ratio of the notch filter in the feedback."""
 SEGMENTS = 4096
 """Straight ones of a curve without memory."""
 LEAD = 2
@@ -214,14 +208,10 @@ def reference(rig: PiezoRig) -> FloatArray:
     """Return the triangle, its corners rounded, from rest at its low end."""
     want, rate = rig.settings.moved, rig.settings.timing.rate_Hz
     ticks = round(want.cycles * rate / want.frequency_Hz)
-    phase = (np.arange(ticks) * want.frequency_Hz / rate) % 1.0
-    raw = want.low_m + want.stroke_m * (1.0 - np.abs(1.0 - 2.0 * phase))
-    width = max(1, round(want.corner_s * rate))
-    # Twice the mean over half of it: what the resonance answers to is gone at whole periods.
-    lead = np.concatenate([np.full(width, raw[0]), raw])
-    half = np.ones(max(1, width // 2)) / max(1, width // 2)
-    smooth = np.convolve(np.convolve(lead, half), half)
-    return np.asarray(smooth[width : width + ticks])
+    raw = want.low_m + want.stroke_m * triangle(
+        np.arange(ticks, dtype=np.float64) * want.frequency_Hz / rate
+    )
+    return rounded(np.concatenate([np.full(rig.width, raw[0]), raw]), rig.width)
 
 
 def _constant(loops: Loops, rig: PiezoRig) -> ForceController:
@@ -268,44 +258,15 @@ def follow(
 
     ``plant`` is what is moved, where that is another one than the nominal rig.
     """
-    settings, flexure = rig.settings, rig.settings.flexure
-    dt = 1.0 / settings.timing.rate_Hz
-    noise = settings.position_sensor.noise_m * np.random.default_rng(noise_seed).standard_normal(
-        target.size
-    )
-    time = dt * np.arange(target.size, dtype=np.float64)
-    expected = np.interp(time - _lateness(rig), time, target)
-    filters = [notch(flexure.resonance_Hz, flexure.damping_ratio, NOTCH, dt).coefficients]
-    pid = integrator(2.0 * np.pi * settings.displacement.bandwidth_Hz * dt).coefficients
-    fresh, coded = inverse.fresh(), inverse.format == "fixed"
-    if coded:
-        fresh.native.commit(0, 0)  # the stack is at 0 V
-    scales = {
-        "error_full": 1.0,
-        "forward_full": 1.0,
-        "demand_full": inverse.scales.demand if coded else 1.0,
-        "current_full": inverse.scales.current if coded else 1.0,
-        "flux_full": 1.0,
-        "gap_low": 0.0,
-        "gap_high": 1.0,
-        "allocation": Allocation.SINGLE,
-        "idle": 0.0,
-        "current_low": settings.stack_amplifier.low_V,
-        "current_high": settings.stack_amplifier.high_V,
-        "current_step": 0.0,
-        "sensor_step": settings.position_sensor.step_m,
-    }
-    moved = (plant or rig).motion(dt)
-    table = moved.follow(fresh.native, filters, pid, scales, target, expected, noise)
-    position, corrected, voltage = table.T.copy()
+    noise = rig.settings.position_sensor.noise_m * np.random.default_rng(
+        noise_seed
+    ).standard_normal(target.size)
+    time = rig.dt * np.arange(target.size, dtype=np.float64)
+    expected = np.interp(time - rig.lateness, time, target)
+    loop = rig.make_loop(plant or rig, at_rest(inverse))
+    table = loop.run(target, expected, noise, np.zeros(target.size))
+    position, _, corrected, voltage = table.T.copy()
     error = position - expected
-    stroke = settings.moved.stroke_m
-    bounds = (
-        SignalBound("the deviation was the whole stroke", error, -stroke, stroke),
-        SignalBound(
-            "the feedback asked for more than the stroke", corrected - target, -stroke, stroke
-        ),
-    )
     columns = {
         "t_s": time,
         "reference_m": target,
@@ -313,19 +274,7 @@ def follow(
         "error_m": error,
         "voltage_V": voltage,
     }
-    return Recording(columns, find_loss(bounds, planned=target.size))
-
-
-def _lateness(rig: PiezoRig) -> float:
-    """Return what the stage answers later, s: known, and the same for every way.
-
-    One sample of delay and half a one of hold, the amplifier, and the slope of the phase below the
-    resonance.
-    """
-    flexure = rig.settings.flexure
-    rounded = 2.0 * flexure.damping_ratio / (2.0 * np.pi * flexure.resonance_Hz)
-    late = rig.settings.stack_amplifier.time_constant_s
-    return 1.5 / rig.settings.timing.rate_Hz + late + rounded
+    return Recording(columns, piezo_loss(rig, error, corrected - target))
 
 
 WORTH_IT = 0.5

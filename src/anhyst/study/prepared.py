@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from anhyst.compensate.block import Block, DemandLimits, Kind
 from anhyst.compensate.current_map import fit_ratio
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse, bearing_model
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compilation.controller import BEYOND
@@ -18,11 +19,13 @@ from anhyst.model.fit_record import ValidRange
 from anhyst.rig.bearing.loop import BearingSetup, pair_of
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
+from anhyst.rig.bench.piezo import PiezoBench
 from anhyst.rig.bench.stage import StageBench
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, find_model, loops_at
 from anhyst.rig.measurement_table import identify_loops
+from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.stage.loop import Feedforward, StageSetup
 from anhyst.study.excite.design import Specimen, bearing_specimen, force_specimen
 from anhyst.support.block_words import Scales
@@ -199,7 +202,21 @@ class PreparedStage:
         return StageBench(self.setups, self.gains)
 
 
-Prepared = PreparedBearing | PreparedForce | PreparedStage
+@dataclass(frozen=True)
+class PreparedPiezo:
+    """A piezo stage, and what makes voltages of displacements: without memory, and the compensator."""
+
+    rig: PiezoRig
+    inverses: tuple[ForceController, ForceController]
+
+    firmware = None
+
+    def open(self) -> PiezoBench:
+        """Switch on; at rest, before its first tick. To be closed."""
+        return PiezoBench(self.rig, self.inverses)
+
+
+Prepared = PreparedBearing | PreparedForce | PreparedStage | PreparedPiezo
 """What a virtual bench is opened from."""
 
 Improvable = PreparedBearing | PreparedForce | PreparedBoard

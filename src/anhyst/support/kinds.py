@@ -57,14 +57,14 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "diff": _MODEL,
     "compile": (FileKind.MODEL, FileKind.STAGE),
     "watch": _MODEL,
-    "export": (FileKind.MODEL, FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
+    "export": (FileKind.MODEL, *RIGS),
     "verify": (FileKind.COMPILED,),
     "simulate": RIGS,
     "calibrate": (FileKind.BEARING, FileKind.STAGE),
     "tune": (FileKind.BEARING, FileKind.STAGE),
     "force-control": (FileKind.FORCE, *_MEASURED),
     "excite": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
-    "live": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE, FileKind.COMPILED),
+    "live": (*RIGS, FileKind.COMPILED),
     "xcp": (FileKind.PORT,),
 }
 """What the first argument of every verb may be."""

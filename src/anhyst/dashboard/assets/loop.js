@@ -1,11 +1,11 @@
-// The loop view: force over current as it is drawn, over the measured loops; and what the force is
-// off what the controller demands, over the demand.
+// The loop view: force over current as it is drawn, over the measured loops, or position over voltage;
+// and what it is off what the controller demands, over the demand.
 
 import { Plane, limits } from "./canvas.js";
 import { ink } from "./colours.js";
 import { field, make, select } from "./dom.js";
 import { columnOf } from "./signals.js";
-import { seconds } from "./units.js";
+import { fine, seconds, shown } from "./units.js";
 
 const POINTS = 5000;
 const EVERY_MS = 50;
@@ -19,8 +19,13 @@ export class LoopView {
     this.bench = bench;
     this.store = store;
     const find = (name) => columnOf(bench, name);
-    this.current = find("current");
-    this.force = find(find("force") >= 0 ? "force" : "expected"); // a bearing measures none
+    const magnet = find("current") >= 0;
+    this.current = find(magnet ? "current" : "voltage");
+    this.force = find(!magnet ? "position" : find("force") >= 0 ? "force" : "expected"); // a bearing measures none
+    this.name = magnet ? "force" : "position";
+    const { unit } = bench.signals[this.force];
+    this.shown = shown(unit);
+    this.fine = magnet ? this.shown : fine(unit);
     this.demand = find("demand");
     this.windows = select(
       WINDOWS.map((one) => [String(one), seconds(one)]),
@@ -36,8 +41,13 @@ export class LoopView {
     this.legend = make("output", { className: "reading" });
     bar.append(this.legend);
     this.know(bench.loops);
-    this.loop = new Plane(left, "current / A", "force / N");
-    this.error = new Plane(right, "demand / N", "force − demand / N");
+    this.loop = new Plane(
+      left,
+      magnet ? "current / A" : "voltage / V",
+      `${this.name} / ${this.shown.name}`,
+    );
+    const off = `${this.name} − demand / ${this.fine.name}`;
+    this.error = new Plane(right, `demand / ${this.shown.name}`, off);
   }
 
   // Takes the loops that are drawn below, of the model in force.
@@ -63,7 +73,8 @@ export class LoopView {
       forces: column(this.force),
     };
     const gap = this.gap < 0 ? null : store.value(this.gap, store.count - 1);
-    this.#drawLoop(this.drawn.currents, this.drawn.forces, gap);
+    const forces = this.drawn.forces.map((one) => one * this.shown.factor);
+    this.#drawLoop(this.drawn.currents, forces, gap);
     if (this.demand >= 0) this.#drawError(column(this.demand), this.drawn.forces);
   }
 
@@ -100,12 +111,13 @@ export class LoopView {
   }
 
   #drawError(wanted, forces) {
-    const errors = forces.map((force, i) => force - wanted[i]);
-    this.error.begin([...limits(wanted), ...limits(errors)]);
-    this.error.line(wanted, errors, "#0072b2", 1.5);
-    this.error.dot(wanted.at(-1), errors.at(-1), "#d55e00");
+    const errors = forces.map((force, i) => (force - wanted[i]) * this.fine.factor);
+    const demands = wanted.map((one) => one * this.shown.factor);
+    this.error.begin([...limits(demands), ...limits(errors)]);
+    this.error.line(demands, errors, "#0072b2", 1.5);
+    this.error.dot(demands.at(-1), errors.at(-1), "#d55e00");
     const rms = Math.sqrt(errors.reduce((sum, one) => sum + one * one, 0) / errors.length);
-    this.note.textContent = `force − demand: rms ${Number(rms.toPrecision(3))} N`;
+    this.note.textContent = `${this.name} − demand: rms ${Number(rms.toPrecision(3))} ${this.fine.name}`;
   }
 }
 

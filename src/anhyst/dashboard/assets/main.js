@@ -61,7 +61,10 @@ function open(bench) {
     scope: new Scope(at("scope"), bench, store),
     loop: new LoopView(at("loop"), bench, store),
     steps: new StepView(at("steps"), bench, (tick) => parameters.label(tick)),
-    improve: new (bench.learns && !both ? Learning : Improve)(at("improve"), bench, order),
+    improve:
+      bench.limits || bench.learns || bench.keeps_time
+        ? new (bench.learns && !both ? Learning : Improve)(at("improve"), bench, order)
+        : null,
     learning: both ? new Learning(at("learning"), bench, order) : null,
     levitation: new LevitationView(at("levitation"), bench, store),
     spectrum: new SpectrumView(at("spectrum"), bench, store),
@@ -105,7 +108,7 @@ function status(now) {
     recorded: recorded(now.recording),
   });
   page.parameters.status(now);
-  page.improve.status(now);
+  page.improve?.status(now);
   page.learning?.status(now);
   page.sets.status(now);
   role(now);
@@ -179,10 +182,10 @@ function askToken() {
 }
 
 // Views that not every bench has.
-const offered = (name) => !["learning", "body"].includes(name) || Boolean(page?.[name]);
+const offered = (name) => !["improve", "learning", "body"].includes(name) || Boolean(page?.[name]);
 
 function choose(wanted) {
-  const name = offered(wanted) ? wanted : wanted === "learning" ? "improve" : "scope";
+  const name = [wanted, wanted === "learning" ? "improve" : "scope", "scope"].find(offered);
   view = name;
   page?.bench.choices.set("view", name);
   const none = page?.[name]?.table ? "" : "nothing is drawn in this view";

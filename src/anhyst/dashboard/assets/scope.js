@@ -34,7 +34,7 @@ export class Scope {
     }));
     const tracked = columnOf(bench, "error") >= 0; // over a way beside which no error is seen
     const followed = tracked ? ["error"] : [bench.aim.signal, bench.aim.reference];
-    const usual = [...followed, "force", "current"];
+    const usual = [...followed, "force", columnOf(bench, "current") < 0 ? "voltage" : "current"];
     this.chosen = new Set(bench.choices.get("signals", usual));
     this.window = bench.choices.get("window", 0.5);
     this.cursors = new Cursors(store, bench.rate);

@@ -236,12 +236,7 @@ class ForceBench(LockStepBench[PlantBus]):
 
 def check_demand(aim: Aim, value: float, state: State) -> None:
     """Refuse a force that a controller would not take."""
-    if not aim.low <= value <= aim.high:
-        raise InputError(
-            f"demand: is {value:g} N; choose one from {aim.low:g} to {aim.high:g} N",
-            code="out-of-range",
-            key="demand",
-        )
+    aim.check(value)
     if why := demand_refusal(state):
         raise InputError(f"demand: {why}", code="wrong-state", key="demand")
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from anhyst._core import POSITION_MAGNETS, obstacle
 from anhyst.rig.recording import column
 from anhyst.rig.stage.loop import WRENCH
+from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Flag, Phase, State
 
@@ -98,6 +99,16 @@ class Aim(NamedTuple):
     low: float  # the range of what may be demanded
     high: float
     value: float  # with which the bench was opened
+
+    def check(self, value: float) -> None:
+        """Refuse a demand beyond the range."""
+        if not self.low <= value <= self.high:
+            raise InputError(
+                f"demand: is {value:g} {self.unit}; choose one from {self.low:g} to {self.high:g} "
+                f"{self.unit}",
+                code="out-of-range",
+                key="demand",
+            )
 
 
 class Parameter(NamedTuple):
@@ -286,6 +297,18 @@ def refusal(command: Command, now: Standing) -> str:
     if now.name not in states:
         return f"only in the state {' or '.join(states)}, not in {now.name}"
     return "only once the armature is down" if now.plausible else "only with a plausible sample"
+
+
+def permit_stage(command: Command, commands: Sequence[Command], state: State) -> None:
+    """Refuse a command that a stage in a state does not take."""
+    name, why = (
+        command.name.lower(),
+        refusal(command, Standing(state, False, True, False, True, True)),
+    )
+    if command not in commands:
+        why = "a stage has no such command"
+    if why:
+        raise InputError(f"{name}: {why}", code="wrong-state", key=name)
 
 
 def next_step(commands: Sequence[Command], now: Standing) -> str:

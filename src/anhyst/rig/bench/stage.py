@@ -24,9 +24,8 @@ from anhyst.rig.bench.protocol import (
     Bench,
     Parameter,
     Signal,
-    Standing,
     of_axes_and_magnets,
-    refusal,
+    permit_stage,
 )
 from anhyst.rig.bench.settings import check_values, stage_parameters
 from anhyst.rig.drift import NO_DRIFT, draw_plant, drifted_plant
@@ -425,7 +424,7 @@ class StageBench(Bench):
         elif command is Command.STOP:
             self._brake()
         else:
-            self._permit(command)
+            permit_stage(command, self.commands, self._state)
             self._obey(command)
 
     def _obey(self, command: Command) -> None:
@@ -445,14 +444,6 @@ class StageBench(Bench):
             if command is Command.LIFT:
                 self._known = self.lifted = self.tick + 1
 
-    def _permit(self, command: Command) -> None:
-        now = Standing(self._state, False, True, False, True, True)
-        name, why = command.name.lower(), refusal(command, now)
-        if command not in self.commands:
-            why = "a stage has no such command"
-        if why:
-            raise InputError(f"{name}: {why}", code="wrong-state", key=name)
-
     def _brake(self) -> None:
         if self._state is not State.RUN:
             return
@@ -467,12 +458,7 @@ class StageBench(Bench):
 
     def demand(self, value: float) -> None:
         """Demand a place beside the set-point, m."""
-        if not self.aim.low <= value <= self.aim.high:
-            raise InputError(
-                f"demand: is {value:g} m; choose one from {self.aim.low:g} to {self.aim.high:g} m",
-                code="out-of-range",
-                key="demand",
-            )
+        self.aim.check(value)
         self._offset = value
 
     def load(self, force: float) -> None:

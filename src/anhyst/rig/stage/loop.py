@@ -451,12 +451,14 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
 
 def blocks_of(setup: StageSetup) -> list[Block]:
     """Return for each magnet the parameter block of its compensator of a law in fixed point."""
-    blocks = []
-    for compensator in setup.each:
-        assert isinstance(compensator.parameters, HysteresisInverse)
-        assert isinstance(compensator.parameters.block, Block)
-        blocks.append(compensator.parameters.block)
-    return blocks
+    return [block_of(compensator) for compensator in setup.each]
+
+
+def block_of(compensator: ForceController) -> Block:
+    """Return the parameter block of a compensator of a law in fixed point."""
+    assert isinstance(compensator.parameters, HysteresisInverse)
+    assert isinstance(compensator.parameters.block, Block)
+    return compensator.parameters.block
 
 
 def fixed_pid(setup: StageSetup) -> FixedPidd2:
