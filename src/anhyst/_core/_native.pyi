@@ -356,8 +356,7 @@ class Piece:
     """A piece of steel with its memory; starts demagnetised."""
 
     def __init__(self, steel: Steel) -> None: ...
-    def flux_density(self, field: float) -> tuple[float, float]:
-        """Return flux density (T) and its slope if the field (A/m) moved there straight."""
+    def flux_density(self, field: float) -> tuple[float, float]: ...  # T and slope, straight there
     def commit(self, field: float) -> None: ...  # moves straight to a field (A/m)
     def solve(self, a: float, b: float, r: float) -> float: ...  # to H where a*H + b*B = r
     def run(self, field: _Array) -> _Array: ...  # rows of field (A/m) and flux density (T)
@@ -381,8 +380,7 @@ class Coil:
     """The winding of a magnet with its memory; starts demagnetised."""
 
     def __init__(self, magnet: Magnet) -> None: ...
-    def hold(self, current: float, gap: float) -> float:
-        """Move slowly to a current (A) at a gap (m) and return the pull (N)."""
+    def hold(self, current: float, gap: float) -> float: ...  # slowly; the pull there (N)
     def lead(self, current: float, gap: float, seconds: float) -> None: ...  # under any voltage
     def step(self, voltage: float, gap: float, seconds: float) -> None: ...  # under a voltage
     def run(self, current: _Array, gap: _Array, seconds: float = ...) -> _Array:
@@ -411,8 +409,7 @@ class HeldPlant:
 
     def __init__(self, numbers: _Numbers, sensors: Sequence[_Numbers], magnet: Magnet) -> None: ...
     def hold(self, current: float, gap: float) -> None: ...  # slowly and past the amplifier
-    def run(self, reference: _Array, gap: _Array, noise: _Array) -> _Array:
-        """Go on tick by tick; rows of current, force, and gap, force and current as read."""
+    def run(self, reference: _Array, gap: _Array, noise: _Array) -> _Array: ...  # a row a tick
 
 class Plant:
     """A body at rest, irons demagnetised, by the names of plant/include/anhyst_plant/body.h."""
@@ -559,11 +556,10 @@ class PiezoMotion:
     """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""
 
     def __init__(self, stage: _Numbers, creep_times: _Array, creep_shares: _Array) -> None: ...
-    def run(self, command: _Array) -> _Array:
-        """Return where the stage is at each tick, m, from long rest; its command then holds."""
+    def run(self, command: _Array) -> _Array: ...  # where it is at each tick, m, from long rest
 
 class PiezoLoop:
-    """A piezo stage and its controller from long rest on."""
+    """A piezo stage and its controller from rest; rows: place, read, corrected (m), voltage."""
 
     def __init__(self, motion: PiezoMotion, sensor_step: float) -> None: ...
     def control(
@@ -574,9 +570,8 @@ class PiezoLoop:
         settings: _Numbers,
         change: float | None = None,
     ) -> None:
-        """Put a controller in force: at rest, or as the last one left off, its integral changed."""
-    def run(self, wanted: _Array, expected: _Array, noise: _Array, load: _Array) -> _Array:
-        """Go on; a row a tick: place, place read and corrected displacement, m, voltage."""
+        """Put a controller in force, at rest or as the last one left off, its integral changed."""
+    def run(self, wanted: _Array, expected: _Array, noise: _Array, load: _Array) -> _Array: ...
 
 def allocate(net: float, idle: float) -> tuple[float, float]:
     """Share a net force (N) out to a pair, class AB; idle is what either pulls at none."""

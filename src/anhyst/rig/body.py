@@ -189,13 +189,14 @@ class BodyRig:
         """The magnet that plants step: of an iron in its circuit, or of an identified law."""
         file, table = self.settings, self.settings.magnet
         if table.kind == LAW:
-            assert self.law is not None
-            return self.magnet_of(self.law)
+            return self.magnet_of()
         return iron_magnet(table.poles, file.steel, table.eddy_time_s, file.gap_m, table.solid_iron)
 
-    def magnet_of(self, law: Model) -> Magnet:
-        """Return its magnet with this law instead of its own."""
+    def magnet_of(self, law: Model | None = None) -> Magnet:
+        """Return its magnet of an identified law: its own, or another one instead."""
         gaps, middle = self.flux.gap, self.settings.gap_m
+        law = law or self.law
+        assert law is not None
         at = np.linspace(float(gaps[0]), float(gaps[-1]), ROWS)
         names = ("c_H", "rho", "c_out", "out_0", "in_0")
         rows = np.column_stack([law.over_schedule(name, at) for name in names])

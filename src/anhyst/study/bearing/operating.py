@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 
-from anhyst._core import Coil
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
@@ -24,6 +23,7 @@ from anhyst.rig.bearing.loop import BearingSetup, check_controller
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.from_loops import complete_rig
+from anhyst.rig.measuring import HeldBearing
 from anhyst.rig.old_files import rig_error
 from anhyst.rig.plant import current_gains
 from anhyst.study.bearing import linear
@@ -73,7 +73,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     rising = float(np.interp(wanted, force[:_CURRENTS], up))
     falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
     current = 0.5 * (rising + falling)
-    step = Coil(rig.magnet).hold
+    step = HeldBearing(rig).magnet().hold
     try:
         slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
     except ValueError as error:
