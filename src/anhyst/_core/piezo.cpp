@@ -61,8 +61,6 @@ public:
     loop_.piezo = &piezo_;
     loop_.sensor_step = sensor_step;
   }
-  PiezoLoop(const PiezoLoop &) = delete;
-  PiezoLoop &operator=(const PiezoLoop &) = delete;
 
   // Puts a controller in force, at rest; or as the one before left off, its integral changed by so
   // much.

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Loads a library for 64-bit Windows into a process of Linux and steps the FMU 2.0 in it: arguments
-   are the library, the token, and the step; rows of two inputs in, a row of the first output out.
- */
+   are the library, the token, the step, and the reference of an output; rows of the first two
+   inputs in, a row of the output out. */
 #define _GNU_SOURCE
 #include <math.h>
 #include <stdint.h>
@@ -17,6 +17,8 @@ static WINDOWS void *its_calloc(size_t n, size_t size) { return calloc(n, size);
 static WINDOWS void *its_malloc(size_t size) { return malloc(size); }
 static WINDOWS void its_free(void *place) { free(place); }
 static WINDOWS double its_rint(double x) { return rint(x); }
+static WINDOWS double its_floor(double x) { return floor(x); }
+static WINDOWS double its_sqrt(double x) { return sqrt(x); }
 static WINDOWS int its_memcmp(const void *a, const void *b, size_t n) { return memcmp(a, b, n); }
 static WINDOWS void *its_memcpy(void *a, const void *b, size_t n) { return memcpy(a, b, n); }
 static WINDOWS void *its_memset(void *a, int value, size_t n) { return memset(a, value, n); }
@@ -33,7 +35,8 @@ static const struct {
     {"free", (uintptr_t)its_free},       {"rint", (uintptr_t)its_rint},
     {"memcmp", (uintptr_t)its_memcmp},   {"memcpy", (uintptr_t)its_memcpy},
     {"memset", (uintptr_t)its_memset},   {"strcmp", (uintptr_t)its_strcmp},
-    {"strncpy", (uintptr_t)its_strncpy},
+    {"strncpy", (uintptr_t)its_strncpy}, {"floor", (uintptr_t)its_floor},
+    {"sqrt", (uintptr_t)its_sqrt},
 };
 
 static unsigned char *base; /* of the loaded image */
@@ -142,14 +145,16 @@ int main(int argc, char **argv)
 {
   static unsigned char file[1 << 20];
   static const void *callbacks[5];
-  static const unsigned inputs[] = {1, 2}, output = 3;
+  static const unsigned inputs[] = {1, 2};
+  unsigned output;
   double in[2], out, step, now = 0.0;
-  FILE *stream = argc == 4 ? fopen(argv[1], "rb") : NULL;
+  FILE *stream = argc == 5 ? fopen(argv[1], "rb") : NULL;
   if (stream == NULL || fread(file, 1, sizeof file, stream) == sizeof file) {
     leave("cannot be read:", argc > 1 ? argv[1] : "nothing");
   }
   (void)fclose(stream);
   step = strtod(argv[3], NULL);
+  output = (unsigned)strtoul(argv[4], NULL, 10);
   const unsigned char *optional = place_sections(file);
   relocate(optional);
   import(optional);

@@ -31,8 +31,6 @@ static const anhyst_tracking_settings_f64 settings = PIEZO_SETTINGS;
 static const anhyst_code_scales_f64 codes = PIEZO_CODES;
 static const int16_t words[] = PIEZO_WORDS;
 
-#define MOST 1.0 /* m; the integral would not come back from what is beyond all bounds */
-
 typedef struct {
   anhyst_piezo_state stage;
   double command; /* V, at the next tick */
@@ -111,7 +109,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
   int i;
   (void)seconds;
   for (i = REFERENCE; i <= NOISE; i++) {
-    if (!(fabs(values[i]) <= MOST)) {
+    if (!(fabs(values[i]) <= 1.0)) { /* the integral would not come back from it */
       return "a reference, a load and a noise are at most 1 m";
     }
   }

@@ -89,6 +89,7 @@ class PiezoBench(Bench):
         self._disturbed = 0  # tick of its phase zero
         self._state, self._fault, self._laps = State.READY, Fault.NONE, 0
         self._offset, self._above = 0.0, 0.0  # m: the target; the triangle over its low end
+        # ticks since the path began, whole periods since then, and at which part of one it began
         self._since, self._whole, self._begun = 0, 0, 0.0
         self._renew()
 
@@ -107,12 +108,12 @@ class PiezoBench(Bench):
         self._late = math.ceil(self.rig.lateness * self.rate) + 1
         self._past = np.full(self.rig.width + self._late, settings.moved.low_m)
         self._above = 0.0
-        self._control(int(self._values["compensation"]), None)
+        self._control(None)
 
-    def _control(self, before: int, change: float | None) -> None:
+    def _control(self, before: int | None) -> None:
         """Put the controller in force that the parameters name, at rest or without a bump."""
-        which = int(self._values["compensation"])
-        if change is not None:
+        which, change = int(self._values["compensation"]), None
+        if before is not None:
             change = float(self._answers[which] - self._answers[before])
         bandwidth = {"control.bandwidth_Hz": self._values["bandwidth"]}
         rig = replace(self.rig, settings=self.rig.settings.changed(bandwidth))
@@ -156,7 +157,7 @@ class PiezoBench(Bench):
         if "plant" in staged:
             self._renew()
         elif not staged.keys().isdisjoint(("compensation", "bandwidth")):
-            self._control(before, 0.0)
+            self._control(before)
 
     def _turns(self, n: int) -> FloatArray:
         """Return where the next ticks are in periods, those of the present one alone."""
