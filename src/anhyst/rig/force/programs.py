@@ -79,18 +79,13 @@ def ticks_that_differ(program: Program, session: Session) -> int:
     Every tick is repeated with the gap and the demand that the firmware had: what comes out is
     what the simulated program gives, and it must be the same to the last bit.
     """
-    core = FixedCompensator(program.block.kind, program.block.words)
-    gaps, drives = session.gap.tolist(), session.drive.tolist()
+    core, first = FixedCompensator(program.block.kind, program.block.words), session.first
     if not session.demagnetised:
-        for gap, drive in zip(gaps[: session.first], drives[: session.first], strict=True):
-            core.commit_q31(drive, gap)
-    differing = 0
-    run = zip(session.demand.tolist(), gaps[session.first :], drives[session.first :], strict=True)
-    for demand, gap, drive in run:
-        code = core.solve_q31(demand, gap)
-        core.commit_q31(code, gap)
-        differing += code != drive
-    return differing
+        before = np.column_stack([session.drive[:first], session.gap[:first]])
+        for codes in before.tolist():
+            core.commit_q31(*codes)
+    demand, gap = session.demand.astype(np.int32), session.gap[first:].astype(np.int32)
+    return int(np.count_nonzero(core.run(demand, gap, False) != session.drive[first:]))
 
 
 SAFE = 5.0
