@@ -66,7 +66,7 @@ WORKS = {
     "calibrate": {"bearing", *STAGES},
     "tune": {"bearing", *STAGES},
     "force-control": MEASURED | {"force"},
-    "excite": {"bearing", *STAGES, "force"},
+    "excite": RIGS,
     "live": {"bearing", *STAGES, "force", "compiled"},
     "xcp": set[str](),
 }

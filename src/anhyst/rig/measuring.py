@@ -17,12 +17,17 @@ from anhyst.rig.body import BodyRig
 from anhyst.rig.measurement_table import CampaignTable, MeasurementTable
 from anhyst.rig.parts.magnet import Electromagnet
 from anhyst.rig.parts.sensors import Sensor
+from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.plant import make_magnet
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 
 _WHOLE = 1e-6
 """Of a step: so much more than a whole number of them is rounding."""
+
+
+Seed = int | list[int]
+"""Of noise."""
 
 
 class Pull(Protocol):
@@ -79,6 +84,14 @@ def take(
     """Move along currents, A, at a gap, m."""
     rows = np.array([sensors.read(current, magnet.step(current, gap)) for current in path.tolist()])
     return rows[:, 0], rows[:, 1]
+
+
+def read_stack(rig: PiezoRig, voltage: FloatArray, sample: float, seed: Seed) -> FloatArray:
+    """Return the displacements, m, that the sensor of a piezo stage reads, from long rest at 0 V."""
+    sensor = rig.settings.position_sensor
+    noise = sensor.noise_m * np.random.default_rng(seed).standard_normal(voltage.size)
+    place = rig.motion(sample).run(voltage)
+    return np.asarray(np.round((place + noise) / sensor.step_m) * sensor.step_m)
 
 
 def measure_path(

@@ -30,6 +30,7 @@ from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.identification import identify
 from anhyst.identification.run import whole_search
 from anhyst.model.actuator import Model
+from anhyst.rig.measuring import read_stack
 from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
 from anhyst.study.engine.table import FIGURES, ComparedFigure, Judgement, Metric, StudyResult, judge
@@ -203,9 +204,7 @@ def measure(rig: PiezoRig) -> Loops:
     when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
     time = np.arange(0.0, when[-1], LOOP_STEP)
     drive = np.interp(time, when, points)
-    sensor = rig.settings.position_sensor
-    noise = sensor.noise_m * np.random.default_rng(SEED).standard_normal(time.size)
-    read = np.round((rig.motion(LOOP_STEP).run(drive) + noise) / sensor.step_m) * sensor.step_m
+    read = read_stack(rig, drive, LOOP_STEP, SEED)
     loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
     return Loops((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
 

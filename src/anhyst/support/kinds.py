@@ -63,7 +63,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "calibrate": (FileKind.BEARING, FileKind.STAGE),
     "tune": (FileKind.BEARING, FileKind.STAGE),
     "force-control": (FileKind.FORCE, *_MEASURED),
-    "excite": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
+    "excite": RIGS,
     "live": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE, FileKind.COMPILED),
     "xcp": (FileKind.PORT,),
 }
