@@ -64,7 +64,7 @@ WORKS = {
     "verify": {"compiled"},
     "simulate": RIGS,
     "calibrate": {"bearing", *STAGES},
-    "tune": {"bearing", *STAGES},
+    "tune": {"bearing", *STAGES, "piezo"},
     "force-control": MEASURED | {"force"},
     "excite": RIGS,
     "live": {"bearing", *STAGES, "force", "compiled"},

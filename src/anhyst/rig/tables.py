@@ -341,6 +341,10 @@ class DisplacementTable(Table):
 
     kind: Literal["displacement"]
     bandwidth_Hz: Positive
+    # of the notch filter in the feedback: that of the body if left out, and what takes its place
+    notch_Hz: Positive | None = None
+    notch_damping: Positive | None = None
+    notch_width: Positive = 0.7
 
 
 ControlEntry = Annotated[

@@ -22,7 +22,7 @@ from anhyst.compensate.current_map import CurrentMap
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.control.pidd2 import integrator, notch
+from anhyst.control.pidd2 import Biquad, integrator, notch
 from anhyst.control.position import Allocation
 from anhyst.data import Loop, Loops
 from anhyst.data.history import History
@@ -30,6 +30,7 @@ from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.identification import identify
 from anhyst.identification.run import whole_search
 from anhyst.model.actuator import Model
+from anhyst.rig.file import RigFile
 from anhyst.rig.measuring import read_stack
 from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
@@ -51,8 +52,6 @@ LOOP_STEP = 1e-3
 CYCLES = ((0.0, 1.0), (0.0, 1.0), (0.0, 0.8), (0.1, 0.8), (0.1, 0.8), (0.2, 0.6), (0.0, 1.0))
 """Ends of the loops, in parts of the amplifier's range: all of it, and what a stage uses."""
 SEED = 20261125
-NOTCH = 0.7
-"""Damping ratio of the notch filter in the feedback."""
 SEGMENTS = 4096
 """Straight ones of a curve without memory."""
 LEAD = 2
@@ -256,6 +255,21 @@ def _compiled(model: Model, rig: PiezoRig) -> ForceController:
     return ForceController("full", "fixed", HysteresisInverse(plan.block, plan.sizes.iterations))
 
 
+def notch_of(file: RigFile) -> Biquad:
+    """Return the notch filter in the feedback: at the resonance, where the file says nothing else."""
+    control, flexure, rate = file.displacement, file.flexure, file.timing.rate_Hz
+    frequency = control.notch_Hz or flexure.resonance_Hz
+    if frequency >= 0.5 * rate:
+        raise InputError(
+            f"timing.rate_Hz: {rate:g} ticks a second are too few for a notch filter at "
+            f"{frequency:g} Hz, the resonance; give more than twice as many",
+            code="rate-too-low",
+            key="timing.rate_Hz",
+        )
+    damping = control.notch_damping or flexure.damping_ratio
+    return notch(frequency, damping, control.notch_width, 1.0 / rate)
+
+
 def follow(
     rig: PiezoRig,
     target: FloatArray,
@@ -267,14 +281,14 @@ def follow(
 
     ``plant`` is what is moved, where that is another one than the nominal rig.
     """
-    settings, flexure = rig.settings, rig.settings.flexure
+    settings = rig.settings
     dt = 1.0 / settings.timing.rate_Hz
     noise = settings.position_sensor.noise_m * np.random.default_rng(noise_seed).standard_normal(
         target.size
     )
     time = dt * np.arange(target.size, dtype=np.float64)
     expected = np.interp(time - _lateness(rig), time, target)
-    filters = [notch(flexure.resonance_Hz, flexure.damping_ratio, NOTCH, dt).coefficients]
+    filters = [notch_of(settings).coefficients]
     pid = integrator(2.0 * np.pi * settings.displacement.bandwidth_Hz * dt).coefficients
     fresh, coded = inverse.fresh(), inverse.format == "fixed"
     if coded:

@@ -61,7 +61,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "verify": (FileKind.COMPILED,),
     "simulate": RIGS,
     "calibrate": (FileKind.BEARING, FileKind.STAGE),
-    "tune": (FileKind.BEARING, FileKind.STAGE),
+    "tune": (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO),
     "force-control": (FileKind.FORCE, *_MEASURED),
     "excite": RIGS,
     "live": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE, FileKind.COMPILED),
