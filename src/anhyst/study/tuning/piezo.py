@@ -28,7 +28,7 @@ SEARCHED, PLANTS = 6, 20
 """Plants drawn as [spread] says: on which gains are searched, and others on which they are checked."""
 _FRESH = 1000
 """Number of the first of the latter."""
-_STRICTER = (0.7, 0.85, 1.0)  # parts of the aimed peak: where the front is looked at
+_STRICTER = (0.5, 0.75, 1.0)  # parts of the aimed peak: where the front is looked at
 _FREQUENCIES = 300
 _LOWEST = 1e-5  # of them, in parts of the rate
 _EDGE = 0.02  # of the box: bandwidths nearer to its end take all that is allowed
@@ -76,6 +76,14 @@ class PiezoSpace(Box):
     def axes(self) -> dict[str, Axis]:
         """Every number by name."""
         return self._axes
+
+    def point(self, gains: Mapping[str, float]) -> FloatArray:
+        """Return the point of the box that is nearest to gains."""
+        parts = [
+            math.log(gains[name] / axis.low) / math.log(axis.high / axis.low)
+            for name, axis in self._axes.items()
+        ]
+        return np.clip(parts, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -229,11 +237,14 @@ class PiezoLoop:
         return replace(outcome, error_rms_m=rms(error), error_peak_m=peak(error))
 
     def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return what finds the points that linear loops like best, for several peaks."""
+        """Return what finds the points that linear loops like best, for several peaks, and its own."""
         linear = self.linear(self.conditions)
         return [
-            partial(_liked, linear, seed, aims.tightened({"peak_sensitivity": part}))
-            for part in _STRICTER
+            partial(self.space.point, self.gains()),
+            *(
+                partial(_liked, linear, seed, aims.tightened({"peak_sensitivity": part}))
+                for part in _STRICTER
+            ),
         ]
 
     def check(self, jobs: int | None = None) -> Check:
