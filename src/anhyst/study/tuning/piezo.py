@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anhyst.compensate.force_controller import ForceController
 from anhyst.rig.drift import draw_plant, drifted_file
@@ -163,17 +164,28 @@ def _loop(
     narrow = np.maximum(np.abs(np.angle(poles)) * rate / (2.0 * math.pi), swept[0])
     frequency = np.hstack([np.tile(swept, (own.shape[0], 1)), narrow])
     z = np.exp(2j * math.pi * frequency / rate)
-    system = z[..., None, None] * np.eye(3) - matrix
-    answer = np.linalg.solve(system, np.broadcast_to(into[:, None], (*z.shape, 3, 1)))[..., 2, 0]
+    answer = np.hstack([
+        np.tile(_answer(matrix, into, z[0, :_FREQUENCIES]), (own.shape[0], 1)),
+        _answer(matrix, into, z[:, _FREQUENCIES:]),
+    ])  # fmt: skip
     one, two = 1.0 / z, 1.0 / z**2
     b0, b1, b2, a1, a2, gain = (part[:, None] for part in (b0, b1, b2, a1, a2, gain))
     notched = (b0 + b1 * one + b2 * two) / (1.0 + a1 * one + a2 * two)
     size = 1.0 / np.abs(1.0 + gain / (1.0 - one) * notched * one * answer)
-    size = np.where(stable[:, None], size, np.inf)
-    # What hysteresis and creep leave changes slowly: the less, the faster.
-    left = np.where(stable[:, None], size[:, :_FREQUENCIES] / swept, 1.0)
+    # What hysteresis leaves of a triangle are its harmonics, which fall with the square.
+    first = file.moved.frequency_Hz
+    harmonics = np.where(swept >= first, (first / swept) ** 2, 0.0)
+    left = np.sqrt(np.trapezoid((size[:, :_FREQUENCIES] * harmonics) ** 2, swept, axis=1))
     at = frequency[np.arange(own.shape[0]), np.argmax(size, axis=1)]
-    return size.max(axis=1), at, np.sqrt(np.trapezoid(left**2, swept, axis=1))
+    return np.where(stable, size.max(axis=1), np.inf), at, left
+
+
+def _answer(
+    matrix: FloatArray, into: FloatArray, z: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return place over command at some points of the plane of z."""
+    system = z[..., None, None] * np.eye(3) - matrix
+    return np.linalg.solve(system, np.broadcast_to(into[:, None], (*z.shape, 3, 1)))[..., 2, 0]
 
 
 @dataclass(frozen=True)
