@@ -185,7 +185,8 @@ def _answer(
 ) -> NDArray[np.complex128]:
     """Return place over command at some points of the plane of z."""
     system = z[..., None, None] * np.eye(3) - matrix
-    return np.linalg.solve(system, np.broadcast_to(into[:, None], (*z.shape, 3, 1)))[..., 2, 0]
+    answer = np.linalg.solve(system, np.broadcast_to(into[:, None], (*z.shape, 3, 1)))
+    return np.asarray(answer[..., 2, 0], dtype=np.complex128)
 
 
 @dataclass(frozen=True)
