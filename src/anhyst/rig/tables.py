@@ -164,7 +164,7 @@ class StackTable(Table):
     """``[[stack]]``: what a free piezo stack does."""
 
     stroke_m_per_V: Positive
-    bend_m_per_V2: NotNegative
+    bend_m_per_V2: Number
     slope_m_per_V: Positive
     beta_per_V: Positive
     gamma_per_V: NotNegative
