@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
 from anhyst.data.path import correlation
@@ -51,6 +50,7 @@ class FittedStack:
     low: float  # range of the voltage, V
     high: float
     stroke: float  # range of the displacement, m
+    remains: float  # at the lowest voltage after the highest: what a stage cannot go below, m
     rms: float  # deviation, m
     still_rms: float  # the same without creep, m
     timed: bool  # without times nothing is known of creep
@@ -64,8 +64,9 @@ def fit_stack(loopset: Loops) -> FittedStack:
     still = problem.fit(())
     crept = problem.fit(problem.times, still) if problem.times else still
     best = crept if crept.rms < WORTH * still.rms else still
-    if best.rms > MISSED * problem.height or not best.weights[[0, 2]].all():
-        why = "show no hysteresis" if not best.weights[2] else "are followed by no stack"
+    missed = best.rms > MISSED * problem.height or not best.weights[0]
+    if missed or not best.weights[2]:
+        why = "are followed by no stack" if missed else "show no hysteresis"
         raise InputError(
             f"the loops {why}: the law of Bouc and Wen misses {100 * best.rms / problem.height:.2g} "
             "% of the stroke; look at them with anhyst inspect",
@@ -73,6 +74,9 @@ def fit_stack(loopset: Loops) -> FittedStack:
         )
     span, (stroke, bend, slope) = problem.span, problem.height * best.weights[:3] / problem.span
     beta = math.exp(best.shape[0]) / span
+    path = np.array([0.0, problem.high, problem.low])
+    lowest = stroke * problem.low + bend / span * problem.low**2
+    back = slope * hysteresis(path / span, beta * span, float(best.shape[1]))[-1] * span
     return FittedStack(
         numbers={
             "stroke_m_per_V": float(stroke),
@@ -85,7 +89,11 @@ def fit_stack(loopset: Loops) -> FittedStack:
         creep_shares=tuple(best.shape[3:].tolist()),
         low=problem.low,
         high=problem.high,
-        stroke=problem.height,
+        stroke=max(
+            float(np.ptp(loop.output[problem.thin][mask]))
+            for loop, mask in zip(problem.loops, problem.counted, strict=True)
+        ),
+        remains=float(lowest - back),
         rms=best.rms,
         still_rms=still.rms,
         timed=problem.step > 0.0,
@@ -142,7 +150,10 @@ class _Problem:
         from scipy.optimize import least_squares
 
         extra = [0.0] * len(times)
-        low, high = [-3.0, 0.0, 0.0, *extra], [6.0, 5.0, self.most_lag + 1e-9, *(0.1 for _ in times)]
+        low, high = (
+            [-3.0, 0.0, 0.0, *extra],
+            [6.0, 5.0, self.most_lag + 1e-9, *(0.1 for _ in times)],
+        )
         shapes = [[start, 0.3, 0.0] for start in STARTS] if begin is None else [begin.shape]
         fits = []
         for shape in shapes:
@@ -175,7 +186,8 @@ class _Problem:
             for loop, mask in zip(self.loops, self.counted, strict=True)
         ]
         wanted = [
-            loop.output[self.thin][mask] for loop, mask in zip(self.loops, self.counted, strict=True)
+            loop.output[self.thin][mask]
+            for loop, mask in zip(self.loops, self.counted, strict=True)
         ]
         matrix, target = np.concatenate(rows), np.concatenate(wanted) / self.height
         signed = np.hstack([matrix, -matrix[:, 1::2]])  # two columns may have either sign
