@@ -255,10 +255,19 @@ def _compiled(model: Model, rig: PiezoRig) -> ForceController:
     return ForceController("full", "fixed", HysteresisInverse(plan.block, plan.sizes.iterations))
 
 
+def notch_numbers(file: RigFile) -> dict[str, float]:
+    """Return frequency, damping and width of the notch filter: those of the resonance if left out."""
+    control, flexure = file.displacement, file.flexure
+    return {
+        "notch_Hz": control.notch_Hz or flexure.resonance_Hz,
+        "notch_damping": control.notch_damping or flexure.damping_ratio,
+        "notch_width": control.notch_width,
+    }
+
+
 def notch_of(file: RigFile) -> Biquad:
-    """Return the notch filter in the feedback: at the resonance, where the file says nothing else."""
-    control, flexure, rate = file.displacement, file.flexure, file.timing.rate_Hz
-    frequency = control.notch_Hz or flexure.resonance_Hz
+    """Return the notch filter in the feedback."""
+    rate, (frequency, damping, width) = file.timing.rate_Hz, notch_numbers(file).values()
     if frequency >= 0.5 * rate:
         raise InputError(
             f"timing.rate_Hz: {rate:g} ticks a second are too few for a notch filter at "
@@ -266,8 +275,7 @@ def notch_of(file: RigFile) -> Biquad:
             code="rate-too-low",
             key="timing.rate_Hz",
         )
-    damping = control.notch_damping or flexure.damping_ratio
-    return notch(frequency, damping, control.notch_width, 1.0 / rate)
+    return notch(frequency, damping, width, 1.0 / rate)
 
 
 def follow(

@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.compensate.force_controller import ForceController
 from anhyst.rig.drift import draw_plant, drifted_file
@@ -17,7 +16,7 @@ from anhyst.rig.file import RigFile
 from anhyst.rig.piezo import STEP, PiezoRig
 from anhyst.rig.recording import peak, rms
 from anhyst.study.engine.table import mean_interval
-from anhyst.study.piezo import follow, judged_from, notch_of, reference
+from anhyst.study.piezo import follow, judged_from, notch_numbers, notch_of, reference
 from anhyst.study.tuning.aims import MISSED, Aims, PiezoFigures, worst_of
 from anhyst.study.tuning.search import refine
 from anhyst.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
@@ -32,7 +31,6 @@ _FRESH = 1000
 _STRICTER = (0.5, 0.75, 1.0)  # parts of the aimed peak: where the front is looked at
 _FREQUENCIES = 300
 _LOWEST = 1e-5  # of them, in parts of the rate
-_EDGE = 0.02  # of the box: bandwidths nearer to its end take all that is allowed
 
 
 @dataclass(frozen=True)
@@ -60,30 +58,28 @@ CONDITIONS = (NOMINAL, *(PiezoCondition(f"drawn plant {n + 1}", n) for n in rang
 FRESH = tuple(PiezoCondition("a fresh plant", _FRESH + n) for n in range(PLANTS))
 
 
+@dataclass(frozen=True)
 class PiezoSpace(Box):
     """What is searched of a piezo stage: the keys of ``[control]``, about its resonance."""
 
-    def __init__(self, file: RigFile) -> None:
-        resonance, damping = file.flexure.resonance_Hz, file.flexure.damping_ratio
-        rate = file.timing.rate_Hz
-        self._axes = {
-            "bandwidth_Hz": Axis(min(resonance, rate) / 500.0, min(resonance, rate / 10.0), True),
-            "notch_Hz": Axis(0.7 * resonance, min(1.4 * resonance, 0.49 * rate), True),
-            "notch_damping": Axis(0.3 * damping, max(30.0 * damping, 1.0), True),
-            "notch_width": Axis(0.1, 3.0, True),
-        }
+    file: RigFile
 
     @property
     def axes(self) -> dict[str, Axis]:
         """Every number by name."""
-        return self._axes
+        at, damping = self.file.flexure.resonance_Hz, self.file.flexure.damping_ratio
+        rate = self.file.timing.rate_Hz
+        return {
+            "bandwidth_Hz": Axis(min(at, rate) / 500.0, min(at, rate / 10.0), True),
+            "notch_Hz": Axis(0.7 * at, min(1.4 * at, 0.49 * rate), True),
+            "notch_damping": Axis(0.3 * damping, max(30.0 * damping, 1.0), True),
+            "notch_width": Axis(0.1, 3.0, True),
+        }
 
     def point(self, gains: Mapping[str, float]) -> FloatArray:
         """Return the point of the box that is nearest to gains."""
-        parts = [
-            math.log(gains[name] / axis.low) / math.log(axis.high / axis.low)
-            for name, axis in self._axes.items()
-        ]
+        ends = [(gains[name], axis.low, axis.high) for name, axis in self.axes.items()]
+        parts = [math.log(one / low) / math.log(high / low) for one, low, high in ends]
         return np.clip(parts, 0.0, 1.0)
 
 
@@ -94,34 +90,36 @@ class LinearPiezo:
     file: RigFile  # of the controller
     plants: tuple[RigFile, ...]
 
-    def look(self, gains: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def look(self, rows: Sequence[Mapping[str, float]]) -> tuple[FloatArray, ...]:
         """Return the worst peaks of the sensitivity, their frequencies (Hz), and what is left.
 
-        Gains are columns of the keys of ``[control]``; an unstable loop has an infinite peak.
+        A row holds values of the keys of ``[control]``; an unstable loop has an infinite peak.
         """
-        own = _controllers(self.file, gains)
+        own = np.array([self._controller(row) for row in rows])
         looks = [_loop(self.file, plant, own) for plant in self.plants]
         sizes, at, left = (np.array(one) for one in zip(*looks, strict=True))
-        worst = np.argmax(sizes, axis=0)
-        rows = np.arange(worst.size)
-        return sizes[worst, rows], at[worst, rows], left.max(axis=0)
+        worst = (np.argmax(sizes, axis=0), np.arange(len(rows)))
+        return sizes[worst], at[worst], left.max(axis=0)
+
+    def _controller(self, row: Mapping[str, float]) -> list[float]:
+        """Return the gain of the integrator and the coefficients of the notch."""
+        file = self.file.changed({f"control.{name}": value for name, value in row.items()})
+        gain = 2.0 * math.pi * file.displacement.bandwidth_Hz / file.timing.rate_Hz
+        return [gain, *notch_of(file).coefficients]
 
     def costs(self, space: PiezoSpace, aims: Aims, points: FloatArray) -> FloatArray:
         """Return what points of the box cost: those that keep the peak what they leave."""
-        rows = [space.numbers(point) for point in points]
-        size, _, left = self.look({name: np.array([row[name] for row in rows]) for name in rows[0]})
+        size, _, left = self.look([space.numbers(point) for point in points])
         over = np.clip(size / aims.peak_sensitivity - 1.0, 0.0, 100.0)
         return np.where(over > 0.0, MISSED + over, left)
 
-
-def _controllers(file: RigFile, gains: Mapping[str, FloatArray]) -> FloatArray:
-    """Return the gain of the integrator and the coefficients of the notch of each, shape (n, 6)."""
-    rows = []
-    for numbers in zip(*gains.values(), strict=True):
-        control = file.displacement.model_copy(update=dict(zip(gains, numbers, strict=True)))
-        notch = notch_of(file.model_copy(update={"control": control})).coefficients
-        rows.append([2.0 * math.pi * control.bandwidth_Hz / file.timing.rate_Hz, *notch])
-    return np.array(rows)
+    def twice(self, table: str, key: str) -> LinearPiezo:
+        """Return loops of which all have one number that is twice as large."""
+        own, *plants = (
+            one.changed({f"{table}.{key}": 2.0 * getattr(getattr(one, table), key)})
+            for one in (self.file, *self.plants)
+        )
+        return LinearPiezo(own, tuple(plants))
 
 
 def _stepped(file: RigFile, plant: RigFile) -> tuple[FloatArray, FloatArray]:
@@ -164,10 +162,9 @@ def _loop(
     narrow = np.maximum(np.abs(np.angle(poles)) * rate / (2.0 * math.pi), swept[0])
     frequency = np.hstack([np.tile(swept, (own.shape[0], 1)), narrow])
     z = np.exp(2j * math.pi * frequency / rate)
-    answer = np.hstack([
-        np.tile(_answer(matrix, into, z[0, :_FREQUENCIES]), (own.shape[0], 1)),
-        _answer(matrix, into, z[:, _FREQUENCIES:]),
-    ])  # fmt: skip
+    below = np.poly(matrix)
+    above = np.poly(matrix - np.outer(into, [0.0, 0.0, 1.0])) - below
+    answer = np.polyval(above, z) / np.polyval(below, z)
     one, two = 1.0 / z, 1.0 / z**2
     b0, b1, b2, a1, a2, gain = (part[:, None] for part in (b0, b1, b2, a1, a2, gain))
     notched = (b0 + b1 * one + b2 * two) / (1.0 + a1 * one + a2 * two)
@@ -178,15 +175,6 @@ def _loop(
     left = np.sqrt(np.trapezoid((size[:, :_FREQUENCIES] * harmonics) ** 2, swept, axis=1))
     at = frequency[np.arange(own.shape[0]), np.argmax(size, axis=1)]
     return np.where(stable, size.max(axis=1), np.inf), at, left
-
-
-def _answer(
-    matrix: FloatArray, into: FloatArray, z: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
-    """Return place over command at some points of the plane of z."""
-    system = z[..., None, None] * np.eye(3) - matrix
-    answer = np.linalg.solve(system, np.broadcast_to(into[:, None], (*z.shape, 3, 1)))
-    return np.asarray(answer[..., 2, 0], dtype=np.complex128)
 
 
 @dataclass(frozen=True)
@@ -223,8 +211,7 @@ class PiezoLoop:
 
     def margin(self, conditions: Sequence[PiezoCondition]) -> tuple[float, float]:
         """Return the worst peak of the sensitivity of linear loops, and its frequency, Hz."""
-        gains = {name: np.array([one]) for name, one in self.gains().items()}
-        size, at, _ = self.linear(conditions).look(gains)
+        size, at, _ = self.linear(conditions).look([self.gains()])
         return float(size[0]), float(at[0])
 
     def figures(
@@ -236,11 +223,6 @@ class PiezoLoop:
             return None
         if aims.cost(outcome) > ceiling:
             return outcome  # no motion can make it better
-        return self._moved(condition, outcome, seed)
-
-    def _moved(
-        self, condition: PiezoCondition, outcome: PiezoFigures, seed: int
-    ) -> PiezoFigures | None:
         file, noise = condition.plant(self.rig.settings)
         plant = replace(self.rig, settings=file)
         run = follow(self.rig, reference(self.rig), self.inverse, plant, noise + seed)
@@ -272,20 +254,15 @@ class PiezoLoop:
         }
         errors = [one.error_rms_m for one in fresh]
         lost = sum(map(math.isinf, errors))
-        nm = 1e9 * np.array(errors)
-        text = f"rms error {np.median(nm):.3g} nm in the middle, {nm.max():.3g} nm at most"
+        middle, most = 1e9 * np.median(errors), 1e9 * max(errors)
+        text = f"rms error {middle:.3g} nm in the middle, {most:.3g} nm at most"
         return Check(
             figures={NOMINAL: PiezoFigures(**means), DRAWN: worst_of(fresh)},
             peaks={NOMINAL: self.margin([NOMINAL])[1], DRAWN: self.margin(FRESH)[1]},
             seeds=len(seeds),
             widths={},
             places={},
-            rows={
-                "plants": {
-                    "lost": lost,
-                    "error_rms_m": [one for one in errors if math.isfinite(one)],
-                }
-            },
+            rows={"plants": {"lost": lost, "error_rms_m": errors}},
             notes=(f"{DRAWN.text}: " + (f"{lost} were lost" if lost else text),),
         )
 
@@ -297,52 +274,27 @@ class PiezoLoop:
         """Report what limits gains that were checked: aims, the box, and what would help."""
         if not math.isfinite(reached.worst.cost):
             return [Limit("error_rms_m", "not every noise seed and drawn plant was held")]
-        near, most = reached.near(aims), self.space.axes["bandwidth_Hz"].high
-        if self.gains()["bandwidth_Hz"] > (1.0 - _EDGE) * most:
-            near.append(Limit("bandwidth", f"the bandwidth takes all that is tried, {most:.4g} Hz"))
-        linear = self.linear(self.conditions)
+        linear, most = self.linear(self.conditions), 1.5 * aims.peak_sensitivity
+        easier = aims.tightened({"peak_sensitivity": 1.5})
+        twice_rate = linear.twice("timing", "rate_Hz")
+        twice_damping = linear.twice("flexure", "damping_ratio")
         eased = {
             "": ("", linear, aims),
-            "peak_sensitivity": (
-                f"a peak sensitivity of {1.5 * aims.peak_sensitivity:g}",
-                linear,
-                aims.tightened({"peak_sensitivity": 1.5}),
-            ),
-            "delay": ("twice the rate", _changed(linear, "timing.rate_Hz", 2.0), aims),
-            "amplifier": (
-                "an amplifier of half the time constant",
-                _changed(linear, "stack_amplifier.time_constant_s", 0.5),
-                aims,
-            ),
-            "damping": (
-                "twice the damping of the resonance",
-                _changed(linear, "flexure.damping_ratio", 2.0),
-                aims,
-            ),
+            "peak_sensitivity": (f"a peak sensitivity of {most:g}", linear, easier),
+            "delay": ("twice the rate", twice_rate, aims),
+            "damping": ("twice the damping of the resonance", twice_damping, aims),
         }
-        return [
-            *near,
-            *what_helps(
-                partial(_least_left, seed),
-                eased,
-                jobs,
-                lambda what, one, base: (
-                    f"with {what} linear loops would leave {100.0 * one / base:.0f} % of the error"
-                ),
-            ),
-        ]
+
+        def text(what: str, cost: float, base: float) -> str:
+            return f"with {what} linear loops would leave {100.0 * cost / base:.0f} % of the error"
+
+        helps = what_helps(partial(_least_left, seed), eased, jobs, text)
+        return [*reached.near(aims), *helps]
 
     def gains(self) -> dict[str, float]:
         """Return the gains as files hold them, those that the file leaves out included."""
         file = self.rig.settings
-        control = file.displacement
-        values = {
-            "bandwidth_Hz": control.bandwidth_Hz,
-            "notch_Hz": control.notch_Hz or file.flexure.resonance_Hz,
-            "notch_damping": control.notch_damping or file.flexure.damping_ratio,
-            "notch_width": control.notch_width,
-        }
-        return {name: float(value) for name, value in values.items()}
+        return {"bandwidth_Hz": file.displacement.bandwidth_Hz, **notch_numbers(file)}
 
     @property
     def tried(self) -> str:
@@ -351,12 +303,7 @@ class PiezoLoop:
 
     def facts(self) -> dict[str, Any]:
         """Return what tuning.json says of the rig."""
-        file = self.rig.settings
-        return {
-            "stroke_m": file.moved.stroke_m,
-            "frequency_Hz": file.moved.frequency_Hz,
-            "resonance_Hz": file.flexure.resonance_Hz,
-        }
+        return {"resonance_Hz": self.rig.settings.flexure.resonance_Hz}
 
     def meaning(self, numbers: Mapping[str, float]) -> list[str]:
         """Return lines that say what the numbers of a point mean."""
@@ -365,16 +312,6 @@ class PiezoLoop:
             f"Integrator of {numbers['bandwidth_Hz']:.4g} Hz behind {notch} "
             f"{numbers['notch_damping']:.3g} to {numbers['notch_width']:.3g}."
         ]
-
-
-def _changed(linear: LinearPiezo, key: str, factor: float) -> LinearPiezo:
-    """Return linear loops of which all have one number that is so many times as large."""
-
-    def changed(file: RigFile) -> RigFile:
-        table, name = key.split(".")
-        return file.changed({key: factor * getattr(getattr(file, table), name)})
-
-    return LinearPiezo(changed(linear.file), tuple(map(changed, linear.plants)))
 
 
 def _liked(linear: LinearPiezo, seed: int, aims: Aims) -> FloatArray:
