@@ -177,6 +177,10 @@ def judged_from(rig: PiezoRig) -> int:
 
 def find_inverses(rig: PiezoRig) -> dict[str, ForceController]:
     """Measure the stage and make every way from displacement to voltage."""
+    try:
+        notch_of(rig.settings)  # before the work
+    except InputError as error:
+        raise error.at(rig.path) from error
     loops = measure(rig)
     model = whole_search(identify(loops)).model
     target = reference(rig)

@@ -24,7 +24,7 @@ from anhyst.rig.stage.loop import identify_stage
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.simulate import compared
-from anhyst.study.piezo import find_inverses, notch_of
+from anhyst.study.piezo import find_inverses
 from anhyst.study.plants import METHODS
 from anhyst.study.tracking.simulate import (
     COMPARED,
@@ -135,37 +135,32 @@ def tune(
             key="--budget",
         )
     kind = take_kind(rig, TAKES["tune"])
-    values = {
-        "--controller": controller,
-        "--overshoot": overshoot,
-        "--average": average,
-        "--error": error,
-        "--crossover": crossover,
-        "--settling": settling,
-        "--standstill": standstill,
-        "--effort": effort,
-    }
-    refused = [
-        name
-        for name, value in values.items()
-        if value is not None and kind not in _OPTIONS.get(name, BODIES)
-    ]
-    if refused:
+    bearing, stage, piezo = FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO
+    options = (
+        ("--controller", controller, {bearing}),
+        ("--overshoot", overshoot, {bearing}),
+        ("--average", average, {stage}),
+        ("--crossover", crossover, {stage}),
+        ("--error", error, {stage, piezo}),
+        ("--settling", settling, {bearing, stage}),
+        ("--standstill", standstill, {bearing, stage}),
+        ("--effort", effort, {bearing, stage}),
+    )
+    if refused := [name for name, value, of in options if value is not None and kind not in of]:
         raise InputError(
             f"{NAMES[kind][0]} has no {' or '.join(refused)}; leave it out",
             code="option-not-for-this",
             key=refused[0],
         )
-    if kind is FileKind.BEARING and overshoot is None:
-        overshoot = 2.0
+    overshoot = 2.0 if kind is bearing and overshoot is None else overshoot
     aims = Aims(overshoot, peak, settling, standstill, effort, error, average)
     begin, used = time.perf_counter(), _processor_time()
     task = _Task(aims, budget, seed, jobs)
     with workers_of(scheduler):
         subject: _Subject
-        if kind is FileKind.PIEZO:
+        if kind is piezo:
             subject = _Piezo(read_piezo_rig(rig))
-        elif kind is FileKind.STAGE:
+        elif kind is stage:
             subject = _Stage(read_stage(rig), crossover)
         else:
             subject = _Bearing(*read_files(rig, controller))
@@ -193,17 +188,6 @@ def tune(
     return result
 
 
-BODIES = (FileKind.BEARING, FileKind.STAGE)
-_OPTIONS = {
-    "--controller": (FileKind.BEARING,),
-    "--overshoot": (FileKind.BEARING,),
-    "--average": (FileKind.STAGE,),
-    "--crossover": (FileKind.STAGE,),
-    "--error": (FileKind.STAGE, FileKind.PIEZO),
-}
-"""Which kinds an option is for; the others are for :data:`BODIES`."""
-
-
 class _Subject(ABC):
     """A rig and what is written for it."""
 
@@ -221,9 +205,11 @@ class _Subject(ABC):
     def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
         """Read what is known, and make variants; some may not be possible."""
 
-    @abstractmethod
     def write(self, tuned: Tuned, path: Path, note: str) -> None:
-        """Write what a simulation takes."""
+        """Write what a simulation takes: a rig file, where no controller file has the gains."""
+        gains = tuned.found.loop.gains().items()
+        changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
+        rewrite_rig(self.rig.path, path, changes, note)
 
     def places(self, folder: Path, names: Sequence[MethodName]) -> dict[MethodName, Path]:
         """Return where the files go; find out first whether they can be written."""
@@ -305,9 +291,6 @@ class _Stage(_Subject):
             for (name, setup), gains in zip(made.items(), feedforwards, strict=True)
         }
 
-    def write(self, tuned: Tuned, path: Path, note: str) -> None:
-        _write_rig(self.rig.path, tuned, path, note)
-
 
 class _Piezo(_Subject):
     stem = "rig"
@@ -315,10 +298,6 @@ class _Piezo(_Subject):
 
     def __init__(self, rig: PiezoRig) -> None:
         self.rig: PiezoRig = rig
-        try:
-            notch_of(rig.settings)
-        except InputError as error:
-            raise error.at(rig.path) from error
 
     def names(self) -> Sequence[MethodName]:
         return tuple(METHODS)
@@ -326,15 +305,6 @@ class _Piezo(_Subject):
     def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
         inverses = find_inverses(self.rig)
         return {name: PiezoLoop(self.rig, name, inverses[METHODS[name]]) for name in names}
-
-    def write(self, tuned: Tuned, path: Path, note: str) -> None:
-        _write_rig(self.rig.path, tuned, path, note)
-
-
-def _write_rig(rig: Path, tuned: Tuned, path: Path, note: str) -> None:
-    gains = tuned.found.loop.gains().items()
-    changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
-    rewrite_rig(rig, path, changes, note)
 
 
 @dataclass(frozen=True)
