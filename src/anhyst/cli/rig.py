@@ -88,7 +88,8 @@ def init(
 
     A folder with rig.toml, controller.toml and a copy of the loops comes out; it can be moved.
     What the loops say is taken from them, the rest is guessed by rules, and every guess is marked
-    as one in the files. What is there already is not written over.
+    as one in the files. What is there already is not written over. Loops of displacement over
+    voltage give the rig.toml of a piezo stage.
 
     Example: anhyst init loops.csv --mass 0.8 --load 60 --gap 0.45e-3 --out my
 
