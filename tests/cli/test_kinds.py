@@ -21,7 +21,7 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import MEASUREMENTS, FileKind, kind_of
+from anhyst.support.kinds import MEASUREMENTS, REASONS, TAKES, FileKind, kind_of
 
 from .records import model
 
@@ -177,6 +177,28 @@ def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
         else expected in complaint
     )
     assert not list(tmp_path.glob("out*"))
+
+
+@pytest.mark.parametrize(
+    ("verb", "kind", "reason"),
+    [
+        ("tune", "force", "open loop"),
+        ("calibrate", "piezo", "no magnets"),
+        ("force-control", "piezo", "not to a force"),
+        ("compile", "bearing", "--controller"),
+    ],
+)
+def test_where_physics_forbids_a_verb_the_refusal_says_so(
+    verb: str,
+    kind: str,
+    reason: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert reason in refusal(verb, written(kind, tmp_path), monkeypatch, capsys)
+    for name, kinds in REASONS:
+        assert kinds not in TAKES[name]
 
 
 def test_every_verb_has_its_row() -> None:

@@ -69,6 +69,17 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
 }
 """What the first argument of every verb may be."""
 
+REASONS: Mapping[tuple[str, FileKind], str] = {
+    ("tune", FileKind.FORCE): "its force is controlled open loop, so there are no gains to find",
+    ("calibrate", FileKind.FORCE): "its armature is held, so there is no motion to learn from",
+    ("calibrate", FileKind.PIEZO): "it has no magnets, whose errors are what motion teaches",
+    ("force-control", FileKind.BEARING): "its armature flies, and here one is held",
+    ("force-control", FileKind.STAGE): "its body moves, and here an armature is held",
+    ("force-control", FileKind.PIEZO): "a stack is driven to a displacement, not to a force",
+    ("compile", FileKind.BEARING): "compile its model, with --controller for the whole controller",
+}
+"""Why a verb has no use for a kind, where there is more to say than that."""
+
 MEASUREMENTS = frozenset(
     {".csv", ".tsv", ".mat", ".mf4", ".tdms", ".h5", ".hdf5", ".parquet", ".xlsx", ".xlsm"}
 )
@@ -137,6 +148,8 @@ def refuse_other(
     plural = verb != ""
     names = _listed([NAMES[kind][plural] for kind in taken], "and" if plural else "or")
     needed = f"{verb} is for {names}" if plural else f"{names} is needed"
+    if reason := REASONS.get((verb, kind)):
+        needed += f": {reason}"
     raise InputError(
         f"{path}: this is {NAMES[kind][0]}; {needed}; {_taken(kind)}", code="wrong-kind"
     )
