@@ -18,7 +18,7 @@ from anhyst.rig.recording import peak, rms
 from anhyst.study.engine.table import mean_interval
 from anhyst.study.piezo import follow, judged_from, notch_numbers, notch_of, reference
 from anhyst.study.tuning.aims import MISSED, Aims, PiezoFigures, worst_of
-from anhyst.study.tuning.search import refine
+from anhyst.study.tuning.search import least_cost, liked
 from anhyst.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
@@ -107,7 +107,7 @@ class LinearPiezo:
         gain = 2.0 * math.pi * file.displacement.bandwidth_Hz / file.timing.rate_Hz
         return [gain, *notch_of(file).coefficients]
 
-    def costs(self, space: PiezoSpace, aims: Aims, points: FloatArray) -> FloatArray:
+    def costs(self, space: Box, aims: Aims, points: FloatArray) -> FloatArray:
         """Return what points of the box cost: those that keep the peak what they leave."""
         size, _, left = self.look([space.numbers(point) for point in points])
         over = np.clip(size / aims.peak_sensitivity - 1.0, 0.0, 100.0)
@@ -237,7 +237,7 @@ class PiezoLoop:
         return [
             partial(self.space.point, self.gains()),
             *(
-                partial(_liked, linear, seed, aims.tightened({"peak_sensitivity": part}))
+                partial(liked, linear, self.space, seed, aims.tightened({"peak_sensitivity": part}))
                 for part in _STRICTER
             ),
         ]
@@ -288,7 +288,7 @@ class PiezoLoop:
         def text(what: str, cost: float, base: float) -> str:
             return f"with {what} linear loops would leave {100.0 * cost / base:.0f} % of the error"
 
-        helps = what_helps(partial(_least_left, seed), eased, jobs, text)
+        helps = what_helps(partial(least_cost, self.space, seed), eased, jobs, text)
         return [*reached.near(aims), *helps]
 
     def gains(self) -> dict[str, float]:
@@ -312,15 +312,3 @@ class PiezoLoop:
             f"Integrator of {numbers['bandwidth_Hz']:.4g} Hz behind {notch} "
             f"{numbers['notch_damping']:.3g} to {numbers['notch_width']:.3g}."
         ]
-
-
-def _liked(linear: LinearPiezo, seed: int, aims: Aims) -> FloatArray:
-    space = PiezoSpace(linear.file)
-    return refine(partial(linear.costs, space, aims), len(space.axes), seed)
-
-
-def _least_left(seed: int, eased: tuple[LinearPiezo, Aims]) -> float:
-    """Return what the best gains for linear loops leave of an error that changes slowly."""
-    linear, aims = eased
-    space, best = PiezoSpace(linear.file), _liked(linear, seed, aims)
-    return float(linear.costs(space, aims, best[None, :])[0])
