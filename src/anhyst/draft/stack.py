@@ -59,41 +59,37 @@ class FittedStack:
 def fit_stack(loopset: Loops) -> FittedStack:
     """Fit a stack to loops; refuse what is none."""
     problem = _Problem(loopset)
-    still = problem.fit(())
-    problem.leave_out_strays(still)
-    still = problem.fit(())
-    crept = problem.fit(problem.times, still) if problem.times else still
-    best = crept if crept.rms < WORTH * still.rms else still
-    missed = best.rms > MISSED * problem.height or not best.weights[0]
-    if missed or not best.weights[2]:
+    problem.leave_out_strays(problem.fit(()))
+    best = still = problem.fit(())
+    if problem.times and (crept := problem.fit(problem.times, still)).rms < WORTH * still.rms:
+        best = crept
+    stroke, bend, slope, _ = best.weights * problem.height
+    missed = best.rms > MISSED * problem.height or not stroke
+    if missed or not slope:
         why = "are followed by no stack" if missed else "show no hysteresis"
         raise InputError(
             f"the loops {why}: the law of Bouc and Wen misses {100 * best.rms / problem.height:.2g} "
             "% of the stroke; look at them with anhyst inspect",
             code="no-piezo",
         )
-    span, (stroke, bend, slope) = problem.span, problem.height * best.weights[:3] / problem.span
-    beta = math.exp(best.shape[0]) / span
-    path = np.array([0.0, problem.high, problem.low])
-    lowest = stroke * problem.low + bend / span * problem.low**2
-    back = slope * hysteresis(path / span, beta * span, float(best.shape[1]))[-1] * span
+    span, low = problem.span, problem.low / problem.span
+    beta, ratio = math.exp(best.shape[0]), float(best.shape[1])
+    back = hysteresis(np.array([0.0, problem.high / span, low]), beta, ratio)[-1]
+    numbers = {
+        "stroke_m_per_V": stroke / span,
+        "bend_m_per_V2": bend / span**2,
+        "slope_m_per_V": slope / span,
+        "beta_per_V": beta / span,
+        "gamma_per_V": ratio * beta / span,
+    }
     return FittedStack(
-        numbers={
-            "stroke_m_per_V": float(stroke),
-            "bend_m_per_V2": float(bend / span),
-            "slope_m_per_V": float(slope),
-            "beta_per_V": beta,
-            "gamma_per_V": float(best.shape[1]) * beta,
-        },
+        numbers={key: float(value) for key, value in numbers.items()},
         creep_times=best.times,
         creep_shares=tuple(best.shape[3:].tolist()),
         low=problem.low,
         high=problem.high,
-        stroke=max(
-            float(np.ptp(loop.output[problem.thin][mask]))
-            for loop, mask in zip(problem.loops, problem.counted, strict=True)
-        ),
-        remains=float(lowest - back),
+        stroke=max(float(np.ptp(answer)) for answer in problem.answers()),
+        remains=float(stroke * low + bend * low**2 - slope * back),
         rms=best.rms,
         still_rms=still.rms,
         timed=problem.step > 0.0,
@@ -145,6 +141,11 @@ class _Problem:
         )
         self.counted = [np.ones(loop.input[self.thin].size, dtype=np.bool_) for loop in self.loops]
 
+    def answers(self) -> list[FloatArray]:
+        """Return the displacements that count, m."""
+        pairs = zip(self.loops, self.counted, strict=True)
+        return [loop.output[self.thin][mask] for loop, mask in pairs]
+
     def fit(self, times: tuple[float, ...], begin: _Fit | None = None) -> _Fit:
         """Vary the shape until the deviation is least."""
         from scipy.optimize import least_squares
@@ -185,11 +186,7 @@ class _Problem:
             self._columns(loop, shape, times)[self.thin][mask]
             for loop, mask in zip(self.loops, self.counted, strict=True)
         ]
-        wanted = [
-            loop.output[self.thin][mask]
-            for loop, mask in zip(self.loops, self.counted, strict=True)
-        ]
-        matrix, target = np.concatenate(rows), np.concatenate(wanted) / self.height
+        matrix, target = np.concatenate(rows), np.concatenate(self.answers()) / self.height
         signed = np.hstack([matrix, -matrix[:, 1::2]])  # two columns may have either sign
         normal = signed.T @ signed
         factor = np.linalg.cholesky(normal + 1e-12 * np.trace(normal) * np.eye(normal.shape[0]))
