@@ -147,9 +147,8 @@ def refuse_other(
         return kind
     plural = verb != ""
     names = _listed([NAMES[kind][plural] for kind in taken], "and" if plural else "or")
-    needed = f"{verb} is for {names}" if plural else f"{names} is needed"
-    if reason := REASONS.get((verb, kind)):
-        needed += f": {reason}"
+    reason = f": {REASONS[verb, kind]}" if (verb, kind) in REASONS else ""
+    needed = f"{verb} is for {names}{reason}" if plural else f"{names} is needed"
     raise InputError(
         f"{path}: this is {NAMES[kind][0]}; {needed}; {_taken(kind)}", code="wrong-kind"
     )
