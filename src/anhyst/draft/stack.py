@@ -38,6 +38,7 @@ SAMPLES = 6_000
 """That are fitted."""
 STARTS = (0.5, 2.5)
 """Of the logarithm of beta, over the range of the voltage."""
+_TINY = 1e-12
 
 
 @dataclass(frozen=True)
@@ -251,15 +252,9 @@ def hysteresis(drive: FloatArray, beta: float, ratio: float) -> FloatArray:
 
 def _along(way: FloatArray, start: float, beta: float, ratio: float) -> FloatArray:
     """Solve dg/dv = 1 - beta*g - gamma*|g| from a start: below zero first, above it then."""
-    above = beta * (1.0 + ratio)
-    if start >= 0.0:
-        return np.asarray(1.0 / above + (start - 1.0 / above) * np.exp(-above * way))
-    below = beta * (1.0 - ratio)
-    if abs(below) < 1e-9:
-        zero, rising = -start, start + way
-    else:
-        inside = 1.0 - start * below  # at zero, exp(-below*way) is its inverse
-        zero = math.log(inside) / below if inside > 0.0 else math.inf
-        rising = 1.0 / below + (start - 1.0 / below) * np.exp(-below * way)
-    past = np.maximum(way - zero, 0.0)
-    return np.where(way < zero, rising, (1.0 - np.exp(-above * past)) / above)
+    above, below = beta * (1.0 + ratio), beta * (1.0 - ratio) or _TINY
+    start = min(start, (1.0 - _TINY) / above)  # g nears 1/above and never reaches it
+    before = above if start >= 0.0 else below
+    past = way - math.log1p(-start * before) / before  # zero
+    rate = np.where(past < 0.0, below, above)
+    return np.asarray(-np.expm1(-rate * past) / rate)
