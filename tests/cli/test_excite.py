@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.data.reading import read_loops
 from anhyst.model.actuator import read_model
 from tests.cli.command import contents, quick, refused
 from tests.refusals import says
@@ -44,6 +45,29 @@ def test_measure_identify_compile_verify_without_a_further_flag(kind: str, tmp_p
     assert compiled.returncode == 0, compiled
     verified = quick("verify", "c", "--on", "host", cwd=tmp_path)
     assert verified.returncode == 0, verified
+
+
+@pytest.mark.slow
+def test_loops_of_a_piezo_stage_give_a_model_of_what_was_not_measured(tmp_path: Path) -> None:
+    rig = EXAMPLES / "piezo" / "rig.toml"
+    made = quick("excite", rig, "--out", "new.csv", "--plot", "new.png", "--json", cwd=tmp_path)
+    assert made.returncode == 0, made
+    figures = json.loads(made.stdout)
+    assert figures["gaps"][0]["voltage_max_V"] == 150.0
+    assert figures["gaps"][0]["limited_by"] == "amplifier.high_V"
+    assert quick("identify", "new.csv", "--out", "m.toml", cwd=tmp_path).returncode == 0
+    unseen = read_loops(EXAMPLES / "piezo" / "unseen.csv").loops[0]
+    model = read_model(tmp_path / "m.toml")
+    off = model.predict(unseen.input, None, unseen.time, unseen.history).output - unseen.output
+    # The best curve without memory misses by 2.8 %.
+    assert np.mean(np.abs(off)) < 0.01 * np.ptp(unseen.output)
+
+
+def test_a_piezo_stage_is_not_measured_through_a_controller_of_force(tmp_path: Path) -> None:
+    rig = EXAMPLES / "piezo" / "rig.toml"
+    through = ("--folder", tmp_path, "--port", "COM1")
+    message = refused("excite", rig, "--out", "new.csv", *through, cwd=tmp_path)
+    assert says(message, "option-not-for-this --xcp")
 
 
 def test_what_cannot_be_measured_or_written_is_one_line(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import MEASUREMENTS, FileKind, kind_of
+from anhyst.support.kinds import MEASUREMENTS, REASONS, TAKES, FileKind, kind_of
 
 from .records import model
 
@@ -64,9 +64,9 @@ WORKS = {
     "verify": {"compiled"},
     "simulate": RIGS,
     "calibrate": {"bearing", *STAGES},
-    "tune": {"bearing", *STAGES},
+    "tune": {"bearing", *STAGES, "piezo"},
     "force-control": MEASURED | {"force"},
-    "excite": {"bearing", *STAGES, "force"},
+    "excite": RIGS,
     "live": RIGS | {"compiled"},
     "xcp": set[str](),
 }
@@ -179,12 +179,26 @@ def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
     assert not list(tmp_path.glob("out*"))
 
 
-def test_gains_of_an_open_loop_are_not_tuned_and_it_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("verb", "kind", "reason"),
+    [
+        ("tune", "force", "open loop"),
+        ("calibrate", "piezo", "no magnets"),
+        ("force-control", "piezo", "not to a force"),
+        ("compile", "bearing", "--controller"),
+    ],
+)
+def test_where_physics_forbids_a_verb_the_refusal_says_so(
+    verb: str,
+    kind: str,
+    reason: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert "open loop: there are no gains" in refusal(
-        "tune", written("force", tmp_path), monkeypatch, capsys
-    )
+    assert reason in refusal(verb, written(kind, tmp_path), monkeypatch, capsys)
+    for name, kinds in REASONS:
+        assert kinds not in TAKES[name]
 
 
 def test_every_verb_has_its_row() -> None:

@@ -14,9 +14,11 @@ from anhyst.data.reading import read_loops
 from anhyst.data.speeds import rate_line, speeds_of
 from anhyst.rig.measuring import HeldRig, Pull
 from anhyst.rig.parts.sensors import Sensors
+from anhyst.rig.piezo import read_piezo_rig
 from anhyst.study.excite.design import Bound, Specimen, Winding
 from anhyst.study.excite.excite import Excitation, excite, measure, read_specimen
 from anhyst.support.numeric import FloatArray
+from anhyst.support.toml_text import toml_value
 from tests.plant.test_energy import STAGE
 from tests.refusals import refused
 from tests.study.measured_rigs import INNER, WIDE, measured_rig
@@ -86,6 +88,7 @@ def check_limits(found: Excitation) -> None:
 
 def test_a_drive_keeps_to_current_rate_force_and_the_warmth_of_the_winding(tmp_path: Path) -> None:
     specimen = bearing(tmp_path, TIGHT)
+    assert specimen.held is not None
     watched = Watched(specimen.held)
     found = measure(replace(specimen, held=watched))
     check_limits(found)
@@ -153,6 +156,7 @@ def test_a_bipolar_amplifier_demagnetises_before_every_record(tmp_path: Path) ->
     assert found.demagnetised
     assert found.played.current.min() == pytest.approx(-0.85 * 4.5)
     for loop in found.loops.loops:
+        assert specimen.held is not None
         virgin, gap = specimen.held.magnet(), float(loop.schedule[0])  # type: ignore[index]
         rise = slice(0, int(np.argmax(loop.input)) // 2)
         path = loop.input[rise].copy()
@@ -244,3 +248,71 @@ def test_the_speed_that_a_set_point_needs_is_that_of_its_force_over_the_slope() 
     slow = measure(replace(specimen, fast=(20.0,)))
     assert any("fast_A_per_s" in note for note in slow.notes)
     assert not any("fast_A_per_s" in note for note in measure(replace(specimen, fast=(2e3,))).notes)
+
+
+PIEZO = Path(__file__).resolve().parents[2] / "examples" / "piezo" / "rig.toml"
+
+
+def piezo(folder: Path, **keys: float) -> Path:
+    """The bundled piezo stage with other numbers."""
+    lines = PIEZO.read_text().splitlines()
+    path = folder / "rig.toml"
+    for key, value in keys.items():
+        (place,) = (number for number, line in enumerate(lines) if line.startswith(f"{key} ="))
+        lines[place] = f"{key} = {toml_value(value)}"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_a_piezo_stage_is_measured_between_0_v_and_the_end_of_its_amplifier(tmp_path: Path) -> None:
+    made = excite(piezo(tmp_path), tmp_path / "new.csv")
+    assert (made.loops.input.name, made.loops.output.name) == ("voltage", "displacement")
+    assert [loop.label for loop in made.loops.loops] == [
+        *("major", "reversal", "above", "below", "1500V/s")
+    ]
+    drive = made.played.current
+    assert drive.min() == 0.0
+    assert drive.max() == 150.0
+    (place,) = made.places
+    assert place.reached  # the middle of the triangle, 19 um, comes well below 150 V
+    assert 40e-6 < place.force < 50e-6
+    again = read_loops(tmp_path / "new.csv")
+    for loop, first in zip(again.loops, made.loops.loops, strict=True):
+        assert loop.history == first.history
+        assert loop.time is not None
+        # Reversals are wide open: at half the range the branches lie more than a micrometre apart.
+        rising = np.gradient(loop.input) > 0.0
+        middle = np.abs(loop.input - 70.0) < 5.0
+        assert loop.output[middle & ~rising].mean() - loop.output[middle & rising].mean() > 1e-6
+
+
+def test_what_was_played_is_what_the_stage_felt(tmp_path: Path) -> None:
+    path = piezo(tmp_path)
+    made, rig = excite(path, tmp_path / "new.csv"), read_piezo_rig(path)
+    whole = rig.motion(made.specimen.sample).run(made.played.current)
+    for loop in made.loops.loops:
+        assert loop.time is not None
+        begin = int(np.searchsorted(made.played.time, loop.time[0]))
+        part = slice(begin, begin + loop.n)
+        assert np.array_equal(made.played.current[part], loop.input)
+        assert np.std(loop.output - whole[part]) == pytest.approx(4e-9, rel=0.1)
+
+
+@pytest.mark.parametrize(("resonance", "slower"), [(150.0, 2.67), (480.0, 1.0), (3000.0, 1.0)])
+def test_a_slow_stage_is_driven_so_slowly_that_it_hardly_rings(
+    resonance: float, slower: float, tmp_path: Path
+) -> None:
+    path = piezo(tmp_path, resonance_Hz=resonance, damping_ratio=0.005)
+    made = excite(path, tmp_path / "new.csv")
+    figures = made.as_dict()
+    assert figures["rate_V_per_s"] == pytest.approx(300.0 / slower, rel=0.01)
+    major = made.loops.loops[0]
+    # Noise of the sensor and what rings show as second differences; a quarter of it is 0.3 % of 45 um.
+    assert np.std(np.diff(major.output, 2)) < 4.0 * 0.003 * 45e-6
+
+
+def test_a_stack_that_cannot_rest_at_0_v_is_not_measured(tmp_path: Path) -> None:
+    path = piezo(tmp_path, low_V=5.0)
+    with refused("out-of-range amplifier.low_V: rig.toml"):
+        excite(path, tmp_path / "new.csv")
+    assert not (tmp_path / "new.csv").exists()

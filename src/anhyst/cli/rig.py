@@ -88,7 +88,8 @@ def init(
 
     A folder with rig.toml, controller.toml and a copy of the loops comes out; it can be moved.
     What the loops say is taken from them, the rest is guessed by rules, and every guess is marked
-    as one in the files. What is there already is not written over.
+    as one in the files. What is there already is not written over. Loops of displacement over
+    voltage give the rig.toml of a piezo stage.
 
     Example: anhyst init loops.csv --mass 0.8 --load 60 --gap 0.45e-3 --out my
 
@@ -133,7 +134,7 @@ def excite(
         Path,
         typer.Argument(
             metavar="RIG",
-            help="Rig file, of a bearing or of force control; with --calibrate of a stage.",
+            help="Rig file of any kind; with --calibrate of a stage.",
             callback=of_its_kind,
         ),
     ],
@@ -180,8 +181,9 @@ def excite(
     about the operating point, come to from below, from above and by a decaying sine. Every record
     begins demagnetised, or conditioned where the amplifier does not drive below zero. Current, its
     rate, force and I^2 t of the winding keep to the rig file; what had to be designed down is
-    said. The rig is the virtual one, or with --xcp or --port a real one at the gap where its
-    armature is held: its controller drives the current, and is stopped again.
+    said. Of a piezo stage the same records of displacement over voltage, and two fast cycles. The
+    rig is the virtual one, or with --xcp or --port a real one at the gap where its armature is
+    held: its controller drives the current, and is stopped again.
 
     Example: anhyst excite rig.toml --out loops.csv; anhyst identify loops.csv --out model.toml
 
@@ -212,13 +214,16 @@ def excite(
 
 def _show_excitation(excitation: Excitation, out: Path, plot: Path | None) -> None:
     figures = excitation.as_dict()
-    heads = ["gap mm", "largest A", "force N", "about A", "limited by"]
+    specimen, unit = excitation.specimen, excitation.specimen.units[0]
+    gap = ["gap mm"] if specimen.gaps else []
+    reached, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
+    heads = [*gap, f"largest {unit}", reached, f"about {unit}", "limited by"]
     drawn = table(f"{figures['loops']} loops, {figures['samples']} samples", heads)
     for place in excitation.places:
         drawn.add_row(
-            f"{1e3 * place.gap:g}",
+            *([f"{1e3 * place.gap:g}"] if gap else []),
             f"{place.peak.value:.4g}",
-            f"{place.force:.4g}",
+            f"{factor * place.force:.4g}",
             f"{place.operating:.4g}",
             place.peak.key,
         )
@@ -228,7 +233,7 @@ def _show_excitation(excitation: Excitation, out: Path, plot: Path | None) -> No
     written = [out, out.with_suffix(".toml"), *([] if plot is None else [plot])]
     show(
         drawn,
-        f"{minutes:.1f} min of measuring, {figures['rate_A_per_s']:.4g} A/s{warm}",
+        f"{minutes:.1f} min of measuring, {figures[f'rate_{unit}_per_s']:.4g} {unit}/s{warm}",
         *(f"note: {note}" for note in excitation.notes),
         *(f"written: {place}" for place in written),
     )

@@ -28,7 +28,9 @@ def tune(
     rig: Annotated[
         Path,
         typer.Argument(
-            metavar="RIG", help="Rig file of a bearing or a stage.", callback=of_its_kind
+            metavar="RIG",
+            help="Rig file of a bearing, a stage or a piezo stage.",
+            callback=of_its_kind,
         ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
@@ -72,7 +74,8 @@ def tune(
         ),
     ] = None,
     error: Annotated[
-        float | None, typer.Option(metavar="METRES", help="Largest error of a stage.")
+        float | None,
+        typer.Option(metavar="METRES", help="Largest error of a stage or a piezo stage."),
     ] = None,
     standstill: Annotated[
         float | None,
@@ -100,7 +103,7 @@ def tune(
     scheduler: Scheduler = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find the gains of a bearing or a stage for stated aims, and say what limits them.
+    """Find the gains of a rig for stated aims, and say what limits them.
 
     Of a bearing, all gaps and steps of the rig file are tried, with its load and two thirds of it,
     at once: first in linear loops, then in the nonlinear one with hysteresis, noise, delay and
@@ -110,6 +113,9 @@ def tune(
     Of a stage, the corners of its PID are found on the training set-point, so that the moving
     average is least; the winner is judged on the test set-point and on plants drawn as [spread]
     says. Written is a new rig file instead of a controller file.
+
+    Of a piezo stage, the integrator and the notch filter are found on its triangle, on plants drawn
+    as [spread] says, so that the rms error is least.
 
     Exit code 1 where no gains meet the aims. Ctrl-C keeps the best so far.
 

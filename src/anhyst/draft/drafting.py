@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from anhyst.data import Loops
 from anhyst.data.clean import DEFAULT_STEPS
 from anhyst.data.read_options import ReadOptions
 from anhyst.data.reading import files_read
@@ -15,6 +16,8 @@ from anhyst.data.speeds import rate_line
 from anhyst.draft.bearing import Numbers, draft_bearing, numbers_of
 from anhyst.draft.force import draft_force_control
 from anhyst.draft.magnet import Machine, MeasuredMagnet, Wanted, machine_of, reach_of
+from anhyst.draft.piezo import draft_piezo, found_lines
+from anhyst.draft.stack import fit_stack
 from anhyst.draft.text import Draft
 from anhyst.support.atomic import PathLike, whole_folder, write_texts
 from anhyst.support.errors import InputError
@@ -41,6 +44,13 @@ NEXT: Mapping[str, tuple[str, ...]] = {
     "stage": ("anhyst simulate {out}/rig.toml --out {out}/run.csv",),
 }
 """The examples, and what to run in a copy of one."""
+
+RUN_PIEZO = (
+    "anhyst simulate {out}/rig.toml --out {out}/run.csv",
+    "anhyst tune {out}/rig.toml --out {out}/tuned",
+    "anhyst excite {out}/rig.toml --out {out}/own.csv",
+)
+"""The same in a drafted piezo stage."""
 
 KINDS = (".csv", ".md", ".toml")
 """What is copied: no scripts, which make what is there."""
@@ -172,7 +182,8 @@ def init(
     out : path-like
         Folder to write; made where it is not there. What is in it already is not written over.
     loops : sequence of path-like, optional
-        Loops of the magnet: files, folders; without them an example is wanted.
+        Loops of the magnet, or of displacement over voltage of a piezo stack: files, folders;
+        without them an example is wanted.
     mass, load, gap : float, optional
         Of a bearing, kg, N and m, as far as they are known; the rest is guessed by rules.
     force_control : bool
@@ -242,6 +253,8 @@ def init_bearing(
     options = options or ReadOptions()
     source = _Source(paths, options)
     loops = options.read(paths, progress)
+    if loops.input.name == "voltage":
+        return _init_piezo(loops, source, out, wanted)
     try:
         reach = reach_of(loops)
         machine = machine_of(wanted, reach)
@@ -251,6 +264,28 @@ def init_bearing(
     drafts = draft_bearing(source.name, source.key, source.reading, reach, machine, numbers)
     files = {RIG: drafts.rig, CONTROLLER: drafts.controller}
     return _put(out, files, source, NEXT["bearing"], _found(reach, machine, numbers), machine)
+
+
+def _init_piezo(loops: Loops, source: _Source, out: PathLike, wanted: Wanted) -> Drafted:
+    """Write the rig file of a piezo stage, with a copy of the loops that its stack is fitted to."""
+    if wanted != Wanted():
+        raise InputError(
+            "--mass, --load and --gap belong to a bearing, and loops over a voltage to a piezo "
+            "stage; leave them out",
+            code="option-not-for-this",
+            key="--mass",
+        )
+    try:
+        if loops.output.name != "displacement":
+            raise InputError(
+                "a piezo stage needs columns of voltage and displacement, such as u_V and x_um",
+                code="columns-missing",
+            )
+        stack = fit_stack(loops)
+    except InputError as error:
+        raise error.at(source.text) from error
+    files = {RIG: draft_piezo(source.name, loops, stack)}
+    return _put(out, files, source, RUN_PIEZO, found_lines(stack))
 
 
 def init_force_control(

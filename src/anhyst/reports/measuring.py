@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from anhyst.study.bench import address_of, through
-from anhyst.study.excite.excite import Excitation, excite, measure
+from anhyst.study.excite.excite import Excitation, excite
 from anhyst.support.atomic import PathLike, check_picture, write_figure
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -33,7 +33,7 @@ def figure_excitation(excitation: Excitation) -> Figure:
     left.plot(played.time[every], played.current[every], lw=0.6, color="0.3")
     left.axhline(excitation.specimen.current.value, color="tab:red", lw=0.8, ls="--")
     left.set_xlabel("time [s]")
-    left.set_ylabel("current [A]")
+    left.set_ylabel(f"{excitation.specimen.drive} [{excitation.specimen.units[0]}]")
     left.set_title("driven, rests and conditioning included", loc="left", fontsize="medium")
     if np.isfinite(played.warmth).all():
         warm = left.twinx()
@@ -60,7 +60,7 @@ def excite_rig(
     Parameters
     ----------
     rig : path-like
-        Rig file, of a bearing or of force control.
+        Rig file of any kind.
     out : path-like
         CSV to write; its sidecar is the ``.toml`` beside it.
     plot : path-like, optional
@@ -77,7 +77,7 @@ def excite_rig(
     Returns
     -------
     Excitation
-        The loops, how far the magnet was driven at each gap, and what limited it.
+        The loops, how far the magnet was driven at each gap or the stack, and what limited it.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def excite_rig(
             code="options-missing",
             key="--folder",
         )
-    how = measure if folder is None or url is None else through(folder, url)
+    how = None if folder is None or url is None else through(folder, url)
     excitation = excite(rig, out, progress, how)
     if plot is not None:
         write_figure(figure_excitation(excitation), plot)

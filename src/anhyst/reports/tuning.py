@@ -128,7 +128,7 @@ def pareto(tuning: Tuning) -> Figure:
         TuningPicture(
             tuple(candidates),
             chosen,
-            getattr(tuning.aims, least),
+            tuning.aims.limits.get(least),
             tuning.aims.peak_sensitivity,
             TITLES[least],
         )

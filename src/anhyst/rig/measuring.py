@@ -17,6 +17,7 @@ from anhyst.data.loops import Loop
 from anhyst.rig.body import BodyRig
 from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.parts.sensors import NoisySensor, Sensors
+from anhyst.rig.piezo import PiezoRig
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 
@@ -26,6 +27,8 @@ _WHOLE = 1e-6
 
 Pull = Coil
 """A magnet with the memory of its iron, held at currents and gaps or moved in time."""
+Seed = int | list[int]
+"""Of noise."""
 
 
 class HeldRig(Protocol):
@@ -63,6 +66,14 @@ def take(
     """Move along currents, A, at a gap, m: slowly, or in so many seconds each."""
     force = magnet.run(path, np.full(path.size, gap), seconds)[:, 0]
     return sensors["current"].read(path), sensors["force"].read(force)
+
+
+def read_stack(rig: PiezoRig, voltage: FloatArray, sample: float, seed: Seed) -> FloatArray:
+    """Return the displacements, m, that the sensor of a piezo stage reads, from long rest at 0 V."""
+    sensor = rig.settings.position_sensor
+    noise = sensor.noise_m * np.random.default_rng(seed).standard_normal(voltage.size)
+    place = rig.motion(sample).run(voltage)
+    return np.asarray(np.round((place + noise) / sensor.step_m) * sensor.step_m)
 
 
 def measure_path(

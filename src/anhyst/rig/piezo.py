@@ -22,6 +22,7 @@ from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.recording import Loss, SignalBound, find_loss
 from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray
 
@@ -29,8 +30,6 @@ STEP = 25e-6
 """Longest step of the integration, s: a fortieth of the period of 1 kHz."""
 SEED = 20261125
 """Of the noise of the sensor."""
-NOTCH = 0.7
-"""Damping ratio of the notch filter in the feedback."""
 
 
 class ControllerNumbers(TypedDict):
@@ -51,7 +50,7 @@ class PiezoRig:
     def numbers(self, dt: float) -> dict[str, float]:
         """Return it as the core takes it, for ticks of a length, s, on which a command is held."""
         stack, flexure = self.settings.stack, self.settings.flexure
-        steps = max(1, math.ceil(dt / min(STEP, 1.0 / (40.0 * flexure.resonance_Hz))))
+        steps = steps_in(self.settings, dt)
         return {
             "stroke_per_volt": stack.stroke_m_per_V,
             "bend": stack.bend_m_per_V2,
@@ -99,6 +98,11 @@ class PiezoRig:
         return loop
 
 
+def steps_in(file: RigFile, seconds: float) -> int:
+    """Return the steps in which a stage is integrated: 40 a period of its resonance, or more."""
+    return max(1, math.ceil(seconds / min(STEP, 1.0 / (40.0 * file.flexure.resonance_Hz))))
+
+
 def read_piezo_rig(path: PathLike) -> PiezoRig:
     """Read and check the rig file of a piezo stage."""
     return PiezoRig(Path(path), read_rig_file(path, [FileKind.PIEZO]))
@@ -112,10 +116,27 @@ def at_rest(inverse: ForceController) -> ForceController:
     return fresh
 
 
+def notch_numbers(file: RigFile) -> dict[str, float]:
+    """Return frequency, damping and width of the notch filter: those of the resonance if left out."""
+    control, flexure = file.displacement, file.flexure
+    return {
+        "notch_Hz": control.notch_Hz or flexure.resonance_Hz,
+        "notch_damping": control.notch_damping or flexure.damping_ratio,
+        "notch_width": control.notch_width,
+    }
+
+
 def notch_of(file: RigFile) -> Biquad:
-    """Return the notch filter in the feedback, at the resonance."""
-    flexure, rate = file.flexure, file.timing.rate_Hz
-    return notch(flexure.resonance_Hz, flexure.damping_ratio, NOTCH, 1.0 / rate)
+    """Return the notch filter in the feedback."""
+    rate, (frequency, damping, width) = file.timing.rate_Hz, notch_numbers(file).values()
+    if frequency >= 0.5 * rate:
+        raise InputError(
+            f"timing.rate_Hz: {rate:g} ticks a second are too few for a notch filter at "
+            f"{frequency:g} Hz, the resonance; give more than twice as many",
+            code="rate-too-low",
+            key="timing.rate_Hz",
+        )
+    return notch(frequency, damping, width, 1.0 / rate)
 
 
 def controller_numbers(rig: PiezoRig, inverse: ForceController) -> ControllerNumbers:

@@ -168,7 +168,7 @@ class StackTable(Table):
     """``[[stack]]``: what a free piezo stack does."""
 
     stroke_m_per_V: Positive
-    bend_m_per_V2: NotNegative
+    bend_m_per_V2: Number
     slope_m_per_V: Positive
     beta_per_V: Positive
     gamma_per_V: NotNegative
@@ -351,6 +351,10 @@ class DisplacementTable(Table):
 
     kind: Literal["displacement"]
     bandwidth_Hz: Positive
+    # of the notch filter in the feedback: that of the body if left out, and what takes its place
+    notch_Hz: Positive | None = None
+    notch_damping: Positive | None = None
+    notch_width: Positive = 0.7
 
 
 ControlEntry = Annotated[

@@ -27,7 +27,8 @@ from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.identification import identify
 from anhyst.identification.run import whole_search
 from anhyst.model.actuator import Model
-from anhyst.rig.piezo import SEED, PiezoRig, at_rest, piezo_loss, rounded, triangle
+from anhyst.rig.measuring import read_stack
+from anhyst.rig.piezo import SEED, PiezoRig, at_rest, notch_of, piezo_loss, rounded, triangle
 from anhyst.rig.recording import Recording, peak, rms
 from anhyst.study.engine.table import FIGURES, ComparedFigure, Judgement, Metric, StudyResult, judge
 from anhyst.support.atomic import PathLike
@@ -171,6 +172,10 @@ def judged_from(rig: PiezoRig) -> int:
 
 def find_inverses(rig: PiezoRig) -> dict[str, ForceController]:
     """Measure the stage and make every way from displacement to voltage."""
+    try:
+        notch_of(rig.settings)  # before the work
+    except InputError as error:
+        raise error.at(rig.path) from error
     loops = measure(rig)
     model = whole_search(identify(loops)).model
     target = reference(rig)
@@ -197,9 +202,7 @@ def measure(rig: PiezoRig) -> Loops:
     when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
     time = np.arange(0.0, when[-1], LOOP_STEP)
     drive = np.interp(time, when, points)
-    sensor = rig.settings.position_sensor
-    noise = sensor.noise_m * np.random.default_rng(SEED).standard_normal(time.size)
-    read = np.round((rig.motion(LOOP_STEP).run(drive) + noise) / sensor.step_m) * sensor.step_m
+    read = read_stack(rig, drive, LOOP_STEP, SEED)
     loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
     return Loops((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
 

@@ -61,15 +61,23 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "verify": (FileKind.COMPILED,),
     "simulate": RIGS,
     "calibrate": (FileKind.BEARING, FileKind.STAGE),
-    "tune": (FileKind.BEARING, FileKind.STAGE),
+    "tune": (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO),
     "force-control": (FileKind.FORCE, *_MEASURED),
-    "excite": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
+    "excite": RIGS,
     "live": (*RIGS, FileKind.COMPILED),
     "xcp": (FileKind.PORT,),
 }
 """What the first argument of every verb may be."""
-_WHY = {("tune", FileKind.FORCE): " (force control is open loop: there are no gains)"}
-"""What is said of a refusal beside the kinds that a verb takes."""
+REASONS: Mapping[tuple[str, FileKind], str] = {
+    ("tune", FileKind.FORCE): "its force is controlled open loop, so there are no gains to find",
+    ("calibrate", FileKind.FORCE): "its armature is held, so there is no motion to learn from",
+    ("calibrate", FileKind.PIEZO): "it has no magnets, whose errors are what motion teaches",
+    ("force-control", FileKind.BEARING): "its armature flies, and here one is held",
+    ("force-control", FileKind.STAGE): "its body moves, and here an armature is held",
+    ("force-control", FileKind.PIEZO): "a stack is driven to a displacement, not to a force",
+    ("compile", FileKind.BEARING): "compile its model, with --controller for the whole controller",
+}
+"""Why a verb has no use for a kind, where there is more to say than that."""
 
 MEASUREMENTS = frozenset(
     {".csv", ".tsv", ".mat", ".mf4", ".tdms", ".h5", ".hdf5", ".parquet", ".xlsx", ".xlsm"}
@@ -138,8 +146,8 @@ def refuse_other(
         return kind
     plural = verb != ""
     names = _listed([NAMES[kind][plural] for kind in taken], "and" if plural else "or")
-    needed = f"{verb} is for {names}" if plural else f"{names} is needed"
-    needed += _WHY.get((verb, kind), "")
+    reason = f": {REASONS[verb, kind]}" if (verb, kind) in REASONS else ""
+    needed = f"{verb} is for {names}{reason}" if plural else f"{names} is needed"
     raise InputError(
         f"{path}: this is {NAMES[kind][0]}; {needed}; {_taken(kind)}", code="wrong-kind"
     )

@@ -20,9 +20,11 @@ from anhyst.rig.file import RigFile
 from anhyst.rig.force.file import Rig
 from anhyst.rig.measurement_table import ExciteTable, MeasurementTable
 from anhyst.rig.measuring import FAST_CYCLES, FAST_SAMPLES, HeldBearing, HeldRig, straight
+from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.tables import TrackingTable
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.units import QUANTITIES
 
 MARGIN = 0.95
 """Share of the warmth that trips, up to which a drive is designed."""
@@ -79,10 +81,14 @@ class Bound:
 
 @dataclass(frozen=True, slots=True)
 class Specimen:
-    """What is measured, and within what."""
+    """What is measured, and within what.
 
-    held: HeldRig  # the rig, its armature held
-    gaps: tuple[float, ...]  # where it is held, m
+    A piezo stage is driven by a voltage, V, and answers with a displacement, m: these stand in the
+    places of current and force.
+    """
+
+    held: HeldRig | None  # the rig, its armature held; none of a piezo stage
+    gaps: tuple[float, ...]  # where it is held, m; none of a piezo stage
     operating: Bound  # force about which inner loops are run, N
     current: Bound  # largest current, A; its fastest change, A/s; largest force, N
     rate: Bound
@@ -95,8 +101,14 @@ class Specimen:
     pause: float  # to set the next gap, s
     fast: tuple[float, ...] = ()  # wanted rates of full cycles besides, A/s
     hurry: float = 0.0  # fastest change of the force that is asked for, N/s; 0 where none is known
-    output: str = "force"  # quantity of the loops
+    drive: str = "current"  # quantities of the loops
+    output: str = "force"
     both_ways: bool = False  # whether the current goes as far below zero as above
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Units of what drives and of what answers."""
+        return QUANTITIES[self.drive].unit, QUANTITIES[self.output].unit
 
 
 def bearing_specimen(rig: BodyRig) -> Specimen:
@@ -175,6 +187,47 @@ def force_specimen(rig: Rig) -> Specimen:
         lowest=0.0,
         rate=Bound(amplifier.slew, "amplifier.slew_A_per_s"),
         sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
+    )
+
+
+STACK_CYCLE_S = 1.0
+"""Fastest slow cycle of a piezo stage, over the whole range of its amplifier."""
+RINGS = 80.0
+"""Periods of its resonance in the fastest cycle: it rings by 0.8 % of the stroke where it turns."""
+FASTER = 5.0
+"""Fast cycles of a piezo stage over slow ones: two speeds tell a lag from a wider loop."""
+STACK_PAUSE_S = 30.0
+"""At 0 V before each record of a piezo stage: the creep of its conditioning is gone."""
+
+
+def stack_specimen(rig: PiezoRig) -> Specimen:
+    """Return a piezo stage, driven from 0 V: its amplifier limits it, and its resonance the speed."""
+    amplifier, moved = rig.settings.stack_amplifier, rig.settings.moved
+    if amplifier.low_V > 0.0:
+        raise InputError(
+            "amplifier.low_V: a stack is measured from long rest at 0 V; lower it to 0 or less",
+            code="out-of-range",
+            key="amplifier.low_V",
+        ).at(rig.path)
+    cycle = 2.0 * amplifier.high_V  # V
+    rate = cycle * rig.settings.flexure.resonance_Hz / RINGS
+    sweep = min(cycle / STACK_CYCLE_S, rate / FASTER)
+    return Specimen(
+        held=None,
+        gaps=(),
+        operating=Bound(moved.low_m + 0.5 * moved.stroke_m, "case.stroke_m"),
+        current=Bound(amplifier.high_V, "amplifier.high_V"),
+        rate=Bound(rate, "body.resonance_Hz"),
+        force=Bound(math.inf, "sensor"),
+        lowest=amplifier.low_V,
+        winding=None,
+        sweep=sweep,
+        sample=cycle / (FAST_SAMPLES * FASTER * sweep),
+        cycles=CYCLES,
+        pause=STACK_PAUSE_S,
+        fast=(FASTER * sweep,),
+        drive="voltage",
+        output="displacement",
     )
 
 
@@ -321,7 +374,8 @@ def records(specimen: Specimen, peak: float, operating: float) -> list[Record]:
     for speed in speeds_of(specimen):
         sample = 2.0 * peak / (FAST_SAMPLES * speed)
         path = straight(cycles, 2.0 * peak / FAST_SAMPLES)
-        slow.append(Record(f"{speed:.4g}A/s", *begun, path, history, sample, fast=True))
+        name = f"{speed:.4g}{specimen.units[0]}/s"
+        slow.append(Record(name, *begun, path, history, sample, fast=True))
     return slow
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ from anhyst.data.sidecar import is_sidecar
 from anhyst.rig.body import read_bearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.from_loops import complete_rig
-from anhyst.rig.measuring import Pull, straight, take
+from anhyst.rig.measuring import Pull, read_stack, straight, take
 from anhyst.rig.parts.sensors import Sensors
+from anhyst.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.study.excite.design import (
     INNER,
@@ -29,6 +31,7 @@ from anhyst.study.excite.design import (
     force_specimen,
     records,
     speeds_of,
+    stack_specimen,
     step_of,
 )
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
@@ -40,6 +43,9 @@ from anhyst.support.toml_file import take_kind
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import QUANTITIES
 
+Measuring = Callable[[Specimen, Progress | None], "Excitation"]
+"""How loops of a specimen are measured."""
+
 
 @dataclass(frozen=True, slots=True)
 class ReadSpecimen:
@@ -47,12 +53,16 @@ class ReadSpecimen:
 
     specimen: Specimen
     reads: tuple[Path, ...]  # must not be written over
+    how: Measuring  # what measures the virtual rig
 
 
 def read_specimen(path: PathLike) -> ReadSpecimen:
-    """Read a rig file of a bearing, of a stage, or of force control."""
+    """Read a rig file of any kind."""
     file_path = Path(path)
     kind = take_kind(file_path, TAKES["excite"])
+    if kind is FileKind.PIEZO:
+        stack = read_piezo_rig(file_path)
+        return ReadSpecimen(stack_specimen(stack), (file_path,), partial(measure_stack, stack))
     if kind is FileKind.FORCE:
         rig = read_rig(file_path)
         named = rig.settings.solenoid
@@ -60,13 +70,13 @@ def read_specimen(path: PathLike) -> ReadSpecimen:
         if named is None and rig.settings.magnet.from_loops:
             files += rig.measured.files
             rig = complete_rig(rig, rig.measured.read())
-        return ReadSpecimen(force_specimen(rig), tuple(files))
+        return ReadSpecimen(force_specimen(rig), tuple(files), measure)
     bearing = read_stage(file_path) if kind is FileKind.STAGE else read_bearing(file_path)
     files = [file for file in (file_path, bearing.model, bearing.flux_table) if file is not None]
     if bearing.settings.magnet.from_loops:
         files += bearing.measured.files
         bearing = complete_rig(bearing, bearing.measured.read())
-    return ReadSpecimen(bearing_specimen(bearing), tuple(files))
+    return ReadSpecimen(bearing_specimen(bearing), tuple(files), measure)
 
 
 SECANT = 0.1
@@ -83,7 +93,7 @@ _PROBE = 1000
 class Place:
     """What was found at a gap before loops were measured there."""
 
-    gap: float  # m
+    gap: float  # m; of a piezo stage not a number
     peak: Bound  # largest current, A, and what limits it
     force: float  # largest force that was read on the way there, N
     operating: float  # current about which inner loops are run, A
@@ -127,28 +137,31 @@ class Excitation:
     def as_dict(self) -> dict[str, Any]:
         """Return it as what is printed as JSON."""
         played, specimen = self.played, self.specimen
+        drive, unit = specimen.drive, specimen.units[0]
+        answer = "displacement_m" if specimen.output == "displacement" else "force_N"
         return {
             "loops": len(self.loops),
             "samples": sum(loop.n for loop in self.loops.loops),
             "duration_s": float(played.time[-1]),
             "begins": "demagnetised" if self.demagnetised else "conditioned",
-            "rate_A_per_s": step_of(specimen) / specimen.sample,
+            f"rate_{unit}_per_s": step_of(specimen) / specimen.sample,
             "limits": {
                 name: {"value": limit.value, "key": limit.key}
                 for name, limit in (
-                    ("current_A", specimen.current),
-                    ("rate_A_per_s", specimen.rate),
-                    ("force_N", specimen.force),
+                    (f"{drive}_{unit}", specimen.current),
+                    (f"rate_{unit}_per_s", specimen.rate),
+                    (answer, specimen.force),
                 )
+                if math.isfinite(limit.value)
             },
             "warmth": None if specimen.winding is None else float(played.warmth.max()),
             "gaps": [
                 {
-                    "gap_m": place.gap,
-                    "current_max_A": place.peak.value,
+                    **({"gap_m": place.gap} if specimen.gaps else {}),
+                    f"{drive}_max_{unit}": place.peak.value,
                     "limited_by": place.peak.key,
-                    "force_N": place.force,
-                    "operating_A": place.operating,
+                    answer: place.force,
+                    f"operating_{unit}": place.operating,
                     "operating_reached": place.reached,
                     **({"needed_A_per_s": place.needed} if place.needed else {}),
                 }
@@ -209,6 +222,7 @@ def measure(specimen: Specimen, progress: Progress | None = None) -> Excitation:
     out what was before. At each gap the current is first raised once, until it, the force or the
     winding is at its limit: that is the largest current of the records there.
     """
+    assert specimen.held is not None
     cool = coolest_peak(specimen)
     magnet, clock = specimen.held.magnet(), _Clock(specimen)
     gaps = sorted(specimen.gaps, reverse=True)
@@ -236,10 +250,41 @@ def measure(specimen: Specimen, progress: Progress | None = None) -> Excitation:
     )
 
 
+def measure_stack(
+    rig: PiezoRig, specimen: Specimen, progress: Progress | None = None
+) -> Excitation:
+    """Measure loops of a piezo stage in one drive, from long rest at 0 V, as its creep goes on."""
+    clock, cool, nowhere = _Clock(specimen), coolest_peak(specimen), math.nan
+    seed = [rig.settings.seed, _PROBE]
+    rise = straight([0.0, cool.value], step_of(specimen))
+    clock.play(np.concatenate([rise, rise[::-1]]), nowhere)
+    probed = read_stack(rig, clock.played().current, specimen.sample, seed)
+    place = place_of(specimen, nowhere, rise, probed[: rise.size].tolist(), cool)
+    paths = records(specimen, place.peak.value, place.operating)
+    times = []
+    for record in paths:
+        clock.play(record.approach, nowhere)
+        clock.rest(specimen.pause, nowhere)
+        times.append(clock.play(record.path, nowhere))
+    played = clock.played()
+    read = read_stack(rig, played.current, specimen.sample, seed)
+    loops = []
+    for count, (record, time) in enumerate(zip(paths, times, strict=True)):
+        begin = round(time[0] / specimen.sample) - 1
+        answer = read[begin : begin + time.size]
+        loops.append(Loop(record.name, record.path, answer, None, time, record.history))
+        if progress is not None:
+            progress(count + 1, len(paths))
+    names = QUANTITIES[specimen.drive], QUANTITIES[specimen.output]
+    notes = tuple(notes_of(specimen, [place]))
+    return Excitation(Loops(tuple(loops), *names), specimen, (place,), played, notes)
+
+
 def _probe(
     specimen: Specimen, magnet: Pull, clock: _Clock, gap: float, number: int, cool: Bound
 ) -> Place:
     """Raise the current once until something is at its limit, and take it back."""
+    assert specimen.held is not None
     path = straight([0.0, cool.value], step_of(specimen))
     clock.cool(np.concatenate([path, path[::-1]]), gap)
     sensors = specimen.held.sensors([number, _PROBE], specimen.sample)
@@ -329,27 +374,29 @@ def check_operating(specimen: Specimen, places: Sequence[Place]) -> None:
 def notes_of(specimen: Specimen, places: Sequence[Place]) -> list[str]:
     """Say what was designed down, and why."""
     notes = []
+    unit, answer = specimen.units
     if specimen.sweep > specimen.rate.value:
         notes.append(
             f"current changes by {specimen.rate.value:.4g} A/s instead of {specimen.sweep:.4g} A/s: "
             f"{specimen.rate.key}"
         )
     for place in places:
-        at = f"{1e3 * place.gap:g} mm"
+        at = f"{1e3 * place.gap:g} mm: " if specimen.gaps else ""
         if place.peak.value < specimen.current.value:
             notes.append(
-                f"{at}: largest current {place.peak.value:.4g} A instead of "
+                f"{at}largest current {place.peak.value:.4g} A instead of "
                 f"{specimen.current.value:.4g} A: {place.peak.key}"
             )
         if not place.reached:
             notes.append(
-                f"{at}: inner loops about {place.operating:.4g} A, which does not give the "
-                f"{specimen.operating.value:.4g} N of {specimen.operating.key}"
+                f"{at}inner loops about {place.operating:.4g} {unit}, which does not give the "
+                f"{specimen.operating.value:.4g} {answer} of {specimen.operating.key}"
             )
     if not all(demagnetises(specimen, place.peak.value) for place in places):
         notes.append(
             "the amplifier does not drive as far below zero as above: records begin after "
-            f"{specimen.cycles} cycles from 0 to the largest current instead of demagnetised"
+            f"{specimen.cycles} cycles from 0 to the largest {specimen.drive} instead of "
+            "demagnetised"
         )
     notes += [
         f"full cycles at {specimen.rate.value:.4g} A/s instead of {speed:.4g} A/s: {specimen.rate.key}"
@@ -363,7 +410,7 @@ def notes_of(specimen: Specimen, places: Sequence[Place]) -> list[str]:
             f"cycles of {needed:.3g} A/s would show what solid iron does there "
             "(measurement.fast_A_per_s)"
         )
-    if specimen.winding is None:
+    if specimen.gaps and specimen.winding is None:
         notes.append(
             "the rig file does not say what the winding stands (excite.continuous_A, thermal_s): "
             "its temperature is not looked at"
@@ -371,20 +418,26 @@ def notes_of(specimen: Specimen, places: Sequence[Place]) -> list[str]:
     return notes
 
 
-Measuring = Callable[[Specimen, Progress | None], Excitation]
-"""How loops of a specimen are measured."""
-
-
 def excite(
-    rig: PathLike, out: PathLike, progress: Progress | None = None, how: Measuring = measure
+    rig: PathLike, out: PathLike, progress: Progress | None = None, how: Measuring | None = None
 ) -> Excitation:
-    """Measure the loops of a rig and write them, with a sidecar that says how they begin."""
+    """Measure the loops of a rig and write them, with a sidecar that says how they begin.
+
+    Without `how` it is the virtual rig that is measured.
+    """
     file = Path(out)
     if file.suffix.lower() != ".csv":
         raise InputError(
             f"{file}: loops are written as .csv; change the ending", code="wrong-ending"
         )
     read = read_specimen(rig)
+    if how is not None and not read.specimen.gaps:
+        raise InputError(
+            "--xcp and --port measure through a controller of force, which a piezo stage has none "
+            "of; leave them and --folder out",
+            code="option-not-for-this",
+            key="--xcp",
+        )
     sidecar = file.with_suffix(".toml")
     for path in (file, sidecar):
         check_writable(path, reads=read.reads)
@@ -393,7 +446,7 @@ def excite(
             f"{sidecar}: is no description of loops; write to another file", code="not-a-sidecar"
         )
     try:
-        measured = how(read.specimen, progress)
+        measured = (how or read.how)(read.specimen, progress)
     except InputError as error:
         raise error.at(rig) from error
     write_excitation(measured, Path(rig), file)

@@ -1,8 +1,8 @@
 """What gains are wanted for, and how far from it they are.
 
 Gains that miss no aim are compared by one figure: of a bearing the settling time, of a stage the
-moving average. Those that miss some are compared by how far they miss them. So the search first
-finds gains that are allowed, and then the best of them.
+moving average, of a piezo stage the rms error. Those that miss some are compared by how far they
+miss them. So the search first finds gains that are allowed, and then the best of them.
 """
 
 # ruff: noqa: N815 - figures carry units
@@ -82,6 +82,20 @@ class StageFigures(GainFigures):
 
 
 @dataclass(frozen=True)
+class PiezoFigures(GainFigures):
+    """Of a piezo stage on its triangle; the sensitivity is that of the linear loop."""
+
+    least = "error_rms_m"
+    error_rms_m: float = 0.0
+    error_peak_m: float = 0.0
+
+    def named(self) -> dict[str, float]:
+        """Return them by name; a triangle has no settling and no standstill."""
+        names = ("error_rms_m", "error_peak_m", "peak_sensitivity")
+        return {name: getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True)
 class GainMetric(Metric):
     """A figure of gains, and how it is written."""
 
@@ -97,6 +111,7 @@ TITLES: Mapping[str, GainMetric] = {
     for one in (
         GainMetric("overshoot_percent", "overshoot", "%"),
         GainMetric("average_m", "moving average", "nm", 1e9),
+        GainMetric("error_rms_m", "rms error", "nm", 1e9, 1),
         GainMetric("error_peak_m", "peak error", "nm", 1e9, 1),
         GainMetric("settling_time_s", "settling time", "ms", 1e3),
         GainMetric("peak_sensitivity", "peak sensitivity", ""),

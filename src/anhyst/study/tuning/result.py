@@ -13,6 +13,7 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
+from anhyst.rig.piezo import PiezoRig
 from anhyst.study.engine.table import Interval, compare
 from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.search import FoundGains
@@ -52,13 +53,13 @@ class Tuning(Result):
 
     Parameters
     ----------
-    rig : BodyRig
+    rig : BodyRig or PiezoRig
     controller : ControllerFile or None
-        As it was; None of a stage.
+        As it was; None of a stage or a piezo stage.
     plant : PlantCheck or None
         What the loops say about the plant of a bearing.
     own : str
-        The variant that the files name; of a stage ``full``.
+        The variant that the files name; of stages ``full``.
     aims : Aims
     budget, seed : int
     tuned : mapping of str to Tuned
@@ -71,7 +72,7 @@ class Tuning(Result):
         By the clock, and of all processes.
     """
 
-    rig: BodyRig
+    rig: BodyRig | PiezoRig
     controller: ControllerFile | None
     plant: PlantCheck | None
     own: MethodName
@@ -120,6 +121,7 @@ class Tuning(Result):
 _WORDS = {
     "settling_time_s": ("settles in", "in", "settling time", WHERE_IT_PAYS["feedback"]),
     "average_m": ("leaves a moving average of", "one of", "moving average", WHERE_IT_PAYS["stage"]),
+    "error_rms_m": ("leaves an rms error of", "one of", "rms error", WHERE_IT_PAYS["piezo"]),
 }
 """Of what is made small: what a variant does, and another one; its name; where it would pay."""
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from operator import call
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from cmaes import CMA
@@ -22,7 +23,15 @@ from anhyst.rig.drift import changed
 from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.bearing.operating import find_operating_point, linear_loop
 from anhyst.study.tuning.aims import MISSED, Aims, GainFigures
-from anhyst.study.tuning.trial import Check, Condition, GainOutcome, GainTrial, Tunable, run_trial
+from anhyst.study.tuning.trial import (
+    Box,
+    Check,
+    Condition,
+    GainOutcome,
+    GainTrial,
+    Tunable,
+    run_trial,
+)
 from anhyst.support.errors import NegativeResult
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.numeric import FloatArray
@@ -210,6 +219,24 @@ def refine(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> F
         if float(np.min(cost)) < least:
             best, least = tried[int(np.argmin(cost))], float(np.min(cost))
     return best
+
+
+class LinearLoops(Protocol):
+    """Linear loops that say what points of a box cost."""
+
+    def costs(self, space: Box, aims: Aims, points: FloatArray) -> FloatArray:
+        """Return costs as :meth:`Aims.cost` gives them, of what is known here."""
+
+
+def liked(loop: LinearLoops, space: Box, seed: int, aims: Aims) -> FloatArray:
+    """Return the point that linear loops like best."""
+    return refine(partial(loop.costs, space, aims), len(space.axes), seed)
+
+
+def least_cost(space: Box, seed: int, eased: tuple[LinearLoops, Aims]) -> float:
+    """Return what that point costs."""
+    loop, aims = eased
+    return float(loop.costs(space, aims, liked(loop, space, seed, aims)[None, :])[0])
 
 
 HORIZON_S = 0.03

@@ -19,7 +19,7 @@ from anhyst.study.engine.table import mean_interval
 from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.simulate import SMALL, find_gains, standing
 from anhyst.study.tuning.aims import MISSED, Aims, StageFigures
-from anhyst.study.tuning.search import refine
+from anhyst.study.tuning.search import least_cost, liked
 from anhyst.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
@@ -130,7 +130,7 @@ class LinearStage:
             np.sqrt(np.trapezoid(left**2, frequency, axis=1)),
         )
 
-    def costs(self, space: StageSpace, aims: Aims, points: FloatArray) -> FloatArray:
+    def costs(self, space: Box, aims: Aims, points: FloatArray) -> FloatArray:
         """Return what points of the box cost: those that keep the peak what they leave."""
         rows = [space.numbers(point) for point in points]
         measured = self.look({name: np.array([row[name] for row in rows]) for name in space.axes})
@@ -242,7 +242,7 @@ class StageLoop:
     def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return what finds the points that linear loops like best, for several peaks."""
         return [
-            partial(_liked, self.linear, self.space, seed, aims.tightened({"peak_sensitivity": p}))
+            partial(liked, self.linear, self.space, seed, aims.tightened({"peak_sensitivity": p}))
             for p in _STRICTER
         ]
 
@@ -337,7 +337,7 @@ class StageLoop:
             ),
         }
         return what_helps(
-            partial(_least_average, self.space, seed),
+            partial(least_cost, self.space, seed),
             eased,
             jobs,
             lambda what, one, base: (
@@ -374,16 +374,6 @@ class StageLoop:
             f"{crossover / numbers['lead_ratio']:.3g} to "
             f"{crossover * numbers['rolloff_ratio']:.4g} Hz.",
         ]
-
-
-def _liked(loop: LinearStage, space: StageSpace, seed: int, aims: Aims) -> FloatArray:
-    return refine(partial(loop.costs, space, aims), len(space.axes), seed)
-
-
-def _least_average(space: StageSpace, seed: int, eased: tuple[LinearStage, Aims]) -> float:
-    """Return what the best gains for linear loops leave of a force of flat spectrum."""
-    loop, aims = eased
-    return float(loop.costs(space, aims, _liked(loop, space, seed, aims)[None, :])[0])
 
 
 def _means(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, dict[str, float]]:

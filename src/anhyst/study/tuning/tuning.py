@@ -17,12 +17,15 @@ from anhyst.rig.bearing.loop import make_setups
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.fitting import check_plant
+from anhyst.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.rig.rewriting import rewrite_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.simulate import compared
+from anhyst.study.piezo import find_inverses
+from anhyst.study.plants import METHODS
 from anhyst.study.tracking.simulate import (
     COMPARED,
     OF_AXES,
@@ -33,6 +36,7 @@ from anhyst.study.tracking.simulate import (
 )
 from anhyst.study.tuning.aims import Aims
 from anhyst.study.tuning.bearing import BearingLoop, default_conditions
+from anhyst.study.tuning.piezo import PiezoLoop
 from anhyst.study.tuning.result import RESULTS, Tuned, Tuning, file_note, write_results
 from anhyst.study.tuning.search import BUDGET, GainSearch
 from anhyst.study.tuning.stage import SLOWEST, StageLoop
@@ -71,9 +75,10 @@ def tune(
     ----------
     rig : path-like
         Rig file. Of a bearing its gaps, steps and load are the test cases, and two thirds of that
-        load; of a stage the training set-point, judged on the test set-point and on drawn plants.
+        load; of a stage the training set-point, judged on the test set-point and on drawn plants; of
+        a piezo stage its triangle, on the nominal stage and on drawn ones.
     out : path-like
-        Folder to write to: ``controller.toml``, of a stage ``rig.toml`` (with `all_variants`, one
+        Folder to write to: ``controller.toml``, of stages ``rig.toml`` (with `all_variants`, one
         for each: ``controller-full.toml``), ``tuning.json`` and ``tuning.md``.
     controller : path-like, optional
         Controller file of a bearing to begin with; ``controller.toml`` beside the rig file if left
@@ -89,7 +94,7 @@ def tune(
     average : float, optional
         Largest moving average of a stage, m; the least is sought anyway.
     error : float, optional
-        Largest error of a stage, m.
+        Largest error of a stage or a piezo stage, m; of the latter the least rms is sought anyway.
     standstill : float, optional
         Largest rms of the gap, or of the error of a stage, at standstill, m.
     effort : float, optional
@@ -130,23 +135,35 @@ def tune(
             key="--budget",
         )
     kind = take_kind(rig, TAKES["tune"])
-    stage = kind is FileKind.STAGE
-    others = {"--controller": controller, "--overshoot": overshoot} if stage else {}
-    others |= {} if stage else {"--average": average, "--error": error, "--crossover": crossover}
-    if refused := [name for name, value in others.items() if value is not None]:
+    bearing, stage, piezo = FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO
+    options = (
+        ("--controller", controller, {bearing}),
+        ("--overshoot", overshoot, {bearing}),
+        ("--average", average, {stage}),
+        ("--crossover", crossover, {stage}),
+        ("--error", error, {stage, piezo}),
+        ("--settling", settling, {bearing, stage}),
+        ("--standstill", standstill, {bearing, stage}),
+        ("--effort", effort, {bearing, stage}),
+    )
+    if refused := [name for name, value, of in options if value is not None and kind not in of]:
         raise InputError(
             f"{NAMES[kind][0]} has no {' or '.join(refused)}; leave it out",
             code="option-not-for-this",
             key=refused[0],
         )
-    overshoot = 2.0 if overshoot is None and not stage else overshoot
+    overshoot = 2.0 if kind is bearing and overshoot is None else overshoot
     aims = Aims(overshoot, peak, settling, standstill, effort, error, average)
     begin, used = time.perf_counter(), _processor_time()
     task = _Task(aims, budget, seed, jobs)
     with workers_of(scheduler):
-        subject: _Subject = (
-            _Stage(read_stage(rig), crossover) if stage else _Bearing(*read_files(rig, controller))
-        )
+        subject: _Subject
+        if kind is piezo:
+            subject = _Piezo(read_piezo_rig(rig))
+        elif kind is stage:
+            subject = _Stage(read_stage(rig), crossover)
+        else:
+            subject = _Bearing(*read_files(rig, controller))
         names = subject.names() if all_variants else (subject.own,)
         places = subject.places(Path(out), names)
         tuned, interrupted = task.run(subject.loops(names, jobs), progress)
@@ -175,7 +192,7 @@ class _Subject(ABC):
     """A rig and what is written for it."""
 
     stem: str  # of the files that are written
-    rig: BodyRig
+    rig: BodyRig | PiezoRig
     controller: ControllerFile | None = None
     plant: PlantCheck | None = None  # what the loops say about it
     own: MethodName  # what is tuned where not all variants are
@@ -188,14 +205,18 @@ class _Subject(ABC):
     def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
         """Read what is known, and make variants; some may not be possible."""
 
-    @abstractmethod
     def write(self, tuned: Tuned, path: Path, note: str) -> None:
-        """Write what a simulation takes."""
+        """Write what a simulation takes: a rig file, where no controller file has the gains."""
+        gains = tuned.found.loop.gains().items()
+        changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
+        rewrite_rig(self.rig.path, path, changes, note)
 
     def places(self, folder: Path, names: Sequence[MethodName]) -> dict[MethodName, Path]:
         """Return where the files go; find out first whether they can be written."""
         files = {name: f"{self.stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names}
-        reads = [self.rig.path, *self.rig.measured.files]
+        reads = [self.rig.path]
+        if isinstance(self.rig, BodyRig):
+            reads += self.rig.measured.files
         reads += [self.controller.path] if self.controller else []
         if folder.is_dir():
             for name in (*files.values(), *RESULTS):
@@ -270,10 +291,20 @@ class _Stage(_Subject):
             for (name, setup), gains in zip(made.items(), feedforwards, strict=True)
         }
 
-    def write(self, tuned: Tuned, path: Path, note: str) -> None:
-        gains = tuned.found.loop.gains().items()
-        changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
-        rewrite_rig(self.rig.path, path, changes, note)
+
+class _Piezo(_Subject):
+    stem = "rig"
+    own = "full"
+
+    def __init__(self, rig: PiezoRig) -> None:
+        self.rig: PiezoRig = rig
+
+    def names(self) -> Sequence[MethodName]:
+        return tuple(METHODS)
+
+    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+        inverses = find_inverses(self.rig)
+        return {name: PiezoLoop(self.rig, name, inverses[METHODS[name]]) for name in names}
 
 
 @dataclass(frozen=True)
