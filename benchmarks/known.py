@@ -42,7 +42,7 @@ from anhyst.identification.space import CoordinateSpace
 from anhyst.identification.uncertainty import OFFSETS
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
-from anhyst.model.compilable import obstacle
+from anhyst.model.actuator import obstacle
 from anhyst.support.atomic import atomic_writer
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray

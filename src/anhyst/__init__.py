@@ -51,11 +51,11 @@ if TYPE_CHECKING:
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.bearing.simulate import Simulation
     from anhyst.study.bearing.state_space import linearise
-    from anhyst.study.engine.monte_carlo import MonteCarlo
     from anhyst.study.excite.excite import Excitation
-    from anhyst.study.fleet.fleet import Fleet
-    from anhyst.study.fleet.fleet import judge_fleet as fleet
-    from anhyst.study.force.force_control import ForceControl, force_control
+    from anhyst.study.fleet import Fleet
+    from anhyst.study.fleet import judge_fleet as fleet
+    from anhyst.study.force_control import ForceControl, force_control
+    from anhyst.study.monte_carlo import MonteCarlo
     from anhyst.study.piezo import PiezoTracking
     from anhyst.study.tracking.calibrate import Calibration, calibrate
     from anhyst.study.tracking.compiled import CompiledStage
@@ -136,8 +136,8 @@ _PLACES = {
     "CompiledStage": "study.tracking.compiled",
     "Drafted": "draft.drafting",
     "Excitation": "study.excite.excite",
-    "Fleet": "study.fleet.fleet",
-    "ForceControl": "study.force.force_control",
+    "Fleet": "study.fleet",
+    "ForceControl": "study.force_control",
     "IdentifyResult": "identification.run",
     "InputError": "support.errors",
     "Inspection": "data.inspection",
@@ -145,7 +145,7 @@ _PLACES = {
     "Loops": "data.loops",
     "Model": "model.actuator",
     "ModelDiff": "model.diff",
-    "MonteCarlo": "study.engine.monte_carlo",
+    "MonteCarlo": "study.monte_carlo",
     "NegativeResult": "support.errors",
     "PiezoTracking": "study.piezo",
     "Prediction": "model.prediction",
@@ -163,8 +163,8 @@ _PLACES = {
     "excite": "reports.measuring:excite_rig",
     "excite_to_calibrate": "study.tracking.excitation",
     "export": "exchange.export",
-    "fleet": "study.fleet.fleet:judge_fleet",
-    "force_control": "study.force.force_control",
+    "fleet": "study.fleet:judge_fleet",
+    "force_control": "study.force_control",
     "identify": "identification.identify",
     "init": "draft.drafting",
     "inspect": "data.inspection",
@@ -187,7 +187,7 @@ _PLACES = {
 def __getattr__(name: str) -> object:
     """Import a name when it is first used."""
     if name == "__version__":
-        from anhyst.support.version import running_version
+        from anhyst.support.atomic import running_version
 
         return running_version()
     if name not in _PLACES:

@@ -23,8 +23,8 @@ from anhyst.identification.default import (
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.objective import Objective
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import GapMap
+from anhyst.model.schema import Uncertainty
 from tests.identification.truths import (
     GAPS,
     HISTORIES,

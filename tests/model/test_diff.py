@@ -9,7 +9,7 @@ import pytest
 from anhyst.data.history import History
 from anhyst.model.actuator import Model
 from anhyst.model.diff import diff
-from anhyst.model.fit_record import Provenance, ValidRange
+from anhyst.model.schema import Provenance, ValidRange
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 

@@ -27,8 +27,8 @@ from anhyst.rig.force import programs
 from anhyst.rig.force.bench import ActuatorStand, with_lead_in
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import Program, Session, ticks_that_differ
-from anhyst.study.force.force_control import ForceControl, force_control
-from anhyst.study.force.trials import ForceOutcome, judge_stages
+from anhyst.study.force_control import ForceControl, force_control
+from anhyst.study.force_trials import ForceOutcome, judge_stages
 from tests.refusals import says
 from tests.truths import truth
 

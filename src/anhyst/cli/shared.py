@@ -21,8 +21,8 @@ from anhyst.support.jobs import Progress
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from anhyst.data.read_options import ReadOptions
-    from anhyst.study.engine.table import StudyResult
+    from anhyst.data.clean import ReadOptions
+    from anhyst.study.table import StudyResult
     from anhyst.support.page import PageTable
     from anhyst.support.units import Quantity
 
@@ -137,7 +137,7 @@ def read_options(
     clean: str | None = None,
 ) -> ReadOptions:
     """Collect what the options say about reading measurements."""
-    from anhyst.data.read_options import ReadOptions
+    from anhyst.data.clean import ReadOptions
 
     return ReadOptions.from_text(
         columns=columns,

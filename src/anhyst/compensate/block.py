@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.model.actuator import Model
-from anhyst.model.compilable import least_slope, obstacle
+from anhyst.model.actuator import Model, least_slope, obstacle
 from anhyst.model.dynamics import Layers
 from anhyst.support.block_layout import (
     KINDS,

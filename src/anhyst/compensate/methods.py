@@ -35,9 +35,8 @@ from anhyst.compensate.plan import CompileRequest, full_scale, make_plan
 from anhyst.compensate.sources import FluxCalibration, Sources
 from anhyst.data.output_map import is_actuator
 from anhyst.data.surface import Surface
-from anhyst.model.actuator import Model
-from anhyst.model.compilable import has_layers
-from anhyst.model.fit_record import ValidRange
+from anhyst.model.actuator import Model, has_layers
+from anhyst.model.schema import ValidRange
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.kept import kept

@@ -23,8 +23,8 @@ from anhyst.data.history import History
 from anhyst.data.output_map import output_map
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
-from anhyst.support.c_objects import c_name, check_name
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.kept import c_name, check_name
 from anhyst.support.numeric import FloatArray
 
 RAMP_SECONDS = 0.25

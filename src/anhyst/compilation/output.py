@@ -36,13 +36,11 @@ from anhyst.compilation.vectors import (
     vectors_csv,
 )
 from anhyst.control.controller_file import read_controller
-from anhyst.model.actuator import Model, read_model
-from anhyst.model.compilable import has_layers
-from anhyst.support.atomic import PathLike, json_text
+from anhyst.model.actuator import Model, has_layers, read_model
+from anhyst.support.atomic import PathLike, json_text, running_version
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
 from anhyst.support.result import Result, columns_of
-from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -28,12 +28,11 @@ from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core
 from anhyst.compilation.vectors import SEED, Row, codes_of_inputs, vectors_csv
 from anhyst.model.actuator import Model, read_model
-from anhyst.support.atomic import PathLike
-from anhyst.support.c_objects import c_name
+from anhyst.support.atomic import PathLike, running_version
 from anhyst.support.errors import InputError
+from anhyst.support.kept import c_name
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, columns_of
-from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -35,16 +35,16 @@ from anhyst.support.atomic import (
     atomic_writer,
     check_writable,
     json_text,
+    running_version,
     whole_folder,
     write_bytes,
     write_texts,
 )
-from anhyst.support.c_objects import c_name
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, cores
+from anhyst.support.kept import c_name
 from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.toml_file import take_kind
-from anhyst.support.version import running_version
 
 
 @dataclass(frozen=True)

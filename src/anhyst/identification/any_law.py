@@ -22,8 +22,8 @@ from anhyst.identification.uncertainty import memory, statements
 from anhyst.laws import LAWS
 from anhyst.laws.law import Law
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import MAY_VARY, GapMap, Parameter
+from anhyst.model.schema import Uncertainty
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
 

@@ -48,23 +48,24 @@ from anhyst.identification.default import (
     search_each_gap,
     search_one_gap,
 )
-from anhyst.identification.left_open import (
-    ALIKE,
-    FARTHEST,
-    bends,
-    first_rise,
-    is_guessed,
-    left_open,
-)
 from anhyst.identification.objective import Objective
 from anhyst.identification.response import Local
 from anhyst.identification.run import Outcome, SearchRun
 from anhyst.identification.screening import starts
 from anhyst.identification.space import WRITTEN
-from anhyst.identification.uncertainty import assess, only_demanded
-from anhyst.model.compilable import obstacle
-from anhyst.model.fit_record import CHOSEN, CandidateFit, CrossValidation
+from anhyst.identification.uncertainty import (
+    ALIKE,
+    FARTHEST,
+    assess,
+    bends,
+    first_rise,
+    is_guessed,
+    left_open,
+    only_demanded,
+)
+from anhyst.model.actuator import obstacle
 from anhyst.model.left_over import EXACT
+from anhyst.model.schema import CHOSEN, CandidateFit, CrossValidation
 from anhyst.support.errors import NowhereNearError
 
 FEWEST = 5

@@ -24,7 +24,7 @@ from anhyst.identification.run import Outcome
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics
-from anhyst.model.fit_record import CandidateFit, Uncertainty
+from anhyst.model.schema import CandidateFit, Uncertainty
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0

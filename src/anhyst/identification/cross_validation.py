@@ -23,7 +23,7 @@ from anhyst.identification.default import FoundModel, follow
 from anhyst.identification.fit_records import FitRecords, blocks_along, clocks_of
 from anhyst.identification.uncertainty import only_demanded
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import CrossValidation
+from anhyst.model.schema import CrossValidation
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
 

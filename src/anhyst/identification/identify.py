@@ -23,25 +23,24 @@ from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
 from anhyst.identification.default import TO_END, follow
 from anhyst.identification.fit_records import records_of, rest_of
-from anhyst.identification.left_open import FARTHEST, first_rise, is_guessed, resolved
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rate import fit_rate, without_rate
 from anhyst.identification.run import SEARCHED, IdentifyResult, Outcome, SearchRun
 from anhyst.identification.space import IN_SERIES
-from anhyst.identification.uncertainty import assess
+from anhyst.identification.uncertainty import FARTHEST, assess, first_rise, is_guessed, resolved
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
-from anhyst.model.compilable import obstacle
-from anhyst.model.fit_record import (
+from anhyst.model.actuator import obstacle
+from anhyst.model.left_over import left_of, left_over_text
+from anhyst.model.parameters import GAP_MAPS
+from anhyst.model.schema import (
     Provenance,
     fit_figures,
 )
-from anhyst.model.left_over import left_of, left_over_text
-from anhyst.model.parameters import GAP_MAPS
+from anhyst.support.atomic import running_version
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.version import running_version
 
 SEARCHES = ("default", "paper")
 

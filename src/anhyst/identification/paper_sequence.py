@@ -42,7 +42,7 @@ from anhyst.identification.run import Outcome, SearchRun
 from anhyst.identification.space import CoordinateSpace
 from anhyst.identification.uncertainty import assess
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import ReductionStep
+from anhyst.model.schema import ReductionStep
 from anhyst.support.errors import InputError
 
 _SAME = 0.01

@@ -17,12 +17,11 @@ from anhyst._core import AnyIron
 from anhyst.data import Loop, Loops
 from anhyst.data.speeds import Speeds
 from anhyst.data.verdict import largest_output
-from anhyst.model.actuator import Model
-from anhyst.model.compilable import jumps_alone
+from anhyst.model.actuator import Model, jumps_alone
 from anhyst.model.dynamics import GAMMA, Dynamics, Layers
-from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import Parameter
 from anhyst.model.predict import as_history, initial_state
+from anhyst.model.schema import Uncertainty
 from anhyst.support.numeric import FloatArray
 
 COUNTS = (1, 2, 3, 4)

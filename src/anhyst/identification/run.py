@@ -15,24 +15,21 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from anhyst.data import Loops
-from anhyst.data.clean import STEPS
+from anhyst.data.clean import STEPS, ReadOptions
 from anhyst.data.history import History
-from anhyst.data.read_options import ReadOptions
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.response import ResponseForm
 from anhyst.laws.cells import Shape
 from anhyst.model.acceptance import Acceptance, GapCheck
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import CandidateFit, CrossValidation, ReductionStep, Uncertainty
-from anhyst.model.schema import LawName
+from anhyst.model.schema import CandidateFit, CrossValidation, LawName, ReductionStep, Uncertainty
 from anhyst.model.writer import write_model
-from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.atomic import PathLike, atomic_writer, running_version
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, few, length_scale
 from anhyst.support.toml_file import Table
-from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

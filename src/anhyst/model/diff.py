@@ -15,7 +15,7 @@ from anhyst.support.result import Result, columns_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from anhyst.model.fit_record import Range
+    from anhyst.model.schema import Range
 
 DRIVES_A_BRANCH = 200
 

@@ -9,10 +9,9 @@ from typing import Any, Literal, TypeVar, overload
 
 from anhyst.data.table import check_recording
 from anhyst.reports import force, piezo, plants, tracking
-from anhyst.reports.bearing import page, tables
+from anhyst.reports.bearing import page, subject
 from anhyst.reports.bearing.benefit import render_benefit
-from anhyst.reports.bearing.subject import subject_of
-from anhyst.reports.study.page import REPORT, Printed, write_page
+from anhyst.reports.study import REPORT, Printed, write_page
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
@@ -21,12 +20,12 @@ from anhyst.study.bearing.benefit import benefit as map_benefit
 from anhyst.study.bearing.on_board import BoardComparison, run_board
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.simulate import Simulation, explore
-from anhyst.study.engine.monte_carlo import MonteCarlo, Plants
-from anhyst.study.engine.monte_carlo import monte_carlo as run_plants
-from anhyst.study.engine.table import FIGURES, StudyResult
-from anhyst.study.force.force_control import ForceControl, force_control
+from anhyst.study.force_control import ForceControl, force_control
+from anhyst.study.monte_carlo import MonteCarlo, Plants
+from anhyst.study.monte_carlo import monte_carlo as run_plants
 from anhyst.study.piezo import PiezoTracking, track
 from anhyst.study.plants import bearing_plants, force_plants, piezo_plants, stage_plants
+from anhyst.study.table import FIGURES, StudyResult
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
 from anhyst.support.atomic import PathLike, check_writable, write_json
 from anhyst.support.errors import InputError, NegativeResult
@@ -36,7 +35,7 @@ from anhyst.support.kinds import NAMES, TAKES, FileKind
 from anhyst.support.toml_file import take_kind
 
 _PRINTED: Mapping[type[StudyResult], Callable[[Any], Printed]] = {
-    Simulation: tables.printed,
+    Simulation: subject.printed,
     TrackingStudy: tracking.printed,
     PiezoTracking: piezo.printed,
     ForceControl: force.printed,
@@ -210,7 +209,7 @@ class _Task:
         out = self.out if self.written else None
         return self.study(
             lambda: explore(self.rig, out, self.controller, self.progress),
-            lambda simulation, command: page.render(subject_of(simulation, command)),
+            lambda simulation, command: page.render(subject.subject_of(simulation, command)),
             [self.rig],
         )
 

@@ -1,4 +1,4 @@
-"""Files, folders and figures written whole or not at all, JSON as text; where cache and C sources are."""
+"""Files, folders and figures written whole or not at all, JSON as text; the package's version, cache and C sources."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import shutil
 import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from importlib.metadata import PackageNotFoundError, version
 from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -277,3 +278,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, Sequence):
         return [plain(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def running_version() -> str:
+    """Return the version as installed, or ``"0+source"`` when run from a bare source tree."""
+    try:
+        return version("anhyst")
+    except PackageNotFoundError:
+        return "0+source"

@@ -17,8 +17,8 @@ from anhyst.reports.bearing.figures import (
     figure_steps,
     figure_tracking,
 )
-from anhyst.reports.bearing.subject import SimulationSubject
-from anhyst.reports.bearing.tables import (
+from anhyst.reports.bearing.subject import (
+    SimulationSubject,
     benefit_table,
     experiment_tables,
     margin_table,
@@ -27,7 +27,7 @@ from anhyst.reports.bearing.tables import (
     standstill_tables,
     step_tables,
 )
-from anhyst.reports.study.page import (
+from anhyst.reports.study import (
     legend_table,
     ordered,
     origin,
@@ -38,7 +38,7 @@ from anhyst.reports.study.page import (
 from anhyst.rig.body import BodyRig
 from anhyst.study.bearing.linear import zone
 from anhyst.study.bearing.verdict import OVERSHOOT, Steps, judge_steps
-from anhyst.study.engine.table import strongest
+from anhyst.study.table import strongest
 from anhyst.support.kinds import MethodName
 from anhyst.support.page import NBSP, Block, Headline, Note, Section, Text, Tile, number
 

@@ -21,7 +21,7 @@ from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.path import branches, smooth_curve
 from anhyst.data.speeds import Speeds, rate_of
-from anhyst.model.fit_record import ReductionStep, Uncertainty
+from anhyst.model.schema import ReductionStep, Uncertainty
 from anhyst.reports.model.figures_over_schedule import figure_between, figure_parameters
 from anhyst.support.figures import (
     FAINT,

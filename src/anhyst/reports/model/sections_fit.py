@@ -14,7 +14,7 @@ from anhyst.data.loops import Loop
 from anhyst.data.speeds import speeds_of
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA
-from anhyst.model.fit_record import LoopFit
+from anhyst.model.schema import LoopFit
 from anhyst.reports.model.figures import (
     MOST_PANELS,
     figure_differences,

@@ -8,9 +8,9 @@ from types import MappingProxyType
 
 from markupsafe import Markup
 
-from anhyst.data.read_options import PREFIX
+from anhyst.data.clean import PREFIX
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import CrossValidation, Uncertainty
+from anhyst.model.schema import CrossValidation, Uncertainty
 from anhyst.reports.model.figures import figure_correlation, figure_reduction
 from anhyst.reports.model.figures_over_schedule import (
     SHARES,

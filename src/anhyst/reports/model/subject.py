@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from anhyst.data.clean import DEFAULT_STEPS, clean
+from anhyst.data.clean import DEFAULT_STEPS, PREFIX, clean
 from anhyst.data.inspection import Inspection, inspect
 from anhyst.data.loops import Loops
-from anhyst.data.read_options import PREFIX
 from anhyst.data.verdict import Verdict, judge, single_valued
 from anhyst.model.acceptance import Acceptance, DriveCheck, GapCheck
 from anhyst.model.actuator import Model, read_sources
-from anhyst.model.fit_record import FitFigures, fit_figures
 from anhyst.model.left_over import left_of, left_over_text
+from anhyst.model.schema import FitFigures, fit_figures
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
-from anhyst.model.compilable import has_layers
+from anhyst.model.actuator import has_layers
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.loop import (
     BearingSetup,
@@ -42,7 +42,7 @@ from anhyst.study.bearing.responses import (
     sweep,
 )
 from anhyst.study.bearing.verdict import grouped, judge_steps
-from anhyst.study.engine.table import FIGURES, Judgement, StudyResult, keep_lost
+from anhyst.study.table import FIGURES, Judgement, StudyResult, keep_lost
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, in_parts

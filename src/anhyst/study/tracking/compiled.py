@@ -47,15 +47,14 @@ from anhyst.rig.stage.loop import (
     track,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
-from anhyst.support.atomic import PathLike
-from anhyst.support.c_objects import c_name, check_name
+from anhyst.support.atomic import PathLike, running_version
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
+from anhyst.support.kept import c_name, check_name
 from anhyst.support.kinds import FileKind, NumberFormat, kind_of
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result
 from anhyst.support.states import Command
-from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

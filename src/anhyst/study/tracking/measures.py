@@ -14,7 +14,7 @@ from anhyst.rig.file import RigFile
 from anhyst.rig.recording import Recording, moving, peak, rms, settled_from
 from anhyst.rig.stage.file import error_columns, scan_direction, unit_of
 from anhyst.rig.stage.setpoint import SetPoint
-from anhyst.study.engine.table import Metric
+from anhyst.study.table import Metric
 from anhyst.support.numeric import FloatArray
 
 BANDS_M = (50e-9, 10e-9)

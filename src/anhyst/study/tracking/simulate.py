@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from anhyst.compensate.methods import METHODS
 from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst.model.compilable import has_layers
+from anhyst.model.actuator import has_layers
 from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CalibratedMethod
 from anhyst.rig.fitting import IdentifiedMagnet
@@ -30,7 +30,7 @@ from anhyst.rig.stage.loop import (
     track,
 )
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.engine.table import (
+from anhyst.study.table import (
     FIGURES,
     CaseFigures,
     ComparedFigure,

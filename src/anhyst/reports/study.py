@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from matplotlib.text import Text
 
-from anhyst.study.engine.table import TITLES, CaseFigures, Cases, Interval, Judgement, Level, Metric
-from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.study.table import TITLES, CaseFigures, Cases, Interval, Judgement, Level, Metric
+from anhyst.support.atomic import PathLike, atomic_writer, running_version
 from anhyst.support.figures import FALLING, RISING, new_figure, svg_text
 from anhyst.support.kinds import METHOD_TITLES, MethodName
 from anhyst.support.numeric import FloatArray
@@ -38,7 +38,6 @@ from anhyst.support.page import (
     render_page,
     table,
 )
-from anhyst.support.version import running_version
 
 INK = "#000000"
 SHADE = "#8C8C8C"

@@ -21,10 +21,9 @@ from anhyst.data.reading import files_read, read_loops
 from anhyst.identification import identify
 from anhyst.identification.run import IdentifyResult, whole_search
 from anhyst.model.actuator import Model, read_model
-from anhyst.support.atomic import PathLike, json_text, write_json
+from anhyst.support.atomic import PathLike, json_text, running_version, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of
-from anhyst.support.version import running_version
 from anhyst.verification.verify import verify
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.rig.drift import Drift, draw_plant
 from anhyst.rig.file import RigFile
-from anhyst.study.engine.table import (
+from anhyst.study.table import (
     ComparedFigure,
     Judgement,
     Metric,
@@ -27,13 +27,12 @@ from anhyst.study.engine.table import (
     mean_interval,
     strongest,
 )
-from anhyst.support.atomic import PathLike, plain
+from anhyst.support.atomic import PathLike, plain, running_version
 from anhyst.support.errors import Interrupted, NegativeResult
 from anhyst.support.jobs import Progress, each
 from anhyst.support.kept import ResultsFile
 from anhyst.support.kinds import FileKind, MethodName
 from anhyst.support.result import columns_of
-from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

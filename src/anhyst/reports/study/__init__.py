@@ -1,1 +1,0 @@
-"""What the pages and figures of all studies share."""

@@ -1,1 +1,0 @@
-"""Many plants behind many methods: drawn, run, compared, one verdict."""
