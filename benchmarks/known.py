@@ -152,7 +152,7 @@ class Scan:
 def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray | None:
     """Draw a start; None where nothing that was drawn has an answer."""
     form, records = space.form, space.records
-    home = reference_gap(records)
+    home = records.reference_gap
     scans = [Scan(form, records.at(gap)) for gap in range(records.gaps)]
     for _ in range(_TRIES):
         law = tuple(_number(one.name, rng) for one in form.kernel.numbers)

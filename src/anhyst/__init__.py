@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     from anhyst.model.diff import ModelDiff, diff
     from anhyst.model.predict_file import RunSummary, invert, predict
     from anhyst.model.prediction import Prediction
-    from anhyst.reports.measuring import excite_rig as excite
     from anhyst.reports.model.page import write_report as report
-    from anhyst.reports.simulate import simulate_rig as simulate
+    from anhyst.reports.verbs import excite_rig as excite
+    from anhyst.reports.verbs import simulate_rig as simulate
     from anhyst.study.bearing.benefit import Benefit
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.bearing.simulate import Simulation
@@ -160,7 +160,7 @@ _PLACES = {
     "convert": "exchange.convert",
     "diff": "model.diff",
     "example_files": "draft.drafting",
-    "excite": "reports.measuring:excite_rig",
+    "excite": "reports.verbs:excite_rig",
     "excite_to_calibrate": "study.tracking.excitation",
     "export": "exchange.export",
     "fleet": "study.fleet:judge_fleet",
@@ -175,7 +175,7 @@ _PLACES = {
     "read_loops": "data.reading",
     "read_model": "model.actuator",
     "report": "reports.model.page:write_report",
-    "simulate": "reports.simulate:simulate_rig",
+    "simulate": "reports.verbs:simulate_rig",
     "tune": "study.tuning.tuning:tune",
     "verify": "verification.verify",
     "watch": "study.watch",

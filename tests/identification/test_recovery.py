@@ -16,7 +16,6 @@ from anhyst.identification.bare import form_of, model_of
 from anhyst.identification.default import (
     FoundModel,
     join_gaps,
-    reference_gap,
     search_each_gap,
     search_one_gap,
 )
@@ -278,7 +277,7 @@ def fit_alone(loops: Loops, gap_map: GapMap) -> FoundModel:
     none: frozenset[str] = frozenset()
     if gap_map == "free":
         return search_each_gap(form, records, 1, none)
-    home = search_one_gap(form, records.at(reference_gap(records)), 1, none)
+    home = search_one_gap(form, records.at(records.reference_gap), 1, none)
     return home if gap_map == "none" else join_gaps(form, records, gap_map, home.sets, none)
 
 

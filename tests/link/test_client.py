@@ -19,7 +19,7 @@ from anhyst.link.frames import (
 )
 from anhyst.link.streaming import Status
 from anhyst.link.virtual_boards import Running, run_host
-from anhyst.support.block_head import regenerate
+from anhyst.support.block_words import regenerate
 from anhyst.support.states import Command, Fault, Flag, State
 from tests.refusals import refused
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.model.actuator import Model
 from anhyst.model.diff import diff
 from anhyst.model.schema import Provenance, ValidRange

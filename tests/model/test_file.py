@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anhyst.data.history import History
 from anhyst.data.loops import Source
+from anhyst.data.path import History
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.parameters import Parameter
 from anhyst.model.schema import (

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.model.schema import ValidRange

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.model.predict_file import invert, predict

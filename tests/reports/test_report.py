@@ -13,8 +13,8 @@ import pytest
 
 from anhyst.cli import app as cli
 from anhyst.data.clean import ReadOptions
-from anhyst.data.history import History
 from anhyst.data.loops import Loops, Source
+from anhyst.data.path import History
 from anhyst.data.verdict import WHERE_IT_PAYS, Level
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter

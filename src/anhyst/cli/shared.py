@@ -193,7 +193,7 @@ def from_page(drawn: PageTable) -> tuple[Table, ...] | tuple[Table, str]:
 
 def show_study(result: StudyResult, written: str) -> None:
     """Print a study: losses, tables, verdict, and what was written."""
-    from anhyst.reports.simulate import printed
+    from anhyst.reports.verbs import printed
 
     tables, lines = printed(result)
     left_out = getattr(result, "left_out", {}).items()

@@ -21,8 +21,9 @@ from anhyst.support.block_layout import (
     PLACES,
     UNITS,
     WORDS,
+    Word,
 )
-from anhyst.support.block_words import Names, Scales, Word, WordUnit
+from anhyst.support.block_words import Names, Scales, WordUnit
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0

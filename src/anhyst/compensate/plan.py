@@ -19,8 +19,8 @@ from anhyst.compensate.block import (
 )
 from anhyst.compensate.force_controller import AnyBlock, Io
 from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
-from anhyst.data.history import History
 from anhyst.data.output_map import output_map
+from anhyst.data.path import History
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, NegativeResult

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
-from anhyst.data.history import History
-from anhyst.data.path import correlation
+from anhyst.data.path import History, correlation
 from anhyst.data.speeds import rate_of
 from anhyst.identification.run import Outcome
 from anhyst.laws.cells import CellWeights

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Protocol
 
 from anhyst.data import Loops
-from anhyst.data.history import SETTLED
 from anhyst.data.output_map import is_actuator, output_map
+from anhyst.data.path import SETTLED
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import Speeds, speeds_of, with_spread_times
 from anhyst.identification.any_law import fit_any

@@ -19,7 +19,7 @@ import numpy as np
 from anhyst.data import Loops
 from anhyst.identification.bare import model_of
 from anhyst.identification.candidates import require_gaps
-from anhyst.identification.default import FoundModel, reference_gap
+from anhyst.identification.default import FoundModel
 from anhyst.identification.objective import Objective
 from anhyst.identification.paper_search import (
     SearchBench,
@@ -70,7 +70,7 @@ def in_common_gauge(bench: SearchBench, free: Stand) -> Stand:
     costs more.
     """
     moved = in_one_gauge(free.sets, bench.searched, bench.run.form.power)
-    home = reference_gap(bench.run.records)
+    home = bench.run.records.reference_gap
     sets: dict[int, Values] = {}
     spent = free.evaluations
     for gap in [home, *range(home + 1, bench.gaps), *range(home - 1, -1, -1)]:

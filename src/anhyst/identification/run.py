@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field
 
 from anhyst.data import Loops
 from anhyst.data.clean import STEPS, ReadOptions
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.response import ResponseForm
 from anhyst.laws.cells import Shape

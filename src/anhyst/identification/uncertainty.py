@@ -18,8 +18,8 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.data.history import History
 from anhyst.data.output_map import is_actuator
+from anhyst.data.path import History
 from anhyst.data.verdict import largest_output
 from anhyst.identification.default import COMPARED, Evaluation, FoundModel, Linear, follow
 from anhyst.identification.fit_records import RestReading

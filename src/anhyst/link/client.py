@@ -38,7 +38,7 @@ from anhyst.link.frames import (
 )
 from anhyst.link.streaming import Status, demand_request, stream
 from anhyst.link.wire import BAUD, Frame, LinkPort, Port, Receiver, encode
-from anhyst.support.block_head import GENERATION_AT, LENGTH_AT, checksum, misfit
+from anhyst.support.block_words import GENERATION_AT, LENGTH_AT, checksum, misfit
 from anhyst.support.errors import InputError
 from anhyst.support.states import Command, Fault, State
 

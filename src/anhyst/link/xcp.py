@@ -34,7 +34,7 @@ from anhyst.link.frames import (
     TargetRequest,
 )
 from anhyst.link.wire import BAUD, Port, framed, key_for, split
-from anhyst.support.block_head import GENERATION_AT, LENGTH_AT
+from anhyst.support.block_words import GENERATION_AT, LENGTH_AT
 from anhyst.support.errors import InputError
 from anhyst.support.states import Command, State
 from anhyst.support.xcp_map import AREAS, INPUTS, SIGNALS

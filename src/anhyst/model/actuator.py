@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from anhyst._core import AnyIron
 from anhyst.data.clean import PREFIX, ReadOptions
-from anhyst.data.history import History
 from anhyst.data.loops import Loops
+from anhyst.data.path import History
 from anhyst.laws import LAWS
 from anhyst.model.acceptance import Acceptance, GapCheck, check_acceptance, check_over_gap
 from anhyst.model.predict import invert, predict

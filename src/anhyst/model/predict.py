@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst._core import status_text
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.laws.law import IronOperator
 from anhyst.model.dynamics import Dynamics, too_fast
 from anhyst.model.parameters import Circuit

@@ -21,8 +21,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from anhyst.data.history import History
 from anhyst.data.output_map import output_map
+from anhyst.data.path import History
 from anhyst.laws import DEFAULT_LAW, LAWS, law_of
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec

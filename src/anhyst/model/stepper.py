@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.model.parameters import Circuit
 from anhyst.model.predict import as_history, as_samples, check, initial_state, run_through
 from anhyst.model.prediction import flag, warn_if_far

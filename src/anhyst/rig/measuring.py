@@ -11,8 +11,8 @@ from typing import Protocol
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.data.history import History
 from anhyst.data.loops import Loop
+from anhyst.data.path import History
 from anhyst.rig.body import BodyRig
 from anhyst.rig.measurement_table import CampaignTable, MeasurementTable
 from anhyst.rig.parts.magnet import Electromagnet

@@ -25,7 +25,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.control.pidd2 import integrator, notch
 from anhyst.control.position import Allocation
 from anhyst.data import Loop, Loops
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.identification import identify
 from anhyst.identification.run import whole_search

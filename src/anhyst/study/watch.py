@@ -22,8 +22,8 @@ from scipy.optimize import brentq
 from scipy.special import gammaincinv
 
 from anhyst.data import Loops
-from anhyst.data.history import History
 from anhyst.data.output_map import is_actuator
+from anhyst.data.path import History
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.stepper import Stepper

@@ -43,12 +43,13 @@ from anhyst.study.table import (
     weigh,
 )
 from anhyst.study.tracking.learner import Learner, at_work
-from anhyst.study.tracking.losses import Losses, LostMagnet
 from anhyst.study.tracking.measures import (
     AVERAGE,
     BANDS_M,
     PEAK,
     SETTLING,
+    Losses,
+    LostMagnet,
     Measures,
     cross_metrics,
     cross_talk,
