@@ -34,7 +34,7 @@ from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.identification.bare import form_of, model_of, valid_range
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel
-from anhyst.identification.default import FoundModel, follow, reference_gap
+from anhyst.identification.default import FoundModel, follow
 from anhyst.identification.fit_records import FitRecords, records_of, rest_of
 from anhyst.identification.objective import CellResponder
 from anhyst.identification.response import Local, Responder, ResponseForm
