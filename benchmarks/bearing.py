@@ -22,7 +22,7 @@ from anhyst.rig.sensor_table import GapSensorTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
-from anhyst.study.table import CaseFigures
+from anhyst.study.engine.table import CaseFigures
 from anhyst.support.kinds import MethodName, NumberFormat
 from rows import ROOT, Row
 

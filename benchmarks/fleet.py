@@ -21,9 +21,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from anhyst.study.bearing.benefit import benefit
+from anhyst.study.engine.monte_carlo import monte_carlo
 from anhyst.study.fleet import fleet
 from anhyst.study.fleet_magnets import FleetSettings
-from anhyst.study.monte_carlo import monte_carlo
 from anhyst.study.plants import bearing_plants
 from anhyst.support.jobs import all_of, workers_of
 from bearing import read

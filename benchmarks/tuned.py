@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from anhyst.study.monte_carlo import monte_carlo
+from anhyst.study.engine.monte_carlo import monte_carlo
 from anhyst.study.plants import bearing_plants
 from anhyst.study.tuning.aims import Aims, Figures
 from anhyst.study.tuning.bearing import BearingLoop, default_conditions

@@ -40,7 +40,7 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from anhyst.reports import write_report
-from anhyst.reports.study import interval_text, line_of
+from anhyst.reports.study.page import interval_text, line_of
 from anhyst.rig.bearing.loop import make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.fitting import identify_magnet
@@ -52,7 +52,7 @@ from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.responses import compare, default_seeds
 from anhyst.study.bearing.verdict import grouped, judge_steps
-from anhyst.study.table import TITLES, Interval, mean_interval, strongest
+from anhyst.study.engine.table import TITLES, Interval, mean_interval, strongest
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.simulate import find_gains, make_variants
 from anhyst.support.jobs import all_of

@@ -51,11 +51,11 @@ if TYPE_CHECKING:
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.bearing.simulate import Simulation
     from anhyst.study.bearing.state_space import linearise
+    from anhyst.study.engine.monte_carlo import MonteCarlo
     from anhyst.study.excite.excite import Excitation
     from anhyst.study.fleet import Fleet
     from anhyst.study.fleet import judge_fleet as fleet
     from anhyst.study.force_control import ForceControl, force_control
-    from anhyst.study.monte_carlo import MonteCarlo
     from anhyst.study.piezo import PiezoTracking
     from anhyst.study.tracking.calibrate import Calibration, calibrate
     from anhyst.study.tracking.compiled import CompiledStage
@@ -145,7 +145,7 @@ _PLACES = {
     "Loops": "data.loops",
     "Model": "model.actuator",
     "ModelDiff": "model.diff",
-    "MonteCarlo": "study.monte_carlo",
+    "MonteCarlo": "study.engine.monte_carlo",
     "NegativeResult": "support.errors",
     "PiezoTracking": "study.piezo",
     "Prediction": "model.prediction",

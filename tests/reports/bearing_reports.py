@@ -28,7 +28,7 @@ from anhyst.study.bearing.experiments import ExperimentFigures, Experiments
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.responses import StepCell
 from anhyst.study.bearing.verdict import grouped
-from anhyst.study.table import Interval, Quotient
+from anhyst.study.engine.table import Interval, Quotient
 from anhyst.study.tuning.aims import TITLES
 from anhyst.support.kinds import MethodName
 from anhyst.support.page import Note

@@ -27,7 +27,7 @@ from anhyst.reports.bearing.figures import (
 )
 from anhyst.reports.bearing.subject import SimulationSubject
 from anhyst.reports.plants import Spread, figure_drift
-from anhyst.reports.study import COLOURS, DASHES, MOST_POINTS, thinned
+from anhyst.reports.study.page import COLOURS, DASHES, MOST_POINTS, thinned
 from anhyst.reports.tuning import GainsPoint, figure_pareto, pareto_front
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import changed
@@ -35,7 +35,7 @@ from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.recording import Recording
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.study.bearing.benefit import Comparison, Measure
-from anhyst.study.table import Interval
+from anhyst.study.engine.table import Interval
 from anhyst.support.kinds import MethodName
 from anhyst.support.units import QUANTITIES
 from tests.reports import bearing_reports

@@ -14,10 +14,10 @@ from anhyst.cli.app import main
 from anhyst.compensate.methods import BASELINES
 from anhyst.control.controller_file import read_controller
 from anhyst.reports.bearing.benefit import render_benefit
-from anhyst.reports.study import interval_text
+from anhyst.reports.study.page import interval_text
 from anhyst.rig.body import read_bearing
 from anhyst.study.bearing.benefit import benefit
-from anhyst.study.table import Interval
+from anhyst.study.engine.table import Interval
 from anhyst.support.page import number
 from tests.page import Page
 from tests.refusals import says

@@ -17,10 +17,10 @@ from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.reports.bearing.benefit import render_benefit
 from anhyst.reports.bearing.page import render
 from anhyst.reports.bearing.subject import SimulationSubject, difference_text
-from anhyst.reports.study import COLOURS, interval_text
+from anhyst.reports.study.page import COLOURS, interval_text
 from anhyst.rig.body import BodyRig
 from anhyst.study.bearing.verdict import grouped, judge_steps
-from anhyst.study.table import Interval, compare
+from anhyst.study.engine.table import Interval, compare
 from tests.page import NAMESPACES, Page
 from tests.reports import bearing_reports
 from tests.reports.bearing_reports import (
@@ -85,7 +85,7 @@ def test_the_same_subject_gives_the_same_bytes(html: str, subject: SimulationSub
 @pytest.fixture
 def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the pictures out: the test is about words and tables."""
-    monkeypatch.setattr("anhyst.reports.study.svg_text", lambda figure, prefix: "<svg/>")
+    monkeypatch.setattr("anhyst.reports.study.page.svg_text", lambda figure, prefix: "<svg/>")
 
 
 def every_variant(subject: SimulationSubject) -> SimulationSubject:

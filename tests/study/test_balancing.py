@@ -16,7 +16,7 @@ from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.monte_carlo import monte_carlo
+from anhyst.study.engine.monte_carlo import monte_carlo
 from anhyst.study.plants import ERRORS_OF_AXES, stage_plants
 from anhyst.study.tracking.bodies import AxesLaw
 from anhyst.study.tracking.calibrate import calibrate

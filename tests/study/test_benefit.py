@@ -16,7 +16,7 @@ from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing.benefit import BASELINES, Benefit, Comparison, MapCell, benefit
 from anhyst.study.bearing.operating import find_operating_point
-from anhyst.study.table import Interval, mean_interval, quotient
+from anhyst.study.engine.table import Interval, mean_interval, quotient
 from tests.refusals import refused
 from tests.study import bearings
 

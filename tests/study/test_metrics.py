@@ -13,7 +13,7 @@ from anhyst.study.bearing.responses import (
     settling_band,
     step_figures,
 )
-from anhyst.study.table import mean_interval
+from anhyst.study.engine.table import mean_interval
 from anhyst.support.numeric import FloatArray
 
 RATE = 20e3

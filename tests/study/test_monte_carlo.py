@@ -22,10 +22,10 @@ from anhyst.rig.drift import CUT, Drift, draw_drift, drifted_law, drifted_plant
 from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.plant import static_map
 from anhyst.rig.tables import SpreadTable
-from anhyst.study import monte_carlo as engine
 from anhyst.study.bearing.operating import make_ready
 from anhyst.study.bearing.responses import StepRun, run_steps
-from anhyst.study.monte_carlo import MonteCarlo, Plants, fault_of, percentile
+from anhyst.study.engine import monte_carlo as engine
+from anhyst.study.engine.monte_carlo import MonteCarlo, Plants, fault_of, percentile
 from anhyst.study.plants import bearing_plants
 from anhyst.support.errors import Interrupted
 from anhyst.support.kinds import MethodName

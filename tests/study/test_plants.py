@@ -14,7 +14,7 @@ from anhyst.rig.drift import Drift, drifted_file
 from anhyst.rig.kind_rules import RULES
 from anhyst.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.rig.tables import SpreadTable, spread_keys
-from anhyst.study.monte_carlo import MonteCarlo, Plants, monte_carlo
+from anhyst.study.engine.monte_carlo import MonteCarlo, Plants, monte_carlo
 from anhyst.study.piezo import find_inverses, follow, judged_from, reference
 from anhyst.study.plants import ERRORS, force_plants, piezo_plants, stage_plants
 from anhyst.support.kinds import RIGS

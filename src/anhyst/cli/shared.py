@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from anhyst.data.clean import ReadOptions
-    from anhyst.study.table import StudyResult
+    from anhyst.study.engine.table import StudyResult
     from anhyst.support.page import PageTable
     from anhyst.support.units import Quantity
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from anhyst import Benefit, BoardComparison
     from anhyst.study.bearing.benefit import Comparison, Measure
     from anhyst.study.bearing.board_faults import Ending
-    from anhyst.study.table import StudyResult
+    from anhyst.study.engine.table import StudyResult
 
 
 REPORT = "report.html"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.reports.study import page_text, picture, write_page
+from anhyst.reports.study.page import page_text, picture, write_page
 from anhyst.study.fleet import Fleet
 from anhyst.study.fleet_spread import FleetSpread
 from anhyst.support.atomic import PathLike

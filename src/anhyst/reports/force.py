@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.reports.study import (
+from anhyst.reports.study.page import (
     COLOURS,
     HIGH,
     PLANT,

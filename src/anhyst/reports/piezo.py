@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from anhyst.reports.study import (
+from anhyst.reports.study.page import (
     Printed,
     hashes,
     legend_below,
@@ -15,8 +15,8 @@ from anhyst.reports.study import (
     tile,
     verdict_note,
 )
+from anhyst.study.engine.table import Interval
 from anhyst.study.piezo import METRICS, TITLES, PiezoTracking
-from anhyst.study.table import Interval
 from anhyst.support.figures import new_figure, styled
 from anhyst.support.page import NBSP, Headline, PageTable, Section
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.reports.study import (
+from anhyst.reports.study.page import (
     COLOURS,
     Printed,
     hashes,
@@ -24,7 +24,7 @@ from anhyst.reports.study import (
 )
 from anhyst.rig.drift import Drift
 from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
-from anhyst.study.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
+from anhyst.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
 from anhyst.support.figures import new_figure, panels, styled
 from anhyst.support.kinds import NAMES, MethodName
 from anhyst.support.numeric import FloatArray

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.reports.study import (
+from anhyst.reports.study.page import (
     INK,
     SHADE,
     Printed,

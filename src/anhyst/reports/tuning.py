@@ -9,8 +9,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from anhyst.reports.study import COLOURS, INK, legend_below, line_of, ordered
-from anhyst.study.table import Metric
+from anhyst.reports.study.page import COLOURS, INK, legend_below, line_of, ordered
+from anhyst.study.engine.table import Metric
 from anhyst.study.tuning.aims import TITLES, Aims, GainFigures
 from anhyst.study.tuning.result import RESULTS, Tuning, keeps_others
 from anhyst.support.figures import ALARM, new_figure, styled, write_png

@@ -13,7 +13,7 @@ from anhyst.data.table import check_recording
 from anhyst.reports import force, piezo, plants, tracking
 from anhyst.reports.bearing import page, subject
 from anhyst.reports.bearing.benefit import render_benefit
-from anhyst.reports.study import REPORT, Printed, write_page
+from anhyst.reports.study.page import REPORT, Printed, write_page
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
@@ -23,13 +23,13 @@ from anhyst.study.bearing.on_board import BoardComparison, run_board
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.simulate import Simulation, explore
 from anhyst.study.bench import address_of, through
+from anhyst.study.engine.monte_carlo import MonteCarlo, Plants
+from anhyst.study.engine.monte_carlo import monte_carlo as run_plants
+from anhyst.study.engine.table import FIGURES, StudyResult
 from anhyst.study.excite.excite import Excitation, excite, measure
 from anhyst.study.force_control import ForceControl, force_control
-from anhyst.study.monte_carlo import MonteCarlo, Plants
-from anhyst.study.monte_carlo import monte_carlo as run_plants
 from anhyst.study.piezo import PiezoTracking, track
 from anhyst.study.plants import bearing_plants, force_plants, piezo_plants, stage_plants
-from anhyst.study.table import FIGURES, StudyResult
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
 from anhyst.support.atomic import PathLike, check_picture, check_writable, write_figure, write_json
 from anhyst.support.errors import InputError, NegativeResult

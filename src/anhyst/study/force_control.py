@@ -26,6 +26,8 @@ from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.programs import Program, find_model, loops_at, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.recording import Recording
+from anhyst.study.engine.table import FIGURES, Judgement, StudyResult
+from anhyst.study.engine.table import TITLES as VERDICTS
 from anhyst.study.force_trials import (
     Controllers,
     ForceOutcome,
@@ -36,8 +38,6 @@ from anhyst.study.force_trials import (
     plan_trials,
     run_trial,
 )
-from anhyst.study.table import FIGURES, Judgement, StudyResult
-from anhyst.study.table import TITLES as VERDICTS
 from anhyst.support.atomic import PathLike, whole_folder, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, all_of, in_parts

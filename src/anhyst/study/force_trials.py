@@ -23,7 +23,7 @@ from anhyst.rig.force.bench import (
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, ticks_that_differ
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
-from anhyst.study.table import ComparedFigure, judge
+from anhyst.study.engine.table import ComparedFigure, judge
 from anhyst.support.numeric import FloatArray
 
 Stage = Literal["end", "positions", "moving"]

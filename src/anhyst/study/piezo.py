@@ -32,7 +32,7 @@ from anhyst.identification.run import whole_search
 from anhyst.model.actuator import Model
 from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
-from anhyst.study.table import FIGURES, ComparedFigure, Judgement, Metric, StudyResult, judge
+from anhyst.study.engine.table import FIGURES, ComparedFigure, Judgement, Metric, StudyResult, judge
 from anhyst.support.atomic import PathLike
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, NegativeResult

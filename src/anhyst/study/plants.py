@@ -36,8 +36,8 @@ from anhyst.rig.stage.setpoint import motion_of
 from anhyst.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
 from anhyst.study.bearing.operating import make_ready
 from anhyst.study.bearing.responses import position_resolution, step_figures
+from anhyst.study.engine.monte_carlo import PlantFigure, Plants
 from anhyst.study.force_trials import ForceTrial, plan_trials
-from anhyst.study.monte_carlo import PlantFigure, Plants
 from anhyst.study.piezo import METRICS, find_inverses, follow, judged_from, reference
 from anhyst.study.tracking.learner import at_work
 from anhyst.study.tracking.measures import (

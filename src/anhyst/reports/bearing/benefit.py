@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 
 from anhyst.control.controller_file import ControllerFile
 from anhyst.reports.bearing.page import plant_text, structure
-from anhyst.reports.study import INK, SHADE, hashes, origin, page_text, picture
+from anhyst.reports.study.page import INK, SHADE, hashes, origin, page_text, picture
 from anhyst.rig.body import BodyRig
 from anhyst.study.bearing.benefit import MEASURES, Benefit, Comparison, MapCell, Measure
 from anhyst.support.figures import ALARM, new_figure, styled

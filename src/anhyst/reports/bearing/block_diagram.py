@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.reports.study import (
+from anhyst.reports.study.page import (
     HIGH,
     PLANT,
     SOFTWARE,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from anhyst.data.loops import Loops
 from anhyst.data.path import smooth_curve
 from anhyst.model.actuator import Model
-from anhyst.reports.study import (
+from anhyst.reports.study.page import (
     COLOURS,
     INK,
     PALE,
@@ -29,7 +29,7 @@ from anhyst.rig.loop import ReferenceStep
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import BOUNDARIES, zone
 from anhyst.study.bearing.responses import SETTLED
-from anhyst.study.table import Interval
+from anhyst.study.engine.table import Interval
 from anhyst.support.figures import ALARM, new_figure, styled
 from anhyst.support.kinds import METHOD_TITLES, MethodName
 from anhyst.support.numeric import FloatArray

@@ -27,7 +27,7 @@ from anhyst.reports.bearing.subject import (
     standstill_tables,
     step_tables,
 )
-from anhyst.reports.study import (
+from anhyst.reports.study.page import (
     legend_table,
     ordered,
     origin,
@@ -38,7 +38,7 @@ from anhyst.reports.study import (
 from anhyst.rig.body import BodyRig
 from anhyst.study.bearing.linear import zone
 from anhyst.study.bearing.verdict import OVERSHOOT, Steps, judge_steps
-from anhyst.study.table import strongest
+from anhyst.study.engine.table import strongest
 from anhyst.support.kinds import MethodName
 from anhyst.support.page import NBSP, Block, Headline, Note, Section, Text, Tile, number
 

@@ -17,7 +17,7 @@ from anhyst.reports.bearing.figures import (
     identified_loop,
     nearest_loops,
 )
-from anhyst.reports.study import Printed, case_table, hashes, interval_text, ordered
+from anhyst.reports.study.page import Printed, case_table, hashes, interval_text, ordered
 from anhyst.rig.bearing.loop import BearingSetup, lost_at
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
@@ -31,7 +31,7 @@ from anhyst.study.bearing.operating import has_constants
 from anhyst.study.bearing.responses import SETTLED, StepCell
 from anhyst.study.bearing.simulate import Simulation
 from anhyst.study.bearing.verdict import NOISE, OVERSHOOT, Steps, grouped, step_difference
-from anhyst.study.table import CaseFigures, ComparedFigure, Metric, no_mean
+from anhyst.study.engine.table import CaseFigures, ComparedFigure, Metric, no_mean
 from anhyst.support.kinds import MethodName
 from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Cell, Note, PageTable, number, table
 

@@ -21,7 +21,7 @@ from anhyst.rig.measuring import measure_loops
 from anhyst.rig.parts.iron import NamedCells
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
-from anhyst.study.table import Interval, Quotient, mean_interval, quotient
+from anhyst.study.engine.table import Interval, Quotient, mean_interval, quotient
 from anhyst.support.atomic import running_version
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName

@@ -31,7 +31,7 @@ from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.loop import DROP, ReferenceStep, Scenario, SimulatedLoop
 from anhyst.rig.recording import RISE, Recording, peak, rms
 from anhyst.study.bearing.responses import position_resolution, recovery_time
-from anhyst.study.table import CaseFigures
+from anhyst.study.engine.table import CaseFigures
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, sine, triangle

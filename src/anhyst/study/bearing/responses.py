@@ -25,7 +25,7 @@ from anhyst.rig.body import BodyRig
 from anhyst.rig.loop import ReferenceStep, SimulatedLoop
 from anhyst.rig.recording import Recording, peak, rms, settled_from
 from anhyst.study.bearing.linear import Zone, zone
-from anhyst.study.table import CaseFigures
+from anhyst.study.engine.table import CaseFigures
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, sine

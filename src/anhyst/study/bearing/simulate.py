@@ -42,7 +42,7 @@ from anhyst.study.bearing.responses import (
     sweep,
 )
 from anhyst.study.bearing.verdict import grouped, judge_steps
-from anhyst.study.table import FIGURES, Judgement, StudyResult, keep_lost
+from anhyst.study.engine.table import FIGURES, Judgement, StudyResult, keep_lost
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, in_parts

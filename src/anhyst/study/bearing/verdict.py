@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from anhyst.compensate.methods import MODELS
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.study.bearing.responses import StepCell
-from anhyst.study.table import (
+from anhyst.study.engine.table import (
     ComparedFigure,
     Interval,
     Judgement,

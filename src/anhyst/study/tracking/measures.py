@@ -49,7 +49,7 @@ from anhyst.rig.stage.setpoint import (
     strayed,
     ticks_of,
 )
-from anhyst.study.table import Metric
+from anhyst.study.engine.table import Metric
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Phase, State
 

@@ -30,7 +30,7 @@ from anhyst.rig.stage.loop import (
     track,
 )
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.table import (
+from anhyst.study.engine.table import (
     FIGURES,
     CaseFigures,
     ComparedFigure,

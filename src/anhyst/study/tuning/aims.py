@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, replace
 from functools import reduce
 from typing import ClassVar, Self, TypeVar
 
-from anhyst.study.table import Metric
+from anhyst.study.engine.table import Metric
 from anhyst.support.errors import InputError
 
 MISSED = 1e3

@@ -13,7 +13,7 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
-from anhyst.study.table import Interval, compare
+from anhyst.study.engine.table import Interval, compare
 from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.search import FoundGains
 from anhyst.study.tuning.trial import Limit

@@ -15,7 +15,7 @@ from anhyst.rig.drift import draw_plant
 from anhyst.rig.recording import Recording, rms
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.table import mean_interval
+from anhyst.study.engine.table import mean_interval
 from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.simulate import SMALL, find_gains, standing
 from anhyst.study.tuning.aims import MISSED, Aims, StageFigures

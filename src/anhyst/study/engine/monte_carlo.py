@@ -18,7 +18,7 @@ import numpy as np
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.rig.drift import Drift, draw_plant
 from anhyst.rig.file import RigFile
-from anhyst.study.table import (
+from anhyst.study.engine.table import (
     ComparedFigure,
     Judgement,
     Metric,

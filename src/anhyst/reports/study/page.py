@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from matplotlib.text import Text
 
-from anhyst.study.table import TITLES, CaseFigures, Cases, Interval, Judgement, Level, Metric
+from anhyst.study.engine.table import TITLES, CaseFigures, Cases, Interval, Judgement, Level, Metric
 from anhyst.support.atomic import PathLike, atomic_writer, running_version
 from anhyst.support.figures import FALLING, RISING, new_figure, svg_text
 from anhyst.support.kinds import METHOD_TITLES, MethodName

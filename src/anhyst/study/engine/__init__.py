@@ -1,0 +1,1 @@
+"""Many plants behind many methods: drawn, run, compared, one verdict."""
