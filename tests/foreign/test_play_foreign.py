@@ -9,7 +9,8 @@ import pytest
 
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
-from anhyst.compilation.play import CycleErrors, cycle_errors, rms
+from anhyst.compilation.play import CycleErrors, cycle_errors
+from anhyst.support.numeric import rms
 from anhyst.data.reading import read_loops
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray

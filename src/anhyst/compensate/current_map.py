@@ -327,11 +327,7 @@ def expected_forces(play: PlayMap, loop: Loop) -> FloatArray:
     native, history = play.native("f64"), loop.history
     assert loop.schedule is not None
     gaps = loop.schedule.tolist()
-    schedule = history.schedule or (None,) * len(history.turning_points)
-    before = [
-        (current, gaps[0] if gap is None else gap)
-        for current, gap in zip(history.turning_points, schedule, strict=True)
-    ]
+    before = zip(history.turning_points, history.places(gaps[0]), strict=True)
     record = list(zip(loop.input.tolist(), gaps, strict=True))
     for current, gap in (*before, *(record if history.kind == "settled" else ())):
         native.commit(current, gap)

@@ -7,6 +7,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from anhyst.support.atomic import PathLike, json_text, whole_folder, write_texts
 from anhyst.support.block_layout import BODY
 from anhyst.support.block_words import Names
 from anhyst.support.errors import InputError
+from anhyst.support.result import Result
 from anhyst.support.units import Quantity
 
 STEPS = {"q15": 2.0**-15, "q31": 2.0**-31}
@@ -344,29 +346,29 @@ def _accuracy(budget: Budget) -> dict[str, Any]:
 
 
 def _signals(plan: Plan) -> dict[str, Any]:
-    model, scales, limits = plan.model, plan.block.scales, plan.block.limits
+    model, scales, limits, io = plan.model, plan.block.scales, plan.block.limits, plan.request.io
     signals: dict[str, Any] = {
-        "demand": _signal(plan, model.output, *limits.demand, scales.demand),
-        "current": _signal(plan, model.input, *limits.current, scales.current),
+        "demand": signal_entry(io, model.output, *limits.demand, scales.demand),
+        "current": signal_entry(io, model.input, *limits.current, scales.current),
         "gap": None,
     }
     if model.schedule is not None:
-        signals["gap"] = _signal(
-            plan, model.schedule, scales.gap_low, scales.gap_high, scales.gap_high
-        )
+        ends = scales.gap_low, scales.gap_high
+        signals["gap"] = signal_entry(io, model.schedule, *ends, scales.gap_high)
     return signals
 
 
-def _signal(
-    plan: Plan, quantity: Quantity, low: float, high: float, scale: float
+def signal_entry(
+    io: str, quantity: Quantity, low: float, high: float, scale: float
 ) -> dict[str, Any]:
+    """Return what the manifest says of a signal."""
     return {
         "quantity": quantity.name,
         "unit": quantity.unit,
         "low": low,
         "high": high,
         "scale": scale,
-        "format": plan.request.io,
+        "format": io,
     }
 
 
@@ -374,6 +376,19 @@ MANIFEST = "manifest.json"
 FORMAT = "anhyst-compiled"
 REPORTS = ("verify.json", "verify.md")
 """What ``anhyst verify`` adds; it goes with the C that it is about."""
+
+
+@dataclass(frozen=True, repr=False)
+class CompiledFolder(Result):
+    """A folder that was written, of any kind."""
+
+    out: Path
+    manifest: dict[str, Any]
+    files: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return manifest and names of the files, for JSON."""
+        return {"out": str(self.out), **self.manifest, "files": list(self.files)}
 
 
 def check_folder(out: PathLike) -> None:

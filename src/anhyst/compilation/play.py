@@ -22,7 +22,14 @@ from anhyst.compensate.sources import (
     model_loops,
     operating_of,
 )
-from anhyst.compilation.manifest import VERSION, check_folder, write_folder
+from anhyst.compilation.manifest import (
+    MANIFEST,
+    VERSION,
+    CompiledFolder,
+    check_folder,
+    signal_entry,
+    write_folder,
+)
 from anhyst.compilation.parameters import table_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core
@@ -31,8 +38,8 @@ from anhyst.model.actuator import Model, read_model
 from anhyst.support.atomic import PathLike, running_version
 from anhyst.support.errors import InputError
 from anhyst.support.kept import c_name
-from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, columns_of
+from anhyst.support.numeric import FloatArray, rms
+from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,11 +72,6 @@ class CycleErrors:
         return CycleErrors(
             np.concatenate([self.major, other.major]), np.concatenate([self.small, other.small])
         )
-
-
-def rms(error: FloatArray) -> float:
-    """Return the root of the mean square."""
-    return float(np.sqrt(np.mean(error**2)))
 
 
 def worst(error: FloatArray) -> float:
@@ -110,28 +112,25 @@ STATE_BYTES = 4 + 9 * 4
 
 
 @dataclass(frozen=True, repr=False)
-class CompiledPlay(Result):
+class CompiledPlay(CompiledFolder):
     """What came out.
 
     Parameters
     ----------
     out : Path
         The folder.
-    play : PlayMap
-        What was fitted.
-    errors : mapping of str to CycleErrors
-        Of the model's force: of this map, and of the best current without memory.
     manifest : dict
         What stands in ``manifest.json``, without the hashes of the files.
     files : tuple of str
         Names of the files.
+    play : PlayMap
+        What was fitted.
+    errors : mapping of str to CycleErrors
+        Of the model's force: of this map, and of the best current without memory.
     """
 
-    out: Path
     play: PlayMap
     errors: Mapping[str, CycleErrors]
-    manifest: dict[str, Any]
-    files: tuple[str, ...]
 
     def facts(self) -> dict[str, str]:
         """Return where it is, and how far its force is from the model's."""
@@ -143,10 +142,6 @@ class CompiledPlay(Result):
         """Return the errors of this map and of the best without memory, per cent."""
         rows = ((name, self.manifest["accuracy"][name]) for name in self.errors)
         return columns_of([{"map": name, **found} for name, found in rows])
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return manifest and names of the files, for JSON."""
-        return {"out": str(self.out), **self.manifest, "files": list(self.files)}
 
     def draw(self, ax: Axes) -> None:
         """Draw the error of the force over the loop, of this map and of that without memory."""
@@ -180,7 +175,7 @@ def compile_play(
     described = _manifest(head, play, errors)
     files = _sources(head, play, errors) | {"vectors.csv": vectors_csv(_vectors(play))}
     write_folder(out, files, described)
-    return CompiledPlay(Path(out), play, errors, described, (*files, "manifest.json"))
+    return CompiledPlay(Path(out), described, (*files, MANIFEST), play, errors)
 
 
 @dataclass(frozen=True)
@@ -251,14 +246,7 @@ def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> 
         "io": "q31",
         "rate_Hz": where.rate,
         "signals": {
-            name: {
-                "quantity": quantity.name,
-                "unit": quantity.unit,
-                "low": low,
-                "high": high,
-                "scale": scale,
-                "format": "q31",
-            }
+            name: signal_entry("q31", quantity, low, high, scale)
             for name, (quantity, low, high, scale) in ends.items()
             if quantity is not None
         },

@@ -64,8 +64,7 @@ def _inputs(plan: Plan, rows: int) -> NDArray[Any]:
     if plan.request.io == "f32":
         scales = plan.block.scales
         demand, gap = _walk((low, high), rows)
-        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * gap
-        numbers = np.stack([demand * scales.demand, gap], axis=1)
+        numbers = np.stack([demand * scales.demand, scales.gap_at(gap)], axis=1)
         return numbers.astype(np.float32).astype(np.float64)
     return codes_of_inputs((low, high), 2**15 if plan.request.io == "q15" else 2**31, rows)
 

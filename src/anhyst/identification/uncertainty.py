@@ -31,7 +31,7 @@ from anhyst.laws.law import FitNumber
 from anhyst.model.actuator import Model
 from anhyst.model.schema import Uncertainty
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.units import MU_0
 
 _LOOSE = 0.2
@@ -303,7 +303,7 @@ def left_open(chosen: Model, others: Sequence[Model], loopset: Loops) -> float:
             runs.append(model.predict(drive, at, history=before).output)
         except (InputError, NegativeResult):
             continue
-    apart = [float(np.sqrt(np.mean((run - runs[0]) ** 2))) for run in runs[1:]]
+    apart = [rms(run - runs[0]) for run in runs[1:]]
     return max(apart, default=0.0) / largest_output(loopset)
 
 

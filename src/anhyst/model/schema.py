@@ -22,7 +22,7 @@ from anhyst.data.verdict import largest_output
 from anhyst.laws import LAWS
 from anhyst.laws.law import Law
 from anhyst.model.parameters import specs_of
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.toml_file import LIST, FileRecord, Table
 from anhyst.support.units import Quantity
 
@@ -175,23 +175,24 @@ def fit_figures(
                 samples=loop.n,
                 largest_output=float(np.max(np.abs(loop.output))),
                 mean_abs=float(off.mean()),
-                rms=float(np.sqrt(np.mean(off**2))),
+                rms=rms(off),
                 worst=float(off.max()),
             )
         )
     pooled = np.concatenate(deviations)
-    largest, rms = largest_output(loopset), float(np.sqrt(np.mean(pooled**2)))
+    largest, pooled_rms = largest_output(loopset), rms(pooled)
     return FitFigures(
         largest_output=largest,
         mean_abs=float(pooled.mean()),
-        rms=rms,
+        rms=pooled_rms,
         worst=float(pooled.max()),
         loops=tuple(rows),
         left_out=dict(left_out),
         monotone=monotone,
         cross_validation=cross_validation,
         candidates=tuple(
-            replace(fit, rms=rms / largest) if fit.note == CHOSEN else fit for fit in candidates
+            replace(fit, rms=pooled_rms / largest) if fit.note == CHOSEN else fit
+            for fit in candidates
         ),
     )
 

@@ -24,6 +24,7 @@ from anhyst.model.actuator import Model, read_model
 from anhyst.support.atomic import PathLike, json_text, running_version, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of
+from anhyst.support.numeric import rms
 from anhyst.verification.verify import verify
 
 
@@ -219,7 +220,7 @@ def share(task: SharedTask) -> float:
     except (InputError, NegativeResult):
         return float("nan")
     largest = max(float(np.abs(loop.output).max()) for loop in loops.loops)
-    return float(np.sqrt(np.mean(errors**2))) / largest
+    return rms(errors) / largest
 
 
 PILOTS = 3

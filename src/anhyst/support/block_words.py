@@ -9,11 +9,14 @@ import struct
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from anhyst.support.block_layout import PLACES, UNITS, Format
+from anhyst.support.numeric import FloatArray
+
+Numbers = TypeVar("Numbers", float, FloatArray)
 
 ONES: dict[Format, float] = {
     "q14": 16384.0,
@@ -52,6 +55,19 @@ class Scales:
     # Scheduling variable at 0 and at 1.0, m for a gap. Equal where nothing runs over it.
     gap_low: float
     gap_high: float
+
+    @property
+    def gap_span(self) -> float:
+        """Range of the scheduling variable; 1 where nothing runs over it."""
+        return self.gap_high - self.gap_low or 1.0
+
+    def gap_share(self, gap: Numbers) -> Numbers:
+        """Return the scheduling variable in parts of its range."""
+        return (gap - self.gap_low) / self.gap_span
+
+    def gap_at(self, share: Numbers) -> Numbers:
+        """Return the scheduling variable at a part of its range."""
+        return self.gap_low + (self.gap_high - self.gap_low) * share
 
 
 LENGTH_AT = PLACES["LENGTH"]

@@ -29,7 +29,7 @@ from anhyst.reports.model.figures import (
 )
 from anhyst.reports.model.subject import Evidence, ModelSubject, share
 from anhyst.support.figures import svg_text
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.page import (
     NBSP,
     Block,
@@ -130,7 +130,7 @@ def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop])
     if not off:
         return [*cells, *[Cell("")] * 4]
     every = np.concatenate(off)
-    for size in (float(np.sqrt(np.mean(every**2))), float(np.abs(every).max())):
+    for size in (rms(every), float(np.abs(every).max())):
         cells += [Cell(scale.number(size)), Cell(percent(share(subject, size)))]
     return cells
 
@@ -274,7 +274,7 @@ def _by_group(subject: ModelSubject, evidence: Evidence) -> list[Block]:
                 str(pooled.size),
                 scale.number(mean),
                 percent(share(subject, mean)),
-                scale.number(float(np.sqrt(np.mean(pooled**2)))),
+                scale.number(rms(pooled)),
                 scale.number(float(np.max(np.abs(pooled)))),
                 scale.number(_mean(pooled[upwards]), 2),
                 scale.number(_mean(pooled[~upwards]), 2),

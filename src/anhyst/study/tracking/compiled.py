@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,7 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.compensate.force_controller import Io
-from anhyst.compilation.manifest import VERSION, check_folder, write_folder
+from anhyst.compilation.manifest import (
+    MANIFEST,
+    VERSION,
+    CompiledFolder,
+    check_folder,
+    write_folder,
+)
 from anhyst.compilation.output import Compiled, compile_actuator
 from anhyst.compilation.play import CompiledPlay
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
@@ -53,8 +59,9 @@ from anhyst.support.jobs import Progress
 from anhyst.support.kept import c_name, check_name
 from anhyst.support.kinds import FileKind, NumberFormat, kind_of
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result
 from anhyst.support.states import Command
+from anhyst.verification.bundle import column_of
+from anhyst.verification.protocol import stage_form
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,7 +75,7 @@ ROWS = 2000
 
 
 @dataclass(frozen=True, repr=False)
-class CompiledStage(Result):
+class CompiledStage(CompiledFolder):
     """What came out.
 
     Parameters
@@ -83,9 +90,6 @@ class CompiledStage(Result):
         The flight: what the controller was given and answered, a number a tick.
     """
 
-    out: Path
-    manifest: dict[str, Any]
-    files: tuple[str, ...]
     vectors: dict[str, FloatArray]
 
     def facts(self) -> dict[str, str]:
@@ -104,10 +108,6 @@ class CompiledStage(Result):
     def to_columns(self) -> dict[str, Any]:
         """Return the flight."""
         return dict(self.vectors)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return manifest and names of the files, for JSON."""
-        return {"out": str(self.out), **self.manifest, "files": list(self.files)}
 
     def draw(self, ax: Axes) -> None:
         """Draw the currents of the flight."""
@@ -227,7 +227,7 @@ def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> Compi
     files = stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": _csv(vectors)}
     described = _manifest(stage, version)
     write_folder(out, files, described)
-    return CompiledStage(Path(out), described, (*files, "manifest.json"), vectors)
+    return CompiledStage(Path(out), described, (*files, MANIFEST), vectors)
 
 
 def _refuse(rig: BodyRig, io: Io, rate: float | None) -> None:
@@ -315,7 +315,8 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
         answer = controller.tick(row[:begin], row[begin:end], gap, read, int(row[-1]))
         answers.append([*answer[0], *answer[1], *answer[2:]])
     signals = [*given, commands, *np.array(answers).T]
-    return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
+    form = stage_form(file.body.free, heads, magnets)
+    return dict(zip(map(column_of, form.record), signals, strict=True))
 
 
 def _signals(setup: StageSetup, given: FloatArray, begin: int, end: int) -> NDArray[Any]:
@@ -371,22 +372,6 @@ def _refuse_lost(rig: BodyRig, loss: Loss | None) -> None:
             f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it with anhyst simulate",
             code="lost",
         )
-
-
-def _columns(free: Sequence[str], heads: int, magnets: int) -> list[str]:
-    """Return the columns of the vectors: what goes in, and from the first current on what comes out."""
-    return [
-        *(f"head_{one}" for one in range(1, heads + 1)),
-        *(f"forward_{axis}" for axis in free),
-        *(f"gap_{one}" for one in range(1, magnets + 1)),
-        *(f"read_{one}" for one in range(1, magnets + 1)),
-        "command",
-        *(f"current_{one}" for one in range(1, magnets + 1)),
-        *(f"demand_{axis}" for axis in free),
-        "flags",
-        "lost",
-        "state",
-    ]
 
 
 def _csv(vectors: Mapping[str, FloatArray]) -> str:
