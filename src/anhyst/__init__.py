@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from anhyst.exchange.export import export
     from anhyst.identification.identify import identify
     from anhyst.identification.run import IdentifyResult
-    from anhyst.link.xcp_bridge import xcp
+    from anhyst.link.xcp import xcp
     from anhyst.model.actuator import Model, read_model
     from anhyst.model.diff import ModelDiff, diff
     from anhyst.model.predict_file import RunSummary, invert, predict
@@ -179,7 +179,7 @@ _PLACES = {
     "tune": "study.tuning.tuning:tune",
     "verify": "verification.verify",
     "watch": "study.watch",
-    "xcp": "link.xcp_bridge",
+    "xcp": "link.xcp",
 }
 """Where each name lives, and what it is called there if not the same."""
 

@@ -177,10 +177,7 @@ def _missed_blocks(
 
 
 def _off(model: Model, loops: Sequence[Loop]) -> list[FloatArray]:
-    return [
-        model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
-        for loop in loops
-    ]
+    return [model.on(loop) - loop.output for loop in loops]
 
 
 def _squares(off: Sequence[FloatArray], clocks: Sequence[FloatArray]) -> tuple[float, ...]:

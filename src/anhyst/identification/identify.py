@@ -165,10 +165,7 @@ def identify(
     model = replace(outcome.model, **common, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
     acceptance = model.acceptance()
-    fitted = tuple(
-        model.predict(loop.input, loop.schedule, loop.time, loop.history).output
-        for loop in loops.loops
-    )
+    fitted = tuple(map(model.on, loops.loops))
     figures = fit_figures(
         loops, fitted, outcome.left_out, acceptance.passed, outcome.promised, outcome.candidates
     )

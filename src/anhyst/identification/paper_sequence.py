@@ -12,7 +12,7 @@ gauges means nothing (docs/theory.md).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -121,9 +121,8 @@ def _tried(bench: SearchBench, stand: Stand, name: str) -> Stand:
             bench.refine(gap, values | {name: mean}, rest, bench.effort.trial)
             for gap, values in enumerate(stand.sets)
         ]
-        return bench.stand(
-            [result[0] for result in results], rest, sum(result[1] for result in results)
-        ).plain
+        spent = sum(result[1] for result in results)
+        return asdict(bench.stand([result[0] for result in results], rest, spent))
 
     return Stand.from_plain(bench.run.stage(_stage(stand.varying, f"without {name}"), work))
 

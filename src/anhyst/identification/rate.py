@@ -315,10 +315,7 @@ def without_rate(model: Model, static: Model, slow: Loops) -> Loops | None:
     """Take what rate does to slow loops off them; None where that is too little to matter."""
     left, done, mended = [], [], []
     for loop in slow.loops:
-        late, still = (
-            compared.predict(loop.input, loop.schedule, loop.time, loop.history).output
-            for compared in (model, static)
-        )
+        late, still = model.on(loop), static.on(loop)
         left.append(np.mean((loop.output - still) ** 2))
         done.append(np.mean((late - still) ** 2))
         mended.append(replace(loop, output=loop.output - (late - still)))

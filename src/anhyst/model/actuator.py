@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from anhyst._core import AnyIron
 from anhyst.data.clean import PREFIX, ReadOptions
-from anhyst.data.loops import Loops
+from anhyst.data.loops import Loop, Loops
 from anhyst.data.path import History
 from anhyst.laws import LAWS
 from anhyst.model.acceptance import Acceptance, GapCheck, check_acceptance, check_over_gap
@@ -35,8 +35,6 @@ from anhyst.support.result import Result, group_label, length_scale, range_text,
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from anhyst.data.clean import ReadOptions
 
 DRAWN = 400
 """Samples of a branch that is drawn."""
@@ -102,12 +100,14 @@ class Model(Result, ActuatorRecord):
         """Compute the drive that a demanded output needs; see :func:`anhyst.model.predict.invert`."""
         return invert(self, demand, schedule, time, history)
 
+    def on(self, loop: Loop) -> FloatArray:
+        """Return the output that the model gives for the drive of a measured loop, shape (n,)."""
+        return self.predict(loop.input, loop.schedule, loop.time, loop.history).output
+
     def stepper(
         self, schedule: float | None = None, history: History | str | None = None
     ) -> Stepper:
         """Start the model for use sample by sample; see :class:`anhyst.model.stepper.Stepper`."""
-        from anhyst.model.stepper import Stepper
-
         return Stepper(self, schedule, history)
 
     def check_over_gap(self) -> GapCheck | None:

@@ -211,12 +211,7 @@ def share(task: SharedTask) -> float:
     loops = read_loops(task.member.source, history=task.history)
     model: Model = read_model(task.model)
     try:
-        errors = np.concatenate(
-            [
-                model(loop.input, loop.schedule, loop.time, loop.history) - loop.output
-                for loop in loops.loops
-            ]
-        )
+        errors = np.concatenate([model.on(loop) - loop.output for loop in loops.loops])
     except (InputError, NegativeResult):
         return float("nan")
     largest = max(float(np.abs(loop.output).max()) for loop in loops.loops)
