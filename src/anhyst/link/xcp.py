@@ -93,7 +93,7 @@ class XcpLine:
     def ask(self, command: bytes) -> bytes:
         """Send a command and return its answer."""
         with self.lock:
-            self._port.write(self._framed(command))
+            self._port.write(framed(command, serial=self.serial))
             answer = self._next()
             if answer is None and self.serial and not self._gone.is_set():
                 self._synchronise()  # a late answer would be taken for that to the next command
@@ -139,36 +139,29 @@ class XcpLine:
     def _synchronise(self) -> None:
         """Be in step again with a controller one of whose answers was lost."""
         for _ in range(3):
-            self._port.write(self._framed(_SYNCH))
+            self._port.write(framed(_SYNCH, serial=self.serial))
             while (answer := self._next()) is not None:
                 if answer == _IN_STEP:
                     return
         self._gone.set()
         raise self.lost()
 
-    def _framed(self, packet: bytes) -> bytes:
-        return framed(packet, serial=self.serial)
-
     def _read(self) -> None:
         rest = b""
         try:
             while not self._gone.is_set():
-                packets, rest = self._split(rest + self._port.read(_POLL_S))
-                self._hand_on(packets)
+                arrived = split(rest + self._port.read(_POLL_S), self.serial)
+                rest = arrived.rest
+                self.skipped += arrived.skipped
+                if arrived.broken:
+                    raise InputError(f"{self.url}: does not speak XCP", code="no-xcp")
+                self._hand_on(arrived.packets)
                 time.sleep(_TOGETHER_S)
         except InputError:
             pass  # whoever waits learns of it below
         with self._came:
             self._gone.set()
             self._came.notify_all()
-
-    def _split(self, data: bytes) -> tuple[list[bytes], bytes]:
-        """Return whole packets, and the rest."""
-        packets = split(data, self.serial)
-        self.skipped += packets.skipped
-        if packets.broken:
-            raise InputError(f"{self.url}: does not speak XCP", code="no-xcp")
-        return packets.packets, packets.rest
 
     def _hand_on(self, packets: list[bytes]) -> None:
         samples = [packet for packet in packets if packet[0] < _COMMAND_LEAST]
@@ -310,14 +303,17 @@ class XcpMaster:
 
     def aim(self, code: int) -> None:
         """Demand a force, or a position, q31 of full scale."""
-        if self.body is Body.FORCE:
-            self._write(_INPUT["set_demand"], code, DemandRequest(code))
-        else:
-            self._write(_INPUT["set_target"], code, TargetRequest(code))
+        request = DemandRequest(code) if self.body is Body.FORCE else TargetRequest(code)
+        self._write(self._aimed, code, request)
 
     def goal(self) -> int:
         """Return the force or the position demanded last, q31 of full scale."""
-        return self._value(_INPUT["set_demand" if self.body is Body.FORCE else "set_target"])
+        return self._value(self._aimed)
+
+    @property
+    def _aimed(self) -> int:
+        """Address of the force or position that is demanded."""
+        return _INPUT["set_demand" if self.body is Body.FORCE else "set_target"]
 
     def clock(self) -> int:
         """Return the number of the last tick, modulo 2^32."""
