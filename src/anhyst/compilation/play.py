@@ -15,7 +15,6 @@ from anhyst.compensate.current_map import PlayMap, one_play
 from anhyst.compensate.force_controller import Compensator, ForceController
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compensate.sources import (
-    SLOW_S,
     Operating,
     Sources,
     drive_ramps,
@@ -35,6 +34,7 @@ from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core
 from anhyst.compilation.vectors import SEED, Row, codes_of_inputs, vectors_csv
 from anhyst.model.actuator import Model, read_model
+from anhyst.model.predict import slow_times
 from anhyst.support.atomic import PathLike, running_version
 from anhyst.support.errors import InputError
 from anhyst.support.kept import c_name
@@ -193,8 +193,7 @@ def model_errors(model: Model, play: PlayMap, operating: Operating) -> dict[str,
     """Return what the map, and the same without a width, leave of the model's forces."""
 
     def answer(current: FloatArray, gap: float) -> FloatArray:
-        time = SLOW_S * np.arange(current.size)
-        return model.predict(current, gap, time, "demagnetised").output
+        return model.predict(current, gap, slow_times(current.size), "demagnetised").output
 
     low, high = operating.gap_range
     joined: dict[str, CycleErrors] = {}

@@ -182,11 +182,7 @@ def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Loc
         for start in _best_of(space, sample_sets(space.records, count, seed, free, biased), keep)
     ]
     if not begins:
-        raise NowhereNearError(
-            "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
-            "or columns with 'anhyst inspect --plot'",
-            code="nowhere-near",
-        )
+        raise NowhereNearError
     return begins
 
 

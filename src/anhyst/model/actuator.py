@@ -138,13 +138,7 @@ class Model(Result, ActuatorRecord):
         InputError
             The model does not say where it holds.
         """
-        if self.valid is None:
-            raise InputError(
-                "the model does not say where it holds ([valid]): no range for a loop",
-                code="no-valid-range",
-                key="valid",
-            )
-        up = np.linspace(*self.valid.input, samples)
+        up = np.linspace(*self.valid_range.input, samples)
         drive = np.concatenate([up, up[::-1]])
         time = np.linspace(0.0, CYCLE_S, drive.size) if self.needs_time else None
         return drive, self(drive, schedule, time, "settled")

@@ -232,6 +232,17 @@ class ActuatorRecord:
         return bool(np.any(self.parameters["gamma"]))
 
     @property
+    def valid_range(self) -> ValidRange:
+        """Where it holds, which what is asked for needs to know."""
+        if self.valid is None:
+            raise InputError(
+                "the model does not say where it holds ([valid]); identify it from loops",
+                code="no-valid-range",
+                key="valid",
+            )
+        return self.valid
+
+    @property
     def first_node(self) -> float | None:
         """Where to look at what is the same everywhere; None where there are no nodes."""
         return self.nodes[0] if self.nodes else None

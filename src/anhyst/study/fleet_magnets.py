@@ -21,7 +21,7 @@ from anhyst.data.reading import files_read, read_loops
 from anhyst.identification import identify
 from anhyst.identification.run import IdentifyResult, whole_search
 from anhyst.model.actuator import Model, read_model
-from anhyst.support.atomic import PathLike, json_text, running_version, write_json
+from anhyst.support.atomic import PathLike, json_text, read_error, running_version, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of
 from anhyst.support.numeric import rms
@@ -43,10 +43,7 @@ class Member:
             try:
                 whole.update(path.read_bytes())
             except OSError as error:
-                raise InputError(
-                    f"{path}: cannot be read: {error.strerror}; check the path",
-                    code="cannot-be-read",
-                ) from None
+                raise read_error(path, error) from None
         return whole.hexdigest()
 
 

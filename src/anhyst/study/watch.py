@@ -246,18 +246,12 @@ class DriftWatch:
     _tick: int | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        if self.model.valid is None:
-            raise InputError(
-                "the model has no valid range; identify it again",
-                code="no-valid-range",
-                key="valid",
-            )
-        low, high = self.model.valid.input
+        low, high = self.model.valid_range.input
         self._stepper = Stepper(self.model, self.gap, self.history)
         self._cycles = _Cycles(TURN * (high - low))
         self._rows = {"level": [], "width": []}
         if self.least is None:
-            self.least = LEAST * max(abs(end) for end in self.model.valid.output)
+            self.least = LEAST * max(abs(end) for end in self.model.valid_range.output)
 
     def take(
         self, ticks: FloatArray, current: FloatArray, gap: FloatArray, force: FloatArray

@@ -42,6 +42,15 @@ def write_error(path: PathLike, error: OSError) -> InputError:
     )
 
 
+def read_error(path: PathLike, error: OSError) -> InputError:
+    """Say why a file could not be read, in one line."""
+    if isinstance(error, FileNotFoundError):
+        return InputError(f"{path}: no such file; check the path", code="no-such-file")
+    return InputError(
+        f"{path}: cannot be read: {error.strerror}; check the path", code="cannot-be-read"
+    )
+
+
 @contextmanager
 def atomic_writer(
     path: PathLike, check: Callable[[Path], object] | None = None
