@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from anhyst._core import POSITION_MAGNETS
-from anhyst.compensate.block import Block
+from anhyst.compensate.block import Block, DemandLimits
 from anhyst.compensate.budget import Budget, percent
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.force_controller import AnyBlock
@@ -22,12 +22,12 @@ from anhyst.compensate.plan import Decision, Plan
 from anhyst.compilation.controller import ControllerPlan, described
 from anhyst.compilation.parameters import memories
 from anhyst.compilation.toolchain import read_core
+from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike, json_text, whole_folder, write_texts
 from anhyst.support.block_layout import BODY
-from anhyst.support.block_words import Names
+from anhyst.support.block_words import Names, Scales
 from anhyst.support.errors import InputError
 from anhyst.support.result import Result
-from anhyst.support.units import Quantity
 
 STEPS = {"q15": 2.0**-15, "q31": 2.0**-31}
 
@@ -279,7 +279,7 @@ def manifest(
         "kind": block.kind,
         "io": request.io,
         "rate_Hz": request.rate,
-        "signals": _signals(plan),
+        "signals": signal_entries(request.io, plan.model, block.scales, block.limits),
         "limits": {"demand": list(block.limits.demand), "current": list(block.limits.current)},
         "memory": {"parameters_bytes": parameters_bytes(block), "state_bytes": state_bytes(block)},
         "parameters": [] if isinstance(block, RealBlock) else list(_words(plan, block)),
@@ -345,31 +345,24 @@ def _accuracy(budget: Budget) -> dict[str, Any]:
     }
 
 
-def _signals(plan: Plan) -> dict[str, Any]:
-    model, scales, limits, io = plan.model, plan.block.scales, plan.block.limits, plan.request.io
-    signals: dict[str, Any] = {
-        "demand": signal_entry(io, model.output, *limits.demand, scales.demand),
-        "current": signal_entry(io, model.input, *limits.current, scales.current),
-        "gap": None,
+def signal_entries(io: str, model: Model, scales: Scales, limits: DemandLimits) -> dict[str, Any]:
+    """Return what the manifest says of the signals; nothing of a gap where none counts."""
+    ends = {
+        "demand": (model.output, *limits.demand, scales.demand),
+        "current": (model.input, *limits.current, scales.current),
+        "gap": (model.schedule, scales.gap_low, scales.gap_high, scales.gap_high),
     }
-    if model.schedule is not None:
-        ends = scales.gap_low, scales.gap_high
-        signals["gap"] = signal_entry(io, model.schedule, *ends, scales.gap_high)
-    return signals
-
-
-def signal_entry(
-    io: str, quantity: Quantity, low: float, high: float, scale: float
-) -> dict[str, Any]:
-    """Return what the manifest says of a signal."""
     return {
-        "quantity": quantity.name,
-        "unit": quantity.unit,
-        "low": low,
-        "high": high,
-        "scale": scale,
-        "format": io,
-    }
+        signal: None if quantity is None else {
+            "quantity": quantity.name,
+            "unit": quantity.unit,
+            "low": low,
+            "high": high,
+            "scale": scale,
+            "format": io,
+        }
+        for signal, (quantity, low, high, scale) in ends.items()
+    }  # fmt: skip
 
 
 MANIFEST = "manifest.json"

@@ -36,8 +36,9 @@ from anhyst.compilation.manifest import (
 from anhyst.compilation.play import CompiledPlay, compile_play
 from anhyst.compilation.source import budget_page, sources
 from anhyst.compilation.vectors import (
+    COLUMNS,
+    LEVITATION_COLUMNS,
     golden_vectors,
-    levitation_csv,
     levitation_vectors,
     vectors_csv,
 )
@@ -151,12 +152,12 @@ def compile_model(
     around = None if controller is None else controller.around(plan)
     files = {
         **sources(plan, _accuracy(budget), sha256, version, around),
-        "vectors.csv": vectors_csv(golden_vectors(plan)),
+        "vectors.csv": vectors_csv(COLUMNS, golden_vectors(plan)),
         "budget.json": json_text(as_dict(budget)),
         "budget.html": budget_page(plan, budget, version),
     }
     if around is not None:
-        files["controller.csv"] = levitation_csv(levitation_vectors(plan, around))
+        files["controller.csv"] = vectors_csv(LEVITATION_COLUMNS, levitation_vectors(plan, around))
     described = manifest(plan, budget, sha256, version, around)
     if request.io != "f32":  # a firmware computes in fixed point
         files[f"{plan.name}.a2l"] = a2l(described)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from anhyst._core import FixedForceController
+from anhyst.compensate.block import DemandLimits
 from anhyst.compensate.current_map import PlayMap, one_play
 from anhyst.compensate.force_controller import Compensator, ForceController
 from anhyst.compensate.plan import CompileRequest
@@ -26,13 +27,13 @@ from anhyst.compilation.manifest import (
     VERSION,
     CompiledFolder,
     check_folder,
-    signal_entry,
+    signal_entries,
     write_folder,
 )
 from anhyst.compilation.parameters import table_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core
-from anhyst.compilation.vectors import SEED, Row, codes_of_inputs, vectors_csv
+from anhyst.compilation.vectors import COLUMNS, SEED, Row, codes_of_inputs, vectors_csv
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.predict import slow_times
 from anhyst.support.atomic import PathLike, running_version
@@ -173,7 +174,7 @@ def compile_play(
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
     head = _Head(name or c_name(model.name), model, sha256, running_version(), operating)
     described = _manifest(head, play, errors)
-    files = _sources(head, play, errors) | {"vectors.csv": vectors_csv(_vectors(play))}
+    files = _sources(head, play, errors) | {"vectors.csv": vectors_csv(COLUMNS, _vectors(play))}
     write_folder(out, files, described)
     return CompiledPlay(Path(out), described, (*files, MANIFEST), play, errors)
 
@@ -231,11 +232,7 @@ def _percent(errors: CycleErrors, largest: float) -> dict[str, float]:
 
 def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, Any]:
     scales, where, model = play.scales, head.operating, head.model
-    ends = {
-        "demand": (model.output, 0.0, where.force_max, scales.demand),
-        "current": (model.input, *play.map.limits, scales.current),
-        "gap": (model.schedule, scales.gap_low, scales.gap_high, scales.gap_high),
-    }
+    limits = DemandLimits((0.0, where.force_max), play.map.limits)
     return {
         "format": VERSION,
         "anhyst": head.version,
@@ -244,12 +241,8 @@ def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> 
         "kind": KIND,
         "io": "q31",
         "rate_Hz": where.rate,
-        "signals": {
-            name: signal_entry("q31", quantity, low, high, scale)
-            for name, (quantity, low, high, scale) in ends.items()
-            if quantity is not None
-        },
-        "limits": {"demand": [0.0, where.force_max], "current": list(play.map.limits)},
+        "signals": signal_entries("q31", model, scales, limits),
+        "limits": {"demand": list(limits.demand), "current": list(limits.current)},
         "memory": {"parameters_bytes": play_bytes(play), "state_bytes": STATE_BYTES},
         "play": dict(play.numbers),
         "controller": None,

@@ -9,7 +9,7 @@ controller sees of it has steps, as an encoder's.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -92,10 +92,10 @@ def _walk(ends: tuple[float, float], rows: int) -> tuple[FloatArray, FloatArray]
     return demand, gap
 
 
-def vectors_csv(table: list[Row]) -> str:
-    """Return the vectors as a CSV file."""
-    rows = (",".join(_text(value) for value in row) for row in table)
-    return "\n".join([",".join(COLUMNS), *rows]) + "\n"
+def vectors_csv(columns: Iterable[str], table: Iterable[Sequence[float]]) -> str:
+    """Return vectors as a CSV file."""
+    rows = (",".join(map(_text, row)) for row in table)
+    return "\n".join([",".join(columns), *rows]) + "\n"
 
 
 def _text(value: float) -> str:
@@ -249,10 +249,3 @@ class _LevitationRun:
             if not limits.gap_low < self.gap < self.rest:
                 self.gap = max(limits.gap_low, min(self.rest, self.gap))
                 self.velocity = 0.0
-
-
-def levitation_csv(rows: list[LevitationRow]) -> str:
-    """Return the vectors as a CSV file."""
-    return (
-        "\n".join([",".join(LEVITATION_COLUMNS), *(",".join(map(str, row)) for row in rows)]) + "\n"
-    )

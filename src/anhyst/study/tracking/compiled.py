@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -22,6 +21,7 @@ from anhyst.compilation.manifest import (
 from anhyst.compilation.output import Compiled, compile_actuator
 from anhyst.compilation.play import CompiledPlay
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
+from anhyst.compilation.vectors import vectors_csv
 from anhyst.control.fixed_axes import codes
 from anhyst.model.actuator import Model
 from anhyst.rig.body import BodyRig
@@ -224,7 +224,9 @@ def compiled_rig(rig: BodyRig) -> BodyRig:
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
     """Write the folder of a controller in the format of its axes, with its flight."""
     stage, vectors, version = _controller(setup, kind, name), fly_vectors(setup), running_version()
-    files = stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": _csv(vectors)}
+    dtype = next(iter(vectors.values())).dtype
+    table = vectors_csv(vectors, np.array([*vectors.values()]).T.astype(dtype).tolist())
+    files = stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": table}
     described = _manifest(stage, version)
     write_folder(out, files, described)
     return CompiledStage(Path(out), described, (*files, MANIFEST), vectors)
@@ -372,13 +374,6 @@ def _refuse_lost(rig: BodyRig, loss: Loss | None) -> None:
             f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it with anhyst simulate",
             code="lost",
         )
-
-
-def _csv(vectors: Mapping[str, FloatArray]) -> str:
-    """Return the vectors as a CSV file: codes, or the shortest numbers that come back in f32."""
-    kind = next(iter(vectors.values())).dtype
-    rows = np.array(list(vectors.values())).T.astype(kind)
-    return "\n".join([",".join(vectors), *(",".join(map(str, row)) for row in rows)]) + "\n"
 
 
 def _manifest(stage: StageController, version: str) -> dict[str, Any]:
