@@ -297,7 +297,7 @@ def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
     )
 
 
-def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
+def fly_vectors(setup: StageSetup) -> dict[str, FloatArray]:
     """Fly the test set-point and return what the controller was given and answered, by column.
 
     The answers are those of a fresh controller to inputs in its own format. Where it looks at
@@ -306,7 +306,7 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
     file, fly_it = setup.rig.settings, _fly_several if setup.rig.settings.several else _fly_one
     magnets, heads = len(file.placed), len(file.position_sensors)
     controller, begin, end = axes_controller(setup), heads, heads + len(file.body.free)
-    given = _signals(setup, fly_it(setup, rows), begin, end)
+    given = _signals(setup, fly_it(setup), begin, end)
     if file.tracking.lost_A is not None:
         given[end + magnets, -DEAD_ROWS:] = 0.0
     commands, answers = np.zeros(len(given.T), dtype=given.dtype), []
@@ -335,11 +335,11 @@ def _signals(setup: StageSetup, given: FloatArray, begin: int, end: int) -> NDAr
     return np.vstack([*rows, codes(currents, scales.current)]).astype(np.int32)
 
 
-def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
+def _fly_several(setup: StageSetup) -> FloatArray:
     """Return what the controller of several coordinates is given: heads off target, wrench, gaps."""
     rig, file = setup.rig, setup.rig.settings
     motion = motion_of(file.scan, file.scan.test_m_per_s2)
-    rows = min(rows, ticks_of(rig, motion))
+    rows = min(ROWS, ticks_of(rig, motion))
     time = instants(rig, rows + 1)
     wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
     scenario = scenario_along(rig, motion.at(time)[0], stray(rig, motion, time), wrench)
@@ -355,7 +355,7 @@ def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
     return np.vstack([off, wrench.T, read[:magnets], *currents])
 
 
-def _fly_one(setup: StageSetup, rows: int) -> FloatArray:
+def _fly_one(setup: StageSetup) -> FloatArray:
     """Return the same of one coordinate."""
     rig, file = setup.rig, setup.rig.settings
     motion = motion_of(file.scan, file.scan.test_m_per_s2)
@@ -365,7 +365,7 @@ def _fly_one(setup: StageSetup, rows: int) -> FloatArray:
     off, gap = run["position_read_m"] - run["reference_m"], run["gap_read_m"]
     forward = feed(setup, motion, Feedforward())
     read = np.zeros((2, gap.size))  # a body of one coordinate looks at no current
-    return np.vstack([off, forward, gap, file.gap_total_m - gap, *read])[:, :rows]
+    return np.vstack([off, forward, gap, file.gap_total_m - gap, *read])[:, :ROWS]
 
 
 def _refuse_lost(rig: BodyRig, loss: Loss | None) -> None:
