@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -95,10 +95,6 @@ class Measures:
     def lost(self) -> bool:
         """Whether the loop was lost in the run."""
         return math.isinf(self.peak_m)
-
-    def as_dict(self) -> dict[str, float]:
-        """Return them by name."""
-        return asdict(self)
 
 
 LOST = Measures(*[float("inf")] * 8)

@@ -190,7 +190,7 @@ class TriedVariant:
     @property
     def judged(self) -> CaseFigures:
         """All figures on the test set-point, over the seeds."""
-        runs = [one.as_dict() for one in self.measures]
+        runs = [asdict(one) for one in self.measures]
         for key, values in self.crossed.items():
             runs = [run | {key: value} for run, value in zip(runs, values, strict=True)]
         return CaseFigures.over(
@@ -248,14 +248,6 @@ class TrackingStudy(StudyResult):
     def lost_in(self) -> list[str]:
         """Everything tried in which the compensator's own loop was lost."""
         return self.tried[OWN].lost_in
-
-    def refuse_losses(self) -> None:
-        """Raise NegativeResult where the compensator's own loop was lost."""
-        if self.lost_in:
-            raise NegativeResult(
-                f"the loop was lost: {'; '.join(self.lost_in)}; figures and recording are kept",
-                code="loop-lost",
-            )
 
     def as_dict(self) -> dict[str, Any]:
         """Return what ``figures.json`` holds."""
@@ -365,8 +357,8 @@ def _figures(one: TriedVariant) -> dict[str, Any]:
             "snap_s2": one.gains.snap,
         },
         "test": {field.name: one.of(field.name).as_dict() for field in fields(Measures)},
-        "small_forces": one.small.as_dict(),
-        "one_repeated_setpoint": one.repeated.as_dict(),
+        "small_forces": asdict(one.small),
+        "one_repeated_setpoint": asdict(one.repeated),
         "standstill_rms_m": one.standstill_m,
         **({"standstill_rms": one.at_rest} if one.at_rest else {}),
         "learning_peaks_m": list(one.trials_m),
