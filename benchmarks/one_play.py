@@ -23,8 +23,7 @@ from anhyst.rig.body import read_bearing
 from anhyst.rig.fitting import identify_magnet
 from anhyst.rig.plant import static_map
 from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import rms
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 
 BEARING = Path(__file__).resolve().parent.parent / "examples" / "bearing"
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full")
