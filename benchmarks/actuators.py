@@ -19,7 +19,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data import Loop, Loops
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.identification.creeping import moved

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.rig.parts.magnet import Poles
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES

@@ -22,8 +22,8 @@ import numpy as np
 
 from anhyst.study.benefit import benefit
 from anhyst.study.engine.monte_carlo import monte_carlo
-from anhyst.study.fleet.fleet import fleet
-from anhyst.study.fleet.judge import FleetSettings
+from anhyst.study.fleet import fleet
+from anhyst.study.fleet_magnets import FleetSettings
 from anhyst.study.plants import bearing_plants
 from anhyst.support.jobs import all_of, workers_of
 from bearing import read

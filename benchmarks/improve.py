@@ -20,7 +20,7 @@ from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.force.file import read_rig
 from anhyst.study.bench import prepare_bench
-from anhyst.study.force.force_control import build_program
+from anhyst.study.force_control import build_program
 from anhyst.study.improve import SAMPLES_HZ, BenchWatch
 from anhyst.study.prepared import PreparedForce
 from anhyst.support.numeric import FloatArray

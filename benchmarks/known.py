@@ -34,7 +34,7 @@ from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.identification.bare import form_of, model_of, valid_range
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel
-from anhyst.identification.default import FoundModel, follow, reference_gap
+from anhyst.identification.default import FoundModel, follow
 from anhyst.identification.fit_records import FitRecords, records_of, rest_of
 from anhyst.identification.objective import CellResponder
 from anhyst.identification.response import Local, Responder, ResponseForm
@@ -42,7 +42,7 @@ from anhyst.identification.space import CoordinateSpace
 from anhyst.identification.uncertainty import OFFSETS
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
-from anhyst.model.compilable import obstacle
+from anhyst.model.actuator import obstacle
 from anhyst.support.atomic import atomic_writer
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray
@@ -152,7 +152,7 @@ class Scan:
 def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray | None:
     """Draw a start; None where nothing that was drawn has an answer."""
     form, records = space.form, space.records
-    home = reference_gap(records)
+    home = records.reference_gap
     scans = [Scan(form, records.at(gap)) for gap in range(records.gaps)]
     for _ in range(_TRIES):
         law = tuple(_number(one.name, rng) for one in form.kernel.numbers)

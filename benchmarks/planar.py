@@ -21,8 +21,7 @@ from anhyst.rig.measuring import measure_loops
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, identify_stage, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.tracking.losses import Losses
-from anhyst.study.tracking.measures import cross_talk, measure
+from anhyst.study.tracking.measures import Losses, cross_talk, measure
 from anhyst.study.tracking.simulate import (
     OF_AXES,
     TrackingStudy,

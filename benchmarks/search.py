@@ -28,7 +28,7 @@ from anhyst.data import Loops
 from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import CHOSEN
+from anhyst.model.schema import CHOSEN
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
 from drawn import COUNT, Draw, Test, draw

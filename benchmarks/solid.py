@@ -19,8 +19,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loop
 from anhyst.data.speeds import speeds_of
 from anhyst.identification import identify
-from anhyst.model.actuator import Model
-from anhyst.model.compilable import has_layers
+from anhyst.model.actuator import Model, has_layers
 from anhyst.rig.bearing.loop import make_setup
 from anhyst.rig.drift import changed
 from anhyst.rig.fitting import identify_magnet

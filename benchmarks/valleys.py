@@ -21,11 +21,11 @@ import numpy as np
 from anhyst.data.reading import read_loops
 from anhyst.identification.bare import form_of
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel
-from anhyst.identification.cell_starts import draw_starts, placed, possible
 from anhyst.identification.default import descend, follow
 from anhyst.identification.fit_records import records_of, rest_of
 from anhyst.identification.objective import Objective
 from anhyst.identification.response import Local
+from anhyst.identification.screening import draw_starts, placed, possible
 from anhyst.identification.space import CoordinateSpace
 from anhyst.support.numeric import FloatArray
 from rows import ROOT

@@ -22,8 +22,8 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.link.firmware import actuator_defines
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import Parameter
+from anhyst.model.schema import ValidRange
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 

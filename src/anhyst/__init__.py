@@ -39,23 +39,23 @@ if TYPE_CHECKING:
     from anhyst.exchange.export import export
     from anhyst.identification.identify import identify
     from anhyst.identification.run import IdentifyResult
-    from anhyst.link.xcp_bridge import xcp
+    from anhyst.link.xcp import xcp
     from anhyst.model.actuator import Model, read_model
     from anhyst.model.diff import ModelDiff, diff
     from anhyst.model.predict_file import RunSummary, invert, predict
     from anhyst.model.prediction import Prediction
-    from anhyst.reports.measuring import excite_rig as excite
     from anhyst.reports.model.page import write_report as report
-    from anhyst.reports.simulate import simulate_rig as simulate
+    from anhyst.reports.verbs import excite_rig as excite
+    from anhyst.reports.verbs import simulate_rig as simulate
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.bearing.simulate import Simulation
     from anhyst.study.bearing.state_space import linearise
     from anhyst.study.benefit import Benefit
     from anhyst.study.engine.monte_carlo import MonteCarlo
     from anhyst.study.excite.excite import Excitation
-    from anhyst.study.fleet.fleet import Fleet
-    from anhyst.study.fleet.fleet import judge_fleet as fleet
-    from anhyst.study.force.force_control import ForceControl, force_control
+    from anhyst.study.fleet import Fleet
+    from anhyst.study.fleet import judge_fleet as fleet
+    from anhyst.study.force_control import ForceControl, force_control
     from anhyst.study.piezo import PiezoTracking
     from anhyst.study.tracking.calibrate import Calibration, calibrate
     from anhyst.study.tracking.compiled import CompiledStage
@@ -136,8 +136,8 @@ _PLACES = {
     "CompiledStage": "study.tracking.compiled",
     "Drafted": "draft.drafting",
     "Excitation": "study.excite.excite",
-    "Fleet": "study.fleet.fleet",
-    "ForceControl": "study.force.force_control",
+    "Fleet": "study.fleet",
+    "ForceControl": "study.force_control",
     "IdentifyResult": "identification.run",
     "InputError": "support.errors",
     "Inspection": "data.inspection",
@@ -160,11 +160,11 @@ _PLACES = {
     "convert": "exchange.convert",
     "diff": "model.diff",
     "example_files": "draft.drafting",
-    "excite": "reports.measuring:excite_rig",
+    "excite": "reports.verbs:excite_rig",
     "excite_to_calibrate": "study.tracking.excitation",
     "export": "exchange.export",
-    "fleet": "study.fleet.fleet:judge_fleet",
-    "force_control": "study.force.force_control",
+    "fleet": "study.fleet:judge_fleet",
+    "force_control": "study.force_control",
     "identify": "identification.identify",
     "init": "draft.drafting",
     "inspect": "data.inspection",
@@ -175,11 +175,11 @@ _PLACES = {
     "read_loops": "data.reading",
     "read_model": "model.actuator",
     "report": "reports.model.page:write_report",
-    "simulate": "reports.simulate:simulate_rig",
+    "simulate": "reports.verbs:simulate_rig",
     "tune": "study.tuning.tuning:tune",
     "verify": "verification.verify",
     "watch": "study.watch",
-    "xcp": "link.xcp_bridge",
+    "xcp": "link.xcp",
 }
 """Where each name lives, and what it is called there if not the same."""
 
@@ -187,7 +187,7 @@ _PLACES = {
 def __getattr__(name: str) -> object:
     """Import a name when it is first used."""
     if name == "__version__":
-        from anhyst.support.version import running_version
+        from anhyst.support import running_version
 
         return running_version()
     if name not in _PLACES:

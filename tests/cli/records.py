@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import ValidRange
+from anhyst.model.schema import ValidRange
 from anhyst.model.writer import model_text
 from anhyst.support.units import QUANTITIES
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.model.actuator import Model, read_model
-from anhyst.model.fit_record import ValidRange
+from anhyst.model.schema import ValidRange
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 from tests.refusals import says

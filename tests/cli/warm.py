@@ -39,7 +39,7 @@ def load() -> None:
             "model.predict_file",
         ),
         *(
-            "reports.simulate",
+            "reports.verbs",
             "study.bearing.simulate",
             "compilation",
             "draft.bearing",

@@ -16,7 +16,7 @@ from anhyst.compensate.holding import Held, hold
 from anhyst.compensate.measure import Path as Way
 from anhyst.compensate.measure import exact_output, find_reach
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
-from anhyst.data.read_options import ReadOptions
+from anhyst.data.clean import ReadOptions
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.writer import write_model

@@ -18,7 +18,7 @@ from anhyst.compensate.sources import FluxCalibration, Operating, Sources
 from anhyst.data import History, Loop, Loops
 from anhyst.data.surface import fit_surface
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import ValidRange
+from anhyst.model.schema import ValidRange
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES

@@ -17,7 +17,7 @@ from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, bui
 from anhyst.compensate.force_controller import FixedTwin, RealTwin
 from anhyst.compilation.parameters import c_parameters, literal
 from anhyst.compilation.toolchain import SINGLE
-from anhyst.model.compilable import least_slope
+from anhyst.model.actuator import least_slope
 from anhyst.model.parameters import GapMap
 from anhyst.support.atomic import core_folder
 from anhyst.support.block_words import Names, Scales

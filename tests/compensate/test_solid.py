@@ -16,7 +16,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
-from anhyst.model.fit_record import ValidRange
+from anhyst.model.schema import ValidRange
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray

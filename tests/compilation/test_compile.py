@@ -22,7 +22,7 @@ from anhyst.compensate.measure import against_demand, paths, run_with_losses
 from anhyst.compensate.plan import CompileRequest, full_scale
 from anhyst.compilation.output import Compiled, compile_model
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import FitFigures, ValidRange
+from anhyst.model.schema import FitFigures, ValidRange
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import core_folder
 from anhyst.support.block_layout import BODY

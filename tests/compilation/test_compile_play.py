@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.compilation.play import CompiledPlay, compile_play, rms, worst
+from anhyst.compilation.play import CompiledPlay, compile_play, worst
 from anhyst.model.writer import write_model
+from anhyst.support.numeric import rms
 from anhyst.verification import verify
 from tests.actuators import magnet, ring
 from tests.compilation.test_compile import WARNINGS, measured

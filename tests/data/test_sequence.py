@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.data.history import SETTLED, History
 from anhyst.data.joining import one_after_another
 from anhyst.data.loops import Loop
+from anhyst.data.path import SETTLED, History
 from anhyst.model.actuator import Model
 from anhyst.support.units import QUANTITIES
 from tests.model.test_cells import CIRCUIT, NUMBERS

@@ -13,7 +13,7 @@ import anhyst
 from anhyst._core import PiezoMotion
 from anhyst.cli.app import main
 from anhyst.data import Loop, Loops
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.draft.stack import FittedStack, fit_stack, hysteresis
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.study.piezo import reference, track

@@ -13,7 +13,7 @@ import pytest
 
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.model.compilable import obstacle
+from anhyst.model.actuator import obstacle
 from anhyst.rig.piezo import read_piezo_rig
 from tests.cli.command import quick
 from tests.identification.truths import noisy

@@ -12,8 +12,8 @@ import anhyst
 from anhyst.exchange.export import export_fmu
 from anhyst.exchange.part import FmiVersion
 from anhyst.model.dynamics import Dynamics, Layers
-from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import GapMap, Parameter
+from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.cli.command import quick as run

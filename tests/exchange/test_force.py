@@ -16,7 +16,7 @@ from anhyst.rig.case_table import ForceCase, MovingCase
 from anhyst.rig.force.bench import RECORDED, ActuatorStand, moving_gap, triangle
 from anhyst.rig.force.file import READ, Rig, read_rig
 from anhyst.rig.force.programs import ticks_that_differ
-from anhyst.study.force.force_control import build_program
+from anhyst.study.force_control import build_program
 from tests.exchange.slave import HERE, needs_binary, slave
 from tests.exchange.test_checker import findings
 from tests.exchange.test_sfunction import beside, built, simulated

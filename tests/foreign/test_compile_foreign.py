@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.model.actuator import read_model
-from anhyst.model.compilable import least_slope
+from anhyst.model.actuator import least_slope, read_model
 from anhyst.verification import verify
 from tests.cli.command import quick
 from tests.foreign.magnets import MAGNETS

@@ -9,10 +9,10 @@ import pytest
 
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
-from anhyst.compilation.play import CycleErrors, cycle_errors, rms
+from anhyst.compilation.play import CycleErrors, cycle_errors
 from anhyst.data.reading import read_loops
 from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from tests.foreign.magnets import MAGNETS
 
 WHOLE = {"u": 0.25, "hard": 0.6, "soft": 1.0}

@@ -9,9 +9,9 @@ import pytest
 
 from anhyst.compensate.block import cell_weights
 from anhyst.data import Loops
-from anhyst.data.history import History
 from anhyst.data.loops import Loop
-from anhyst.identification.left_open import field_step, resolved
+from anhyst.data.path import History
+from anhyst.identification.uncertainty import field_step, resolved
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.support.units import QUANTITIES

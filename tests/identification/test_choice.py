@@ -16,8 +16,8 @@ from anhyst.identification.default import FoundModel, search_each_gap, search_on
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.objective import Objective
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import FitFigures
 from anhyst.model.parameters import GapMap
+from anhyst.model.schema import FitFigures
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.identification.truths import (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loop
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.model.actuator import Model

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loops
-from anhyst.data.read_options import ReadOptions
+from anhyst.data.clean import ReadOptions
 from anhyst.identification import IdentifyResult, identify
 from anhyst.identification.bare import COST, PARTS
 from tests.identification.truths import core, largest, loops_of, magnet, predicted

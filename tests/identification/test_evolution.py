@@ -69,11 +69,17 @@ def test_asking_twice_gives_the_same_generation() -> None:
     np.testing.assert_array_equal(found.ask(), found.ask())
 
 
+def step_sizes(evolved: EvolutionStrategy) -> FloatArray:
+    """Geometric mean step size of the parents, in parts of the range."""
+    relative = evolved._parents_sigma / (evolved._high - evolved._low)
+    return np.asarray(np.exp(np.log(relative).mean(axis=0)))
+
+
 def test_step_sizes_adapt_to_each_variable() -> None:
     found = strategy(3)
     for _ in range(40):
         found.tell(ellipsoid(found.ask()))
-    flat, middle, steep = found.step_sizes
+    flat, middle, steep = step_sizes(found)
     assert flat > 3.0 * middle > 9.0 * steep
 
 
@@ -82,8 +88,8 @@ def test_step_sizes_shrink_near_an_optimum_and_not_where_all_is_equal() -> None:
     for _ in range(40):
         near.tell(sphere(near.ask()))
         flat.tell(np.zeros(flat.ask().shape[0]))
-    assert near.step_sizes.max() < 1e-3
-    assert flat.step_sizes.min() > 1e-2
+    assert step_sizes(near).max() < 1e-3
+    assert step_sizes(flat).min() > 1e-2
 
 
 def test_children_stay_within_bounds() -> None:

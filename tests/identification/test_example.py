@@ -11,7 +11,7 @@ from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst.identification import IdentifyResult, identify
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import FitFigures
+from anhyst.model.schema import FitFigures
 from anhyst.support.numeric import FloatArray
 from tests.identification.truths import largest, predicted
 from tests.truths import truth as kept

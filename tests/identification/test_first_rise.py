@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loops
-from anhyst.data.history import History, Kind
 from anhyst.data.loops import Loop
-from anhyst.identification.left_open import FARTHEST, first_rise, is_guessed
+from anhyst.data.path import History, Kind
+from anhyst.identification.uncertainty import FARTHEST, first_rise, is_guessed
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.support.units import QUANTITIES

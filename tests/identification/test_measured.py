@@ -11,7 +11,7 @@ from anhyst.data import Loops
 from anhyst.data.clean import clean
 from anhyst.data.reading import read_loops
 from anhyst.identification import IdentifyResult, identify
-from anhyst.model.fit_record import FitFigures
+from anhyst.model.schema import FitFigures
 from tests.identification.truths import predicted
 
 pytestmark = pytest.mark.slow  # the measurements are not in the package

@@ -15,8 +15,8 @@ from anhyst.identification.rate import fit_rate
 from anhyst.identification.run import IdentifyResult
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
-from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import Parameter
+from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 

@@ -16,15 +16,14 @@ from anhyst.identification.bare import form_of, model_of
 from anhyst.identification.default import (
     FoundModel,
     join_gaps,
-    reference_gap,
     search_each_gap,
     search_one_gap,
 )
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.objective import Objective
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import GapMap
+from anhyst.model.schema import Uncertainty
 from tests.identification.truths import (
     GAPS,
     HISTORIES,
@@ -278,7 +277,7 @@ def fit_alone(loops: Loops, gap_map: GapMap) -> FoundModel:
     none: frozenset[str] = frozenset()
     if gap_map == "free":
         return search_each_gap(form, records, 1, none)
-    home = search_one_gap(form, records.at(reference_gap(records)), 1, none)
+    home = search_one_gap(form, records.at(records.reference_gap), 1, none)
     return home if gap_map == "none" else join_gaps(form, records, gap_map, home.sets, none)
 
 

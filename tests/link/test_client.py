@@ -17,9 +17,9 @@ from anhyst.link.frames import (
     Reason,
     Setting,
 )
-from anhyst.link.streaming import Status
 from anhyst.link.virtual_boards import Running, run_host
-from anhyst.support.block_head import regenerate
+from anhyst.link.wire import Status
+from anhyst.support.block_words import regenerate
 from anhyst.support.states import Command, Fault, Flag, State
 from tests.refusals import refused
 

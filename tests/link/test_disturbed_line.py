@@ -12,7 +12,7 @@ import pytest
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import Setting
 from anhyst.link.virtual_boards import Running, run_host
-from anhyst.support.block_head import regenerate
+from anhyst.support.block_words import regenerate
 from anhyst.support.states import Command, State
 from tests.refusals import refused
 

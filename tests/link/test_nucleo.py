@@ -26,8 +26,8 @@ from anhyst.link.frames import (
     StatusAnswer,
 )
 from anhyst.link.wire import Receiver, encode
-from anhyst.support.block_head import regenerate
 from anhyst.support.block_layout import MOST_WORDS
+from anhyst.support.block_words import regenerate
 from anhyst.support.states import Command, Fault, State
 from tests.once import made_once
 from tests.verification.test_verify_controller import compile_bearing

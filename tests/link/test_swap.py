@@ -12,8 +12,7 @@ from anhyst.compensate.simplified import build_simplified
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Reason
 from anhyst.link.virtual_boards import Running
-from anhyst.support.block_head import regenerate
-from anhyst.support.block_words import Scales
+from anhyst.support.block_words import Scales, regenerate
 from anhyst.support.states import Command
 from tests.actuators import SIZES, closed_form, compiled, magnet, ranges
 

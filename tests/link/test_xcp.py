@@ -21,8 +21,8 @@ from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
 from anhyst.link.virtual_boards import Running, run_host
 from anhyst.link.wire import framed, key_for
-from anhyst.support.block_head import regenerate
 from anhyst.support.block_layout import PLACES
+from anhyst.support.block_words import regenerate
 from anhyst.support.states import Command, Fault, State
 from anhyst.support.xcp_map import AREAS, PACKET, SETTINGS, SIGNALS
 from tests.actuators import compiled, ranges

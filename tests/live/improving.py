@@ -9,7 +9,7 @@ import numpy as np
 
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import loops_at, loops_of_rig
-from anhyst.study.force.force_control import build_program
+from anhyst.study.force_control import build_program
 from anhyst.study.prepared import PreparedForce
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command

@@ -16,7 +16,7 @@ from anhyst.rig.fitting import calibrated
 from anhyst.study.prepared import PreparedBearing, block_of
 from anhyst.study.tracking.beside import BearingLearner
 from anhyst.study.tracking.learner import Learner
-from anhyst.support.block_head import GENERATION_AT, regenerate
+from anhyst.support.block_words import GENERATION_AT, regenerate
 from anhyst.support.states import Command
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, until

@@ -17,7 +17,7 @@ from anhyst.dashboard.orders import perform
 from anhyst.dashboard.session import LiveSession
 from anhyst.model.parameters import Parameter
 from anhyst.study.prepared import PreparedBearing, PreparedForce, block_of
-from anhyst.support.block_head import regenerate
+from anhyst.support.block_words import regenerate
 from anhyst.support.states import Command, State
 from tests.live.conftest import wait_for
 from tests.live.jobs import dies, forever

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.model.actuator import Model
-from anhyst.model.compilable import GAPS as LOOKED_AT
-from anhyst.model.compilable import least_slope, obstacle
-from anhyst.model.fit_record import ValidRange
+from anhyst.model.actuator import GAPS as LOOKED_AT
+from anhyst.model.actuator import Model, least_slope, obstacle
+from anhyst.model.schema import ValidRange
 from anhyst.support.units import QUANTITIES
 from tests.model.test_model import GAPS, magnet
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.model.actuator import Model
 from anhyst.model.diff import diff
-from anhyst.model.fit_record import Provenance, ValidRange
+from anhyst.model.schema import Provenance, ValidRange
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 

@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anhyst.data.history import History
 from anhyst.data.loops import Source
+from anhyst.data.path import History
 from anhyst.model.actuator import Model, read_model
-from anhyst.model.fit_record import (
+from anhyst.model.parameters import Parameter
+from anhyst.model.schema import (
     CHOSEN,
     CandidateFit,
     CrossValidation,
@@ -24,7 +25,6 @@ from anhyst.model.fit_record import (
     Uncertainty,
     ValidRange,
 )
-from anhyst.model.parameters import Parameter
 from anhyst.model.writer import model_text, write_model
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import TomlFileError

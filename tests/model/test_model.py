@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import GapMap, Parameter
+from anhyst.model.schema import ValidRange
 from anhyst.support.errors import NegativeResult
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import Parameter
 from anhyst.model.predict_file import invert, predict
+from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused

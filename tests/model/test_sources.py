@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.data.clean import ReadOptions
 from anhyst.data.loops import Loops
-from anhyst.data.read_options import ReadOptions
 from anhyst.model.actuator import Model, read_model, read_sources
-from anhyst.model.fit_record import Provenance
+from anhyst.model.schema import Provenance
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused

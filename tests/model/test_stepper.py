@@ -7,8 +7,8 @@ import pytest
 
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
-from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import GapMap, Parameter
+from anhyst.model.schema import ValidRange
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 

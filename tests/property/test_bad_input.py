@@ -19,7 +19,7 @@ from anhyst.data.inspection import inspect
 from anhyst.data.reading import read_loops
 from anhyst.data.sidecar import FileDescription
 from anhyst.model.actuator import Model, read_model
-from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty, ValidRange
+from anhyst.model.schema import FitFigures, LoopFit, Provenance, Uncertainty, ValidRange
 from anhyst.model.writer import model_text
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES

@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from anhyst.data.history import DEMAGNETISED
+from anhyst.data.path import DEMAGNETISED
 from anhyst.identification.bare import AIR_CORE, form_of, physical
 from anhyst.identification.fit_records import FitRecord, FitRecords, Past
 from anhyst.identification.objective import Objective

@@ -8,11 +8,12 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from anhyst.control.controller_file import ControllerTable, read_controller
 from anhyst.reports.bearing.figures import LoopCurve, Response, StepPanel
 from anhyst.reports.bearing.subject import SimulationSubject, Tracking
-from anhyst.reports.tuning import GainsPoint, TuningPicture
+from anhyst.reports.tuning import GainsPoint, figure_pareto
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.loop import ReferenceStep
 from anhyst.rig.recording import COLUMNS, Recording
@@ -120,14 +121,16 @@ def tried(lost: int, rest: Interval | None) -> ExperimentFigures:
     )
 
 
-def tuning() -> TuningPicture:
-    """What a tuning may choose from."""
+def tuning() -> Figure:
+    """The picture of what a tuning may choose from."""
     chosen = GainsPoint("full", 5.5e-3, 2.125, kept=True)
     others = (
         GainsPoint("full", 4e-3, 3.5, kept=True),
         GainsPoint("full", math.inf, 1.2, kept=False),
     )
-    return TuningPicture((chosen, *others), {"full": chosen}, 6e-3, 3.0, TITLES["settling_time_s"])
+    return figure_pareto(
+        [chosen, *others], {"full": chosen}, TITLES["settling_time_s"], (6e-3, 3.0)
+    )
 
 
 def gains() -> Benefit:

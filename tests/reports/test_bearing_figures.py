@@ -26,9 +26,9 @@ from anhyst.reports.bearing.figures import (
 )
 from anhyst.reports.bearing.subject import SimulationSubject
 from anhyst.reports.benefit import figure_benefit
-from anhyst.reports.plants import Spread, figure_drift
+from anhyst.reports.plants import figure_drift
 from anhyst.reports.study.page import COLOURS, DASHES, MOST_POINTS, thinned
-from anhyst.reports.tuning import GainsPoint, figure_pareto, pareto_front
+from anhyst.reports.tuning import GainsPoint, pareto_front
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import changed
 from anhyst.rig.magnet_table import OPENS, LikeTable
@@ -319,7 +319,7 @@ def test_nothing_on_the_front_is_beaten() -> None:
 
 
 def test_the_pareto_picture_shows_what_was_chosen_and_leaves_out_what_never_settles() -> None:
-    (ax,) = figure_pareto(bearing_reports.tuning()).axes
+    (ax,) = bearing_reports.tuning().axes
     labels = [str(line.get_label()) for line in ax.lines]
     assert "chosen, full: 5.50 ms, peak 2.12" in labels
     assert sum(np.asarray(points.get_offsets()).shape[0] for points in ax.collections) == 2
@@ -327,6 +327,6 @@ def test_the_pareto_picture_shows_what_was_chosen_and_leaves_out_what_never_sett
 
 def test_plants_that_were_lost_stay_below_nothing() -> None:
     values = np.array([*range(1, 91), *[math.inf] * 10], dtype=np.float64)
-    (ax,) = figure_drift([Spread("overshoot (%)", {"full": values})]).axes
+    (ax,) = figure_drift({"overshoot (%)": {"full": values}}).axes
     shares = np.asarray(ax.lines[0].get_ydata())
     assert shares.max() == pytest.approx(90.0)

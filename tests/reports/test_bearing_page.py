@@ -15,8 +15,7 @@ import pytest
 from anhyst.control.controller_file import ControllerTable, read_controller
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.reports.bearing.page import render
-from anhyst.reports.bearing.subject import SimulationSubject
-from anhyst.reports.bearing.tables import difference_text
+from anhyst.reports.bearing.subject import SimulationSubject, difference_text
 from anhyst.reports.benefit import render_bearing
 from anhyst.reports.study.page import COLOURS, interval_text
 from anhyst.rig.body import BodyRig

@@ -11,7 +11,7 @@ from anhyst.data.speeds import slow_loops
 from anhyst.data.verdict import judge
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA, Dynamics
-from anhyst.model.fit_record import Uncertainty
+from anhyst.model.schema import Uncertainty
 from anhyst.reports.model.sections_fit import rate_corner, section_rate
 from anhyst.reports.model.subject import Evidence, ModelSubject
 from anhyst.support.page import PageTable, Picture, Text

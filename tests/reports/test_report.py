@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from anhyst.cli import app as cli
-from anhyst.data.history import History
+from anhyst.data.clean import ReadOptions
 from anhyst.data.loops import Loops, Source
-from anhyst.data.read_options import ReadOptions
+from anhyst.data.path import History
 from anhyst.data.verdict import WHERE_IT_PAYS, Level
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.parameters import Parameter
+from anhyst.model.schema import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.writer import write_model
 from anhyst.reports import write_plots, write_report
 from anhyst.reports.model.figures import figure_between, figure_differences, figure_residuals

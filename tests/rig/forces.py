@@ -10,7 +10,7 @@ import pytest
 
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.programs import Program
-from anhyst.study.force.force_control import build_program
+from anhyst.study.force_control import build_program
 from tests.once import made_once
 from tests.truths import truth
 

@@ -13,9 +13,8 @@ from anhyst.rig import measurement_table
 from anhyst.rig.measurement_table import identify_loops
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
-from anhyst.study import piezo
-from anhyst.study.fleet import judge
-from anhyst.study.fleet.judge import FleetSettings, FleetTask, Member
+from anhyst.study import fleet_magnets, piezo
+from anhyst.study.fleet_magnets import FleetSettings, FleetTask, Member
 from tests.study import bearings, stages
 
 
@@ -59,10 +58,10 @@ def test_no_magnet_of_a_fleet_and_no_piezo_is_judged_by_half_a_search(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     half = SimpleNamespace(interrupted=True, model=bearings.knowledge().model)
-    for module in (judge, piezo):
+    for module in (fleet_magnets, piezo):
         monkeypatch.setattr(module, "identify", lambda *_, **__: half)
     member = Member("one", stages.EXAMPLE / "loops.csv")
     with pytest.raises(KeyboardInterrupt):
-        judge.identified(FleetTask(member, FleetSettings(20e3), tmp_path, ("auto", "auto")))
+        fleet_magnets.identified(FleetTask(member, FleetSettings(20e3), tmp_path, ("auto", "auto")))
     with pytest.raises(KeyboardInterrupt):
         piezo.find_inverses(read_piezo_rig(stages.EXAMPLE.parent / "piezo" / "rig.toml"))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.rig.body import read_bearing

@@ -12,7 +12,7 @@ import pytest
 
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.verdict import reversal_share
-from anhyst.reports.simulate import simulate_rig
+from anhyst.reports.verbs import simulate_rig
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.measuring import measure_loops

@@ -17,7 +17,7 @@ from anhyst.rig.bearing.loop import BearingSetup, make_setup, position_control
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.study.bearing.on_board import build_firmware
-from anhyst.support.block_head import regenerate
+from anhyst.support.block_words import regenerate
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Phase, State

@@ -15,8 +15,8 @@ from anhyst.compensate import holding
 from anhyst.compensate.force_controller import twin_of
 from anhyst.compensate.measure import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.identification.left_open import first_rise
 from anhyst.identification.run import IdentifyTable
+from anhyst.identification.uncertainty import first_rise
 from anhyst.rig.bearing.loop import BearingSetup, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import TrajectoryCase

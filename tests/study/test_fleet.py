@@ -13,10 +13,10 @@ import pytest
 from anhyst.identification import identify
 from anhyst.identification.space import coordinate_of
 from anhyst.model.actuator import Model
-from anhyst.study.fleet import fleet as whole
-from anhyst.study.fleet.fleet import Fleet, fleet
-from anhyst.study.fleet.judge import RESULT, FleetSettings, Member, decide, find_members, judge
-from anhyst.study.fleet.spread import MagnetEstimate, spread_of
+from anhyst.study import fleet as whole
+from anhyst.study.fleet import Fleet, fleet
+from anhyst.study.fleet_magnets import RESULT, FleetSettings, Member, decide, find_members, judge
+from anhyst.study.fleet_spread import MagnetEstimate, spread_of
 from anhyst.support.errors import NegativeResult
 from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick
@@ -230,7 +230,7 @@ def test_the_magnets_that_choose_are_identified_once(
         chosen = {"law": "effective-field", "gap_map": "reluctance"}  # what auto would find
         return identify(*given, **named | chosen)
 
-    monkeypatch.setattr("anhyst.study.fleet.judge.identify", counted)
+    monkeypatch.setattr("anhyst.study.fleet_magnets.identify", counted)
     settings = replace(SETTINGS, law="auto", gap_map="auto")
     out = tmp_path / "out"
     found = fleet(tmp_path / "magnets", out, settings, jobs=1)

@@ -27,8 +27,8 @@ from anhyst.rig.force import programs
 from anhyst.rig.force.bench import ActuatorStand, with_lead_in
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import Program, Session, ticks_that_differ
-from anhyst.study.force.force_control import ForceControl, force_control
-from anhyst.study.force.trials import ForceOutcome, judge_stages
+from anhyst.study.force_control import ForceControl, force_control
+from anhyst.study.force_trials import ForceOutcome, judge_stages, strongest_baselines
 from tests.refusals import says
 from tests.truths import truth
 
@@ -177,10 +177,10 @@ def test_the_verdict_follows_the_errors(full: tuple[float, float], level: str) -
         }
         for stage, mine, ratio in zip(("end", "moving"), full, (20.0, 5.0), strict=True)
     }
-    found = judge_stages(summary)
-    assert found["level"] == level
-    assert (WHERE_IT_PAYS["force"] in found["text"]) == (level != "yes")
-    assert found["strongest"] == {"end": "single", "moving": "ratio"}
+    judged = judge_stages(summary)
+    assert judged.level == level
+    assert (WHERE_IT_PAYS["force"] in judged.text) == (level != "yes")
+    assert strongest_baselines(summary) == {"end": "single", "moving": "ratio"}
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ from anhyst.rig.stage.loop import (
     track,
 )
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.tracking.losses import Losses, LostMagnet
+from anhyst.study.tracking.measures import Losses, LostMagnet
 from anhyst.support.states import Command, Flag
 from tests.control.test_wrench import LAYOUTS
 from tests.study import bearings

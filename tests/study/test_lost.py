@@ -17,7 +17,7 @@ from anhyst.reports.tracking import render
 from anhyst.rig.force.bench import with_lead_in
 from anhyst.rig.recording import Loss, Recording, SignalBound, find_loss
 from anhyst.rig.stage.loop import Feedforward, track
-from anhyst.study.force.trials import ForceOutcome, ForceTrial, lost_in
+from anhyst.study.force_trials import ForceOutcome, ForceTrial, lost_in
 from anhyst.study.tracking import simulate as tracking
 from anhyst.study.tracking.measures import LOST, measure
 from anhyst.support.errors import NegativeResult

@@ -22,13 +22,13 @@ from anhyst.draft.drafting import init_force_control
 from anhyst.identification import identify
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.dynamics import Layers
-from anhyst.model.fit_record import CHOSEN
+from anhyst.model.schema import CHOSEN
 from anhyst.reports.force import draw
 from anhyst.rig.force.bench import ActuatorStand
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import straight, take
-from anhyst.study.force.force_control import build_program, force_control
+from anhyst.study.force_control import build_program, force_control
 from anhyst.support.units import QUANTITIES
 from anhyst.verification.verify import verify
 from tests.refusals import refused

@@ -26,7 +26,33 @@ Made by tools/contract from contract/block.toml: do not edit.
 
 from __future__ import annotations
 
-from anhyst.support.block_words import Word
+from dataclasses import dataclass
+from typing import Literal
+
+Format = Literal["q14", "q15", "q8", "weight", "integer", "unsigned", "single"]
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """One word of the block."""
+
+    at: int  # its number in the block
+    name: str  # as in ``layout.h``, without ``ANHYST_WORD_``
+    format: Format  # of the word; of the entries, if it names a table
+    doc: str  # what it is
+    low: int  # range that the controller accepts; of the entries, if it names a table
+    high: int
+    size: int = 1  # how many words it takes; a table is named by one
+    # for a table: what it runs over, ``"gap"``, ``"field"``, ``"field, both signs"``,
+    # ``"magnetisation"`` or ``"distance"``
+    axis: str = ""
+    # signal whose full scale 1.0 is worth, times `factor` and 2 to the word `shift`: ``"demand"``,
+    # ``"current"``; none for a pure number
+    of: Literal["", "demand", "current"] = ""
+    factor: float = 1.0
+    shift: str = ""
+    unit: str = ""  # of a single, which is worth what it is: ``"output"``, ``"input"``, or the unit
+
 
 '''
 

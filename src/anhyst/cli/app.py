@@ -61,7 +61,7 @@ for _group, _verbs in _GROUPS.items():
 
 def _print_version(asked_for: bool) -> None:
     if asked_for:
-        from anhyst.support.version import running_version
+        from anhyst.support import running_version
 
         print(f"anhyst {running_version()}")
         raise typer.Exit

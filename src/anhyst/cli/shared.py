@@ -21,7 +21,7 @@ from anhyst.support.jobs import Progress
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from anhyst.data.read_options import ReadOptions
+    from anhyst.data.clean import ReadOptions
     from anhyst.study.engine.table import StudyResult
     from anhyst.support.page import PageTable
     from anhyst.support.units import Quantity
@@ -137,7 +137,7 @@ def read_options(
     clean: str | None = None,
 ) -> ReadOptions:
     """Collect what the options say about reading measurements."""
-    from anhyst.data.read_options import ReadOptions
+    from anhyst.data.clean import ReadOptions
 
     return ReadOptions.from_text(
         columns=columns,
@@ -193,7 +193,7 @@ def from_page(drawn: PageTable) -> tuple[Table, ...] | tuple[Table, str]:
 
 def show_study(result: StudyResult, written: str) -> None:
     """Print a study: losses, tables, verdict, and what was written."""
-    from anhyst.reports.simulate import printed
+    from anhyst.reports.verbs import printed
 
     tables, lines = printed(result)
     left_out = getattr(result, "left_out", {}).items()

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.model.actuator import Model
-from anhyst.model.compilable import least_slope, obstacle
+from anhyst._core import FixedCompensator
+from anhyst.model.actuator import Model, least_slope, obstacle
 from anhyst.model.dynamics import Layers
 from anhyst.support.block_layout import (
     KINDS,
@@ -22,8 +22,9 @@ from anhyst.support.block_layout import (
     PLACES,
     UNITS,
     WORDS,
+    Word,
 )
-from anhyst.support.block_words import Names, Scales, Word, WordUnit
+from anhyst.support.block_words import Names, Scales, WordUnit
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
@@ -259,15 +260,22 @@ def refuse_uncompilable(model: Model) -> None:
         raise InputError(reason, code="no-fixed-point-form")
 
 
-def nearly_jumps(model: Model, at: FloatArray) -> InputError:
-    """Return the error of a model whose current does not rise far enough with its field."""
-    return InputError(
-        f"alpha: the output all but jumps at some currents (least slope of the drive "
-        f"{least_slope(model, at).min():.2g} of that without iron), nearer than 16-bit tables "
-        "can follow; compile with --io f32",
-        code="tables-too-steep",
-        key="alpha",
-    )
+def closed(
+    pack: Packer, model: Model, scales: Scales, limits: DemandLimits, at: FloatArray
+) -> Block:
+    """Lay a block of the law itself out, and refuse what the core does not take."""
+    block = pack.close(scales, limits)
+    try:
+        FixedCompensator(block.kind, block.words)
+    except ValueError as error:
+        raise InputError(
+            f"alpha: the output all but jumps at some currents (least slope of the drive "
+            f"{least_slope(model, at).min():.2g} of that without iron), nearer than 16-bit tables "
+            "can follow; compile with --io f32",
+            code="tables-too-steep",
+            key="alpha",
+        ) from error
+    return block
 
 
 def nodes(model: Model, scales: Scales, sizes: TableSizes) -> FloatArray:

@@ -35,7 +35,7 @@ from anhyst.compensate.plan import Plan
 from anhyst.compensate.search import FINE
 from anhyst.model.actuator import Model
 from anhyst.support.errors import NegativeResult
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 
 SEED = 2
 LENGTH = 4
@@ -133,7 +133,7 @@ def _drift(held: Sequence[Held], model: Model) -> BudgetPart:
         "drift",
         f"drift of a held {model.output.name.replace('_', ' ')} in {SECONDS:g} s",
         worst.drift,
-        float(np.sqrt(np.mean(off**2))),
+        rms(off),
         f"on top of that, at rest and under small movements; worst at {worst.demand:.3g} "
         f"{model.output.unit} while {worst.title}",
     )
@@ -205,7 +205,7 @@ def _sampling(plan: Plan) -> BudgetPart:
     crossing = plan.request.rate * CROSSING
     ticks = int(np.clip(crossing, 8, MOST_TICKS))
     wave = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # 0..1, twice to and fro
-    gap = scales.gap_low + (scales.gap_high - scales.gap_low) * wave
+    gap = scales.gap_at(wave)
     reach = find_reach(model, scales, limits)
     demand = reach.demand(0.05 + 0.9 * np.roll(wave, ticks // 2), gap, lifted=True)
     error = ticks / crossing * _late(model, demand, gap)[2 * ticks :]
@@ -381,7 +381,7 @@ def as_dict(budget: Budget) -> dict[str, Any]:
             "title": run.path.title,
             "samples": int(error.size),
             "worst": float(np.abs(error).max()),
-            "rms": float(np.sqrt((error**2).mean())),
+            "rms": rms(error),
             "worst_percent": percent(budget, float(np.abs(error).max())),
         }
         for run, error in budget.runs

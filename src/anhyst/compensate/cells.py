@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst._core import FixedCompensator, langevin
+from anhyst._core import langevin
 from anhyst.compensate.block import (
     WEIGHT,
     Arms,
@@ -20,8 +20,8 @@ from anhyst.compensate.block import (
     arms_of,
     as_word,
     cell_weights,
+    closed,
     mantissa,
-    nearly_jumps,
     nodes,
     pack_arms,
     pack_common,
@@ -222,12 +222,7 @@ def build_cells(
     if model.layers is not None and not still:
         numbers = solid_numbers(model, model.layers, conditioning.rate)
         _pack_solid(pack, model.layers, numbers["hold"] / reach, numbers["own"] / reach)
-    block = pack.close(scales, limits)
-    try:
-        FixedCompensator("cells", block.words)
-    except ValueError as error:
-        raise nearly_jumps(model, at) from error
-    return block
+    return closed(pack, model, scales, limits, at)
 
 
 def _pack_solid(pack: Packer, layers: Layers, hold: float, own: float) -> None:

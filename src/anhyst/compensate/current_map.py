@@ -24,7 +24,7 @@ from anhyst import _core
 from anhyst.compensate.block import as_word
 from anhyst.compensate.force_controller import REAL, Compensator, Native
 from anhyst.compensate.plan import full_scale
-from anhyst.compensate.sources import SLOW_S, Operating, Sources
+from anhyst.compensate.sources import Operating, Sources
 from anhyst.data import Loop, Loops
 from anhyst.data.surface import (
     SPAN,
@@ -38,6 +38,7 @@ from anhyst.data.surface import (
 )
 from anhyst.data.verdict import monotone_fit
 from anhyst.model.actuator import Model
+from anhyst.model.predict import slow_times
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import NumberFormat
@@ -162,13 +163,7 @@ def plain_map(model: Model, scales: Scales) -> CurrentMap:
     The method ``ratio`` around half of the largest force at the middle gap, with loops of the model
     in place of measured ones.
     """
-    if model.valid is None:
-        raise InputError(
-            "model: does not say where it holds; identify it from loops",
-            code="no-valid-range",
-            key="valid",
-        )
-    high, force_max = model.valid.input[1], model.valid.output[1]
+    high, force_max = model.valid_range.input[1], model.valid_range.output[1]
     ends = scales.gap_low, scales.gap_high
     middle = 0.5 * (ends[0] + ends[1])
     loops = [_loop(model, high, gap) for gap in (ends[0], middle, ends[1])]
@@ -186,8 +181,7 @@ def _loop(model: Model, high: float, gap: float) -> Loop:
     """Return the settled loop up to a current and back at a gap."""
     ramp = np.linspace(0.0, high, _SAMPLES)
     drive = np.concatenate((ramp, ramp[-2::-1]))
-    time = SLOW_S * np.arange(drive.size)
-    force = model.predict(drive, gap, time, "settled").output
+    force = model.predict(drive, gap, slow_times(drive.size), "settled").output
     return Loop(f"{gap:g}", drive, force, np.full(drive.size, gap))
 
 
@@ -327,11 +321,7 @@ def expected_forces(play: PlayMap, loop: Loop) -> FloatArray:
     native, history = play.native("f64"), loop.history
     assert loop.schedule is not None
     gaps = loop.schedule.tolist()
-    schedule = history.schedule or (None,) * len(history.turning_points)
-    before = [
-        (current, gaps[0] if gap is None else gap)
-        for current, gap in zip(history.turning_points, schedule, strict=True)
-    ]
+    before = zip(history.turning_points, history.places(gaps[0]), strict=True)
     record = list(zip(loop.input.tolist(), gaps, strict=True))
     for current, gap in (*before, *(record if history.kind == "settled" else ())):
         native.commit(current, gap)

@@ -111,7 +111,6 @@ def _common(
     sizes: TableSizes,
     conditioning: Conditioning,
 ) -> dict[str, float]:
-    span = scales.gap_high - scales.gap_low
     return {
         "demand_low": limits.demand[0],
         "demand_high": limits.demand[1],
@@ -121,7 +120,7 @@ def _common(
         "knee": 2.0**-sizes.root_knee,
         "flux_limit": 1.0,
         "gap_low": scales.gap_low,
-        "gap_rows": 2**sizes.gap_segments / span if model.needs_schedule else 0.0,
+        "gap_rows": 2**sizes.gap_segments / scales.gap_span if model.needs_schedule else 0.0,
         "power": model.power,
         "condition_cycles": conditioning.cycles,
         "condition_ticks": conditioning.ramp_ticks,

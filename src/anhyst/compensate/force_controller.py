@@ -126,7 +126,7 @@ class ForceController(Compensator):
             return native.solve(demand, at, flux)
         full = self.parameters.flux_full_scale
         density = _NO_FLUX if math.isnan(flux) else q31(flux / full)
-        code = native.solve(q31(demand / scales.demand), self._gap_code(at), density)
+        code = native.solve(q31(demand / scales.demand), q31(scales.gap_share(at)), density)
         return code / _Q31 * scales.current
 
     def commit(self, applied: float, gap: float | None = None) -> float:
@@ -135,7 +135,7 @@ class ForceController(Compensator):
         at = scales.gap_low if gap is None else gap
         if not isinstance(native, _core.FixedForceController):
             return native.commit(applied, at)
-        expected = native.commit(q31(applied / scales.current), self._gap_code(at))
+        expected = native.commit(q31(applied / scales.current), q31(scales.gap_share(at)))
         return expected / _Q31 * scales.demand
 
     def follow(self, applied: FloatArray, gap: FloatArray) -> FloatArray:
@@ -143,17 +143,9 @@ class ForceController(Compensator):
         native, scales = self.native, self.scales
         if not isinstance(native, _core.FixedForceController):
             return native.follow(applied, gap)
-        parts = applied / scales.current, (gap - scales.gap_low) / self._gap_span
+        parts = applied / scales.current, scales.gap_share(gap)
         codes = [np.clip(np.rint(part * _Q31), -_Q31, _Q31 - 1.0) for part in parts]
         return np.asarray(native.follow(*codes) / _Q31 * scales.demand)
-
-    def _gap_code(self, gap: float) -> int:
-        return q31((gap - self.scales.gap_low) / self._gap_span)
-
-    @property
-    def _gap_span(self) -> float:
-        """Range of the gap, m; that of an actuator without one does not matter."""
-        return (self.scales.gap_high - self.scales.gap_low) or 1.0
 
 
 CodeArray = NDArray[np.int32]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst._core import FixedCompensator, langevin
+from anhyst._core import langevin
 from anhyst.compensate.block import (
     WEIGHT,
     Block,
@@ -17,9 +17,9 @@ from anhyst.compensate.block import (
     TableSizes,
     arms_of,
     as_word,
+    closed,
     iron_of,
     mantissa,
-    nearly_jumps,
     nodes,
     pack_arms,
     pack_common,
@@ -170,9 +170,4 @@ def build_full(
     pack.set("FULL_ITERATIONS", sizes.iterations)
     pack.set("FULL_CURVE_SEGMENTS", sizes.curve_segments)
     pack.set("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)
-    block = pack.close(scales, limits)
-    try:
-        FixedCompensator("full", block.words)
-    except ValueError as error:
-        raise nearly_jumps(model, at) from error
-    return block
+    return closed(pack, model, scales, limits, at)

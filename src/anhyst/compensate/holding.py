@@ -87,7 +87,7 @@ def hold(plan: Plan) -> list[Held]:
 
 def _cases(moves: bool) -> list[_Case]:
     noise = _Case("the demand is noisy", _noise, NOISE_SECONDS, False)
-    rest = _Case("nothing moves", _rest, SECONDS, True)
+    rest = _Case("nothing moves", lambda _, ticks: (np.zeros(ticks),) * 2, SECONDS, True)
     if not moves:
         return [rest, noise]
     vibrations = [
@@ -97,10 +97,6 @@ def _cases(moves: bool) -> list[_Case]:
     walk = _Case("the gap walks at random", _walk, NOISE_SECONDS, False, 3.0 * WALK)
     noise = _Case("demand and gap are noisy", _noise, NOISE_SECONDS, False)
     return [rest, *vibrations, walk, noise]
-
-
-def _rest(_: np.random.Generator, ticks: int) -> tuple[FloatArray, FloatArray]:
-    return np.zeros(ticks), np.zeros(ticks)
 
 
 def _vibration(part: float) -> Movement:
@@ -127,7 +123,7 @@ def _noise(random: np.random.Generator, ticks: int) -> tuple[FloatArray, FloatAr
 def _hold(plan: Plan, reach: Reach, case: _Case, level: float) -> Held:
     """Hold one demand; a movement that repeats itself ends where everything does."""
     scales = plan.block.scales
-    span, home = scales.gap_high - scales.gap_low, 0.5 * (scales.gap_low + scales.gap_high)
+    span, home = scales.gap_span, 0.5 * (scales.gap_low + scales.gap_high)
     farthest = np.array([home - case.widest * span, home, home + case.widest * span])
     bottom = float(reach.demand(np.zeros(3), farthest, lifted=True).max())
     top = float(reach.demand(np.ones(3), farthest).min())

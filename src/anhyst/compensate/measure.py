@@ -90,7 +90,7 @@ def paths(
     reach = find_reach(model, scales, limits)
     collected = []
     for name, (title, part, share) in _shapes(model.needs_schedule, seed, 1500 * length).items():
-        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * share
+        gap = scales.gap_at(share)
         shown = title if model.needs_schedule else title.removesuffix(", gap at rest")
         demand = reach.demand(part, gap, lifted)
         collected.append(Path(name, shown, demand, gap if model.needs_schedule else None))
@@ -108,9 +108,7 @@ def fast_paths(model: Model, scales: Scales, limits: DemandLimits, rate: float) 
         phase = np.arange(ticks) * speed / rate
         part = 1.0 - np.abs(2.0 * (phase % 1.0) - 1.0)
         rise = np.minimum(phase / 0.5, 1.0)  # from rest
-        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * 0.5 * (
-            1.0 - np.cos(2.0 * np.pi * phase / CYCLES)
-        )
+        gap = scales.gap_at(0.5 * (1.0 - np.cos(2.0 * np.pi * phase / CYCLES)))
         low, high = (BAND[0] * rise, BAND[0] + (BAND[1] - BAND[0]) * rise)
         demand = reach.demand(low + (high - low) * part, gap)
         title = f"triangles of {speed:.3g} Hz, gap moving"

@@ -35,9 +35,8 @@ from anhyst.compensate.plan import CompileRequest, full_scale, make_plan
 from anhyst.compensate.sources import FluxCalibration, Sources
 from anhyst.data.output_map import is_actuator
 from anhyst.data.surface import Surface
-from anhyst.model.actuator import Model
-from anhyst.model.compilable import has_layers
-from anhyst.model.fit_record import ValidRange
+from anhyst.model.actuator import Model, has_layers
+from anhyst.model.schema import ValidRange
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.kept import kept
@@ -58,13 +57,7 @@ def bearing_model(
             code="not-current-to-force",
             key="model",
         )
-    if model.valid is None:
-        raise InputError(
-            "model: does not say where it holds; identify it from loops",
-            code="no-valid-range",
-            key="valid",
-        )
-    seen = model.valid.schedule
+    seen = model.valid_range.schedule
     if seen is None or gaps[0] < seen[0] - 1e-9 or gaps[1] > seen[1] + 1e-9:
         known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
         raise InputError(

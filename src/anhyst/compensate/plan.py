@@ -19,12 +19,12 @@ from anhyst.compensate.block import (
 )
 from anhyst.compensate.force_controller import AnyBlock, Io
 from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
-from anhyst.data.history import History
 from anhyst.data.output_map import output_map
+from anhyst.data.path import History
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
-from anhyst.support.c_objects import c_name, check_name
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.kept import c_name, check_name
 from anhyst.support.numeric import FloatArray
 
 RAMP_SECONDS = 0.25
@@ -252,17 +252,11 @@ def not_computed(error: InputError | NegativeResult) -> InputError:
 
 def find_limits(model: Model) -> DemandLimits:
     """Return the limits of demand and current: where the model was seen to hold."""
-    if model.valid is None:
-        raise InputError(
-            "the model does not say where it holds: without [valid] there are no limits of demand "
-            "and current; add it to the model file",
-            code="no-valid-range",
-            key="valid",
-        )
-    low, high = model.valid.output
+    valid = model.valid_range
+    low, high = valid.output
     # A force is the square of the flux: what the sensor read below zero was noise.
-    limits = DemandLimits((max(low, 0.0) if model.power == 2 else low, high), model.valid.input)
-    over = model.valid.schedule
+    limits = DemandLimits((max(low, 0.0) if model.power == 2 else low, high), valid.input)
+    over = valid.schedule
     ranges = [("output", limits.demand), ("input", limits.current)]
     if model.needs_schedule:
         ranges.append(("schedule", over or (0.0, 0.0)))
@@ -290,8 +284,7 @@ def _largest_word(model: Model, limits: DemandLimits) -> float:
 
 def find_scales(model: Model, limits: DemandLimits) -> Scales:
     """Return what 1.0 of each signal means: round values, the gap's range as it is."""
-    assert model.valid is not None
-    gap_low, gap_high = model.valid.schedule or (0.0, 0.0)
+    gap_low, gap_high = model.valid_range.schedule or (0.0, 0.0)
     return Scales(
         demand=full_scale(_largest_word(model, limits)),
         current=full_scale(max(abs(end) for end in limits.current)),

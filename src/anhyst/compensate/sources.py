@@ -17,6 +17,7 @@ from anhyst.data import History, Loop, Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.data.surface import Surface, fit_surface
 from anhyst.model.actuator import Model
+from anhyst.model.predict import slow_times
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
@@ -145,9 +146,6 @@ class Sources:
         return fit_surface(self.loops, (-where.both_ways * full, full), where.gap_range)
 
 
-SLOW_S = 1e9
-"""From one sample to the next: no eddy current counts."""
-
 GAPS = 7
 """Gaps at which a model is cycled."""
 
@@ -211,6 +209,6 @@ def _record(
 ) -> Loop:
     """Return a record of a model without its first samples, which are its history."""
     start = "settled" if history.kind == "settled" else "demagnetised"
-    force = model.predict(drive, gap, SLOW_S * np.arange(drive.size), start).output
+    force = model.predict(drive, gap, slow_times(drive.size), start).output
     at = np.full(drive.size - skip, gap)
     return Loop(label, drive[skip:], force[skip:], at, history=history)

@@ -7,12 +7,13 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from anhyst._core import POSITION_MAGNETS
-from anhyst.compensate.block import Block
+from anhyst.compensate.block import Block, DemandLimits
 from anhyst.compensate.budget import Budget, percent
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.force_controller import AnyBlock
@@ -21,11 +22,12 @@ from anhyst.compensate.plan import Decision, Plan
 from anhyst.compilation.controller import ControllerPlan, described
 from anhyst.compilation.parameters import memories
 from anhyst.compilation.toolchain import read_core
+from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike, json_text, whole_folder, write_texts
 from anhyst.support.block_layout import BODY
-from anhyst.support.block_words import Names
+from anhyst.support.block_words import Names, Scales
 from anhyst.support.errors import InputError
-from anhyst.support.units import Quantity
+from anhyst.support.result import Result
 
 STEPS = {"q15": 2.0**-15, "q31": 2.0**-31}
 
@@ -277,7 +279,7 @@ def manifest(
         "kind": block.kind,
         "io": request.io,
         "rate_Hz": request.rate,
-        "signals": _signals(plan),
+        "signals": signal_entries(request.io, plan.model, block.scales, block.limits),
         "limits": {"demand": list(block.limits.demand), "current": list(block.limits.current)},
         "memory": {"parameters_bytes": parameters_bytes(block), "state_bytes": state_bytes(block)},
         "parameters": [] if isinstance(block, RealBlock) else list(_words(plan, block)),
@@ -343,37 +345,43 @@ def _accuracy(budget: Budget) -> dict[str, Any]:
     }
 
 
-def _signals(plan: Plan) -> dict[str, Any]:
-    model, scales, limits = plan.model, plan.block.scales, plan.block.limits
-    signals: dict[str, Any] = {
-        "demand": _signal(plan, model.output, *limits.demand, scales.demand),
-        "current": _signal(plan, model.input, *limits.current, scales.current),
-        "gap": None,
+def signal_entries(io: str, model: Model, scales: Scales, limits: DemandLimits) -> dict[str, Any]:
+    """Return what the manifest says of the signals; nothing of a gap where none counts."""
+    ends = {
+        "demand": (model.output, *limits.demand, scales.demand),
+        "current": (model.input, *limits.current, scales.current),
+        "gap": (model.schedule, scales.gap_low, scales.gap_high, scales.gap_high),
     }
-    if model.schedule is not None:
-        signals["gap"] = _signal(
-            plan, model.schedule, scales.gap_low, scales.gap_high, scales.gap_high
-        )
-    return signals
-
-
-def _signal(
-    plan: Plan, quantity: Quantity, low: float, high: float, scale: float
-) -> dict[str, Any]:
     return {
-        "quantity": quantity.name,
-        "unit": quantity.unit,
-        "low": low,
-        "high": high,
-        "scale": scale,
-        "format": plan.request.io,
-    }
+        signal: None if quantity is None else {
+            "quantity": quantity.name,
+            "unit": quantity.unit,
+            "low": low,
+            "high": high,
+            "scale": scale,
+            "format": io,
+        }
+        for signal, (quantity, low, high, scale) in ends.items()
+    }  # fmt: skip
 
 
 MANIFEST = "manifest.json"
 FORMAT = "anhyst-compiled"
 REPORTS = ("verify.json", "verify.md")
 """What ``anhyst verify`` adds; it goes with the C that it is about."""
+
+
+@dataclass(frozen=True, repr=False)
+class CompiledFolder(Result):
+    """A folder that was written, of any kind."""
+
+    out: Path
+    manifest: dict[str, Any]
+    files: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return manifest and names of the files, for JSON."""
+        return {"out": str(self.out), **self.manifest, "files": list(self.files)}
 
 
 def check_folder(out: PathLike) -> None:

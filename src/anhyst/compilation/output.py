@@ -26,23 +26,29 @@ from anhyst.compensate.force_controller import Io
 from anhyst.compensate.plan import ACCURACY, CompileRequest, Plan, make_plan, not_computed
 from anhyst.compilation.a2l import a2l
 from anhyst.compilation.controller import Controller, read_fitting
-from anhyst.compilation.manifest import check_folder, manifest, write_folder
+from anhyst.compilation.manifest import (
+    MANIFEST,
+    CompiledFolder,
+    check_folder,
+    manifest,
+    write_folder,
+)
 from anhyst.compilation.play import CompiledPlay, compile_play
 from anhyst.compilation.source import budget_page, sources
 from anhyst.compilation.vectors import (
+    COLUMNS,
+    LEVITATION_COLUMNS,
     golden_vectors,
-    levitation_csv,
     levitation_vectors,
     vectors_csv,
 )
 from anhyst.control.controller_file import read_controller
-from anhyst.model.actuator import Model, read_model
-from anhyst.model.compilable import has_layers
+from anhyst.model.actuator import Model, has_layers, read_model
+from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, json_text
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
-from anhyst.support.result import Result, columns_of
-from anhyst.support.version import running_version
+from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,30 +59,27 @@ SHARES = (1.0, 0.7, 0.4)
 
 
 @dataclass(frozen=True, repr=False)
-class Compiled(Result):
+class Compiled(CompiledFolder):
     """What came out.
 
     Parameters
     ----------
     out : Path
         The folder.
-    plan : Plan
-        What was chosen.
-    budget : Budget
-        How accurate it is.
     manifest : dict
         What stands in ``manifest.json``, without the hashes of the files.
     files : tuple of str
         Names of the files.
+    plan : Plan
+        What was chosen.
+    budget : Budget
+        How accurate it is.
     left_out : tuple of str
         What of the model is not compiled, one sentence each.
     """
 
-    out: Path
     plan: Plan
     budget: Budget
-    manifest: dict[str, Any]
-    files: tuple[str, ...]
     left_out: tuple[str, ...] = ()
 
     @property
@@ -107,10 +110,6 @@ class Compiled(Result):
     def to_columns(self) -> dict[str, Any]:
         """Return the accuracy budget, in units of the output and in per cent of the largest."""
         return columns_of(as_dict(self.budget)["parts"])
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return manifest and names of the files, for JSON."""
-        return {"out": str(self.out), **self.manifest, "files": list(self.files)}
 
     def draw(self, ax: Axes) -> None:
         """Draw the accuracy budget: what each part costs."""
@@ -154,17 +153,17 @@ def compile_model(
     around = None if controller is None else controller.around(plan)
     files = {
         **sources(plan, _accuracy(budget), sha256, version, around),
-        "vectors.csv": vectors_csv(golden_vectors(plan)),
+        "vectors.csv": vectors_csv(COLUMNS, golden_vectors(plan)),
         "budget.json": json_text(as_dict(budget)),
         "budget.html": budget_page(plan, budget, version),
     }
     if around is not None:
-        files["controller.csv"] = levitation_csv(levitation_vectors(plan, around))
+        files["controller.csv"] = vectors_csv(LEVITATION_COLUMNS, levitation_vectors(plan, around))
     described = manifest(plan, budget, sha256, version, around)
     if request.io != "f32":  # a firmware computes in fixed point
         files[f"{plan.name}.a2l"] = a2l(described)
     write_folder(out, files, described)
-    return Compiled(Path(out), plan, budget, described, (*files, "manifest.json"), late)
+    return Compiled(Path(out), described, (*files, MANIFEST), plan, budget, late)
 
 
 def compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:

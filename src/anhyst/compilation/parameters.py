@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from anhyst.compensate.block import Block
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.force_controller import AnyBlock
-from anhyst.support.block_layout import BODY, HEAD, LEAST_WORDS, PLACES, SCALE_WORDS
-from anhyst.support.block_words import ONES, Names, Word
+from anhyst.support.block_layout import BODY, HEAD, LEAST_WORDS, PLACES, SCALE_WORDS, Word
+from anhyst.support.block_words import ONES, Names
 from anhyst.support.units import Quantity
 
 ENTRIES_A_LINE = 10

@@ -11,29 +11,37 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from anhyst._core import FixedForceController
+from anhyst.compensate.block import DemandLimits
 from anhyst.compensate.current_map import PlayMap, one_play
 from anhyst.compensate.force_controller import Compensator, ForceController
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compensate.sources import (
-    SLOW_S,
     Operating,
     Sources,
     drive_ramps,
     model_loops,
     operating_of,
 )
-from anhyst.compilation.manifest import VERSION, check_folder, write_folder
+from anhyst.compilation.manifest import (
+    MANIFEST,
+    VERSION,
+    CompiledFolder,
+    check_folder,
+    signal_entries,
+    write_folder,
+)
 from anhyst.compilation.parameters import table_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core
-from anhyst.compilation.vectors import SEED, Row, codes_of_inputs, vectors_csv
+from anhyst.compilation.vectors import COLUMNS, SEED, Row, codes_of_inputs, vectors_csv
 from anhyst.model.actuator import Model, read_model
+from anhyst.model.predict import slow_times
+from anhyst.support import running_version
 from anhyst.support.atomic import PathLike
-from anhyst.support.c_objects import c_name
 from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, columns_of
-from anhyst.support.version import running_version
+from anhyst.support.kept import c_name
+from anhyst.support.numeric import FloatArray, rms
+from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,11 +74,6 @@ class CycleErrors:
         return CycleErrors(
             np.concatenate([self.major, other.major]), np.concatenate([self.small, other.small])
         )
-
-
-def rms(error: FloatArray) -> float:
-    """Return the root of the mean square."""
-    return float(np.sqrt(np.mean(error**2)))
 
 
 def worst(error: FloatArray) -> float:
@@ -111,28 +114,25 @@ STATE_BYTES = 4 + 9 * 4
 
 
 @dataclass(frozen=True, repr=False)
-class CompiledPlay(Result):
+class CompiledPlay(CompiledFolder):
     """What came out.
 
     Parameters
     ----------
     out : Path
         The folder.
-    play : PlayMap
-        What was fitted.
-    errors : mapping of str to CycleErrors
-        Of the model's force: of this map, and of the best current without memory.
     manifest : dict
         What stands in ``manifest.json``, without the hashes of the files.
     files : tuple of str
         Names of the files.
+    play : PlayMap
+        What was fitted.
+    errors : mapping of str to CycleErrors
+        Of the model's force: of this map, and of the best current without memory.
     """
 
-    out: Path
     play: PlayMap
     errors: Mapping[str, CycleErrors]
-    manifest: dict[str, Any]
-    files: tuple[str, ...]
 
     def facts(self) -> dict[str, str]:
         """Return where it is, and how far its force is from the model's."""
@@ -144,10 +144,6 @@ class CompiledPlay(Result):
         """Return the errors of this map and of the best without memory, per cent."""
         rows = ((name, self.manifest["accuracy"][name]) for name in self.errors)
         return columns_of([{"map": name, **found} for name, found in rows])
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return manifest and names of the files, for JSON."""
-        return {"out": str(self.out), **self.manifest, "files": list(self.files)}
 
     def draw(self, ax: Axes) -> None:
         """Draw the error of the force over the loop, of this map and of that without memory."""
@@ -179,9 +175,9 @@ def compile_play(
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
     head = _Head(name or c_name(model.name), model, sha256, running_version(), operating)
     described = _manifest(head, play, errors)
-    files = _sources(head, play, errors) | {"vectors.csv": vectors_csv(_vectors(play))}
+    files = _sources(head, play, errors) | {"vectors.csv": vectors_csv(COLUMNS, _vectors(play))}
     write_folder(out, files, described)
-    return CompiledPlay(Path(out), play, errors, described, (*files, "manifest.json"))
+    return CompiledPlay(Path(out), described, (*files, MANIFEST), play, errors)
 
 
 @dataclass(frozen=True)
@@ -199,8 +195,7 @@ def model_errors(model: Model, play: PlayMap, operating: Operating) -> dict[str,
     """Return what the map, and the same without a width, leave of the model's forces."""
 
     def answer(current: FloatArray, gap: float) -> FloatArray:
-        time = SLOW_S * np.arange(current.size)
-        return model.predict(current, gap, time, "demagnetised").output
+        return model.predict(current, gap, slow_times(current.size), "demagnetised").output
 
     low, high = operating.gap_range
     joined: dict[str, CycleErrors] = {}
@@ -238,11 +233,7 @@ def _percent(errors: CycleErrors, largest: float) -> dict[str, float]:
 
 def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, Any]:
     scales, where, model = play.scales, head.operating, head.model
-    ends = {
-        "demand": (model.output, 0.0, where.force_max, scales.demand),
-        "current": (model.input, *play.map.limits, scales.current),
-        "gap": (model.schedule, scales.gap_low, scales.gap_high, scales.gap_high),
-    }
+    limits = DemandLimits((0.0, where.force_max), play.map.limits)
     return {
         "format": VERSION,
         "anhyst": head.version,
@@ -251,19 +242,8 @@ def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> 
         "kind": KIND,
         "io": "q31",
         "rate_Hz": where.rate,
-        "signals": {
-            name: {
-                "quantity": quantity.name,
-                "unit": quantity.unit,
-                "low": low,
-                "high": high,
-                "scale": scale,
-                "format": "q31",
-            }
-            for name, (quantity, low, high, scale) in ends.items()
-            if quantity is not None
-        },
-        "limits": {"demand": [0.0, where.force_max], "current": list(play.map.limits)},
+        "signals": signal_entries("q31", model, scales, limits),
+        "limits": {"demand": list(limits.demand), "current": list(limits.current)},
         "memory": {"parameters_bytes": play_bytes(play), "state_bytes": STATE_BYTES},
         "play": dict(play.numbers),
         "controller": None,

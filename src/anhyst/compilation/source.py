@@ -29,7 +29,7 @@ from anhyst.compilation.toolchain import (
 )
 from anhyst.support.block_words import Names
 from anhyst.support.figures import ALARM, MODEL, WIDTH, styled, svg_text
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.page import (
     NOT_KNOWN,
     Cell,
@@ -330,7 +330,7 @@ def _along(budget: Budget) -> tuple[Picture, PageTable]:
             run.path.title,
             f"{error.size}",
             f"{percent(budget, float(np.abs(error).max())):.3g}",
-            f"{percent(budget, float(np.sqrt((error**2).mean()))):.2g}",
+            f"{percent(budget, rms(error)):.2g}",
         ]
         for run, error in budget.runs
     ]

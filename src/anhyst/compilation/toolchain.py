@@ -14,8 +14,8 @@ from pathlib import Path
 
 from anhyst.compensate.block import Kind
 from anhyst.support.atomic import core_folder
-from anhyst.support.c_objects import compile_and_link
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.kept import compile_and_link
 
 
 @dataclass(frozen=True, slots=True)

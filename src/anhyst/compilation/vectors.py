@@ -9,7 +9,7 @@ controller sees of it has steps, as an encoder's.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -31,10 +31,10 @@ Row = tuple[float, float, float, float]
 Step = Callable[[Any, Any], Any]
 
 
-def golden_vectors(plan: Plan, rows: int = ROWS) -> list[Row]:
+def golden_vectors(plan: Plan) -> list[Row]:
     """Run a compensator over jumps, moving gaps, codes beyond limits and currents not given."""
-    inputs = _inputs(plan, rows)
-    lost = np.random.default_rng(SEED + 1).random(rows)
+    inputs = _inputs(plan)
+    lost = np.random.default_rng(SEED + 1).random(ROWS)
     solve, commit = _steps(plan)
     table = []
     for index, (demand, gap) in enumerate(inputs.tolist()):
@@ -58,45 +58,42 @@ def _steps(plan: Plan) -> tuple[Step, Step]:
     return (core.solve_q15, core.commit_q15) if io == "q15" else (core.solve_q31, core.commit_q31)
 
 
-def _inputs(plan: Plan, rows: int) -> NDArray[Any]:
+def _inputs(plan: Plan) -> NDArray[Any]:
     """Return demand and gap as the interface takes them: a walk, jumps, some out of range."""
     low, high = (end / plan.block.scales.demand for end in plan.block.limits.demand)
     if plan.request.io == "f32":
         scales = plan.block.scales
-        demand, gap = _walk((low, high), rows)
-        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * gap
-        numbers = np.stack([demand * scales.demand, gap], axis=1)
+        demand, gap = _walk((low, high))
+        numbers = np.stack([demand * scales.demand, scales.gap_at(gap)], axis=1)
         return numbers.astype(np.float32).astype(np.float64)
-    return codes_of_inputs((low, high), 2**15 if plan.request.io == "q15" else 2**31, rows)
+    return codes_of_inputs((low, high), 2**15 if plan.request.io == "q15" else 2**31)
 
 
-def codes_of_inputs(
-    ends: tuple[float, float], unit_code: int, rows: int = ROWS
-) -> NDArray[np.int32]:
-    """Return demands and gaps as fixed point takes them, shape (rows, 2)."""
-    codes = np.rint(np.stack(_walk(ends, rows), axis=1) * unit_code)
+def codes_of_inputs(ends: tuple[float, float], unit_code: int) -> NDArray[np.int32]:
+    """Return demands and gaps as fixed point takes them, shape (ROWS, 2)."""
+    codes = np.rint(np.stack(_walk(ends), axis=1) * unit_code)
     return np.asarray(np.clip(codes, -unit_code, unit_code - 1), dtype=np.int32)
 
 
-def _walk(ends: tuple[float, float], rows: int) -> tuple[FloatArray, FloatArray]:
+def _walk(ends: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
     """Return demands and gaps in parts of their ranges."""
     random = np.random.default_rng(SEED)
     low, high = ends
-    walk = np.cumsum(random.normal(0.0, 0.05, rows) * 10.0 ** random.uniform(-3.0, 0.0, rows))
+    walk = np.cumsum(random.normal(0.0, 0.05, ROWS) * 10.0 ** random.uniform(-3.0, 0.0, ROWS))
     demand = low + (high - low) * (0.5 + 0.5 * np.sin(walk * 3.0))
-    jump = random.random(rows) < 0.05
+    jump = random.random(ROWS) < 0.05
     demand[jump] = random.choice([low, high], jump.sum())
-    beyond = random.random(rows) < 0.02
+    beyond = random.random(ROWS) < 0.02
     demand[beyond] = random.uniform(-1.0, 1.0, beyond.sum())
-    moving = 0.5 - 0.5 * np.cos(np.arange(rows) * 2.0 * np.pi / 250.0)
-    gap = np.where(np.arange(rows) % 500 < 250, np.round(moving * 4.0) / 4.0, moving)
+    moving = 0.5 - 0.5 * np.cos(np.arange(ROWS) * 2.0 * np.pi / 250.0)
+    gap = np.where(np.arange(ROWS) % 500 < 250, np.round(moving * 4.0) / 4.0, moving)
     return demand, gap
 
 
-def vectors_csv(table: list[Row]) -> str:
-    """Return the vectors as a CSV file."""
-    rows = (",".join(_text(value) for value in row) for row in table)
-    return "\n".join([",".join(COLUMNS), *rows]) + "\n"
+def vectors_csv(columns: Iterable[str], table: Iterable[Sequence[float]]) -> str:
+    """Return vectors as a CSV file."""
+    rows = (",".join(map(_text, row)) for row in table)
+    return "\n".join([",".join(columns), *rows]) + "\n"
 
 
 def _text(value: float) -> str:
@@ -250,10 +247,3 @@ class _LevitationRun:
             if not limits.gap_low < self.gap < self.rest:
                 self.gap = max(limits.gap_low, min(self.rest, self.gap))
                 self.velocity = 0.0
-
-
-def levitation_csv(rows: list[LevitationRow]) -> str:
-    """Return the vectors as a CSV file."""
-    return (
-        "\n".join([",".join(LEVITATION_COLUMNS), *(",".join(map(str, row)) for row in rows)]) + "\n"
-    )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -30,6 +30,7 @@ from anhyst.support.toml_file import (
     Share,
     Table,
     faults_error,
+    ordered,
     read_toml,
 )
 from anhyst.support.toml_text import Path as KeyPath
@@ -111,13 +112,9 @@ class LimitsTable(Table):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        for low, high in (
-            ("force_low_N", "force_high_N"),
-            ("current_low_A", "current_high_A"),
-            ("gap_low_m", "gap_high_m"),
-        ):
-            if not getattr(self, low) < getattr(self, high):
-                raise InputError(f"{low} must be below {high}; correct them", code="range-reversed")
+        ordered("force_low_N", self.force_low_N, "force_high_N", self.force_high_N)
+        ordered("current_low_A", self.current_low_A, "current_high_A", self.current_high_A)
+        ordered("gap_low_m", self.gap_low_m, "gap_high_m", self.gap_high_m)
         return self
 
 
@@ -139,8 +136,7 @@ class ConverterTable(Table):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        if not self.low_A < self.high_A:
-            raise InputError("low_A must be below high_A; correct them", code="range-reversed")
+        ordered("low_A", self.low_A, "high_A", self.high_A)
         return self
 
 
@@ -213,13 +209,9 @@ class ControllerTable(Table):
 
     def pidd2(self) -> Pidd2:
         """Return the position controller that the file describes."""
-        gains = self.pidd2_gains()
         return Pidd2(
             rate=self.rate_Hz,
-            K_p=gains.K_p,
-            K_i=gains.K_i,
-            K_d=gains.K_d,
-            K_dd=gains.K_dd,
+            **asdict(self.pidd2_gains()),
             cutoff=self.filter.cutoff_Hz,
             cutoff_2=self.filter.cutoff_2_Hz,
             weight=self.set_point_weight,

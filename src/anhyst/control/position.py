@@ -261,9 +261,8 @@ class PositionControl:
             "release": max(codes, _rate("release", release / current)),
             "bias": q31(self.bias / scales.demand),
         }
-        span = scales.gap_high - scales.gap_low
         for i, (offset, direction) in enumerate(self._gap_lines(), 1):
-            factor = 0.5 * direction * self.position_full / span
+            factor = 0.5 * direction * self.position_full / scales.gap_span
             mantissa, shift = as_factor("range of the compensator's gaps", factor)
             if shift > 0:
                 raise InputError(
@@ -272,7 +271,7 @@ class PositionControl:
                     key="gap_high",
                 )
             numbers |= {
-                f"gap_offset_{i}": q31((offset - scales.gap_low) / span),
+                f"gap_offset_{i}": q31(scales.gap_share(offset)),
                 f"gap_mantissa_{i}": mantissa,
                 f"gap_shift_{i}": shift,
             }

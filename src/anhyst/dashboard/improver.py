@@ -31,7 +31,7 @@ from anhyst.study.improve import (
     within,
 )
 from anhyst.study.prepared import Improvable, PreparedBoard
-from anhyst.support.block_head import GENERATION_AT, regenerate
+from anhyst.support.block_words import GENERATION_AT, regenerate
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
 

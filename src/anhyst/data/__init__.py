@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from anhyst.data.formats.text import write_csv
-from anhyst.data.history import History
 from anhyst.data.loops import Loop, Loops, Source
+from anhyst.data.path import History
 from anhyst.data.reading import read_loops
 from anhyst.data.table import DataTable, read_columns
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from anhyst.data import estimates
 from anhyst.data.estimates import noise as noise_of
-from anhyst.data.history import History
 from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.output_map import output_map
-from anhyst.data.path import branches
+from anhyst.data.path import History, branches
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import rate_line
 from anhyst.data.start import Proposal, propose_histories

@@ -17,9 +17,8 @@ from pathlib import PurePath
 import numpy as np
 
 from anhyst.data.estimates import noise
-from anhyst.data.history import SETTLED, History
 from anhyst.data.loops import Loop, Loops, Source
-from anhyst.data.path import branches, turning_points
+from anhyst.data.path import SETTLED, History, branches, turning_points
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity

@@ -11,9 +11,10 @@ import numpy as np
 
 from anhyst.data.formats.channels import Texts
 from anhyst.data.formats.text import Column, write_csv
-from anhyst.data.history import SETTLED, History
 from anhyst.data.output_map import output_map
 from anhyst.data.path import (
+    SETTLED,
+    History,
     correlation,
     is_bipolar,
     is_negative,

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from anhyst.data.formats import FORMATS, OpenTable, open_table
 from anhyst.data.formats.channels import Texts, is_number
-from anhyst.data.history import History
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import time_fault, value_fault
+from anhyst.data.path import History, time_fault, value_fault
 from anhyst.data.roles import (
     SHORTEST,
     Roles,

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from anhyst.data.history import History
-from anhyst.support.atomic import PathLike
+from anhyst.data.path import History
+from anhyst.support.atomic import PathLike, read_error
 from anhyst.support.errors import InputError
 
 
@@ -69,27 +69,22 @@ class FileDescription:
             "select": dict,
             "file_name": str,
         }
-        for key, value in keys.items():
-            if key not in kinds:
-                raise InputError(
-                    f"{path}: key '{key}' is not known; use {', '.join(kinds)}",
-                    code="extra-forbidden",
-                    key=key,
-                )
-            if not isinstance(value, kinds[key]):
-                raise InputError(
-                    f"{path}: key '{key}' is of the wrong kind; see the reference",
-                    code="wrong-kind",
-                    key=key,
-                )
-        _check_members(path, "columns", keys, str)
-        _check_members(path, "constants", keys, int | float | str)
-        arguments = dict(keys)
-        history = arguments.pop("history", None)
         try:
+            for key, value in keys.items():
+                if key not in kinds:
+                    raise InputError(
+                        f"key '{key}' is not known; use {', '.join(kinds)}",
+                        code="extra-forbidden",
+                        key=key,
+                    )
+                _check_kind(key, value, kinds[key])
+            _check_members("columns", keys, str)
+            _check_members("constants", keys, int | float | str)
+            arguments = dict(keys)
+            history = arguments.pop("history", None)
             reading = cls.from_arguments(**arguments)
             if isinstance(history, dict):
-                _check_members(path, "history", keys, str)
+                _check_members("history", keys, str)
                 by_label = {label: History.parse(text) for label, text in history.items()}
                 return replace(reading, histories=by_label)
             return replace(reading, history=History.parse(history) if history else None)
@@ -116,32 +111,29 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read: {error.strerror}; check the path", code="cannot-be-read"
-        ) from None
+        raise read_error(path, error) from None
     except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, of endless numbers
         raise InputError(
             f"{path}: is no valid TOML: {error}; mend or remove it", code="damaged-toml"
         ) from None
 
 
-def _check_members(path: Path, key: str, keys: Mapping[str, Any], kind: Any) -> None:
+def _check_kind(key: str, value: object, kind: Any) -> None:
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise InputError(
+            f"key '{key}' is of the wrong kind: {value!r}; see the reference",
+            code="wrong-kind",
+            key=key,
+        )
+
+
+def _check_members(key: str, keys: Mapping[str, Any], kind: Any) -> None:
     for name, value in keys.get(key, {}).items():
-        if not isinstance(value, kind) or isinstance(value, bool):
-            raise InputError(
-                f"{path}: key '{key}.{name}' is of the wrong kind: {value!r}",
-                code="wrong-kind",
-                key=f"{key}.{name}",
-            )
+        _check_kind(f"{key}.{name}", value, kind)
 
 
 def _choices(name: str, value: object) -> tuple[str | float, ...]:
     values = value if isinstance(value, list | tuple) else (value,)
     for choice in values:
-        if not isinstance(choice, str | int | float) or isinstance(choice, bool):
-            raise InputError(
-                f"key 'select.{name}' must be a text, a number or a list of them",
-                code="wrong-kind",
-                key=f"select.{name}",
-            )
+        _check_kind(f"select.{name}", choice, str | int | float)
     return tuple(values)

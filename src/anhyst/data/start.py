@@ -9,9 +9,8 @@ from typing import Literal
 import numpy as np
 
 from anhyst.data.estimates import noise
-from anhyst.data.history import DEMAGNETISED, SETTLED, History
 from anhyst.data.loops import Loop, folded
-from anhyst.data.path import branches, crossings
+from anhyst.data.path import DEMAGNETISED, SETTLED, History, branches, crossings
 from anhyst.support.numeric import FloatArray
 
 Proposal = tuple[History, str]

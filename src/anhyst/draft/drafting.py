@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.data import Loops
-from anhyst.data.clean import DEFAULT_STEPS
-from anhyst.data.read_options import ReadOptions
+from anhyst.data.clean import DEFAULT_STEPS, ReadOptions
 from anhyst.data.reading import files_read
 from anhyst.data.speeds import rate_line
 from anhyst.draft.bearing import Numbers, draft_bearing, numbers_of

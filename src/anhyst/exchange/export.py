@@ -32,6 +32,7 @@ from anhyst.exchange.part import (
 from anhyst.exchange.piezo_part import piezo_part
 from anhyst.exchange.stage_part import stage_part
 from anhyst.model.actuator import Model, read_model
+from anhyst.support import running_version
 from anhyst.support.atomic import (
     PathLike,
     atomic_writer,
@@ -41,12 +42,11 @@ from anhyst.support.atomic import (
     write_bytes,
     write_texts,
 )
-from anhyst.support.c_objects import c_name
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, cores
+from anhyst.support.kept import c_name
 from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.toml_file import take_kind
-from anhyst.support.version import running_version
 
 
 @dataclass(frozen=True)

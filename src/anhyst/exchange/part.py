@@ -13,12 +13,11 @@ from xml.etree import ElementTree as Xml
 
 from anhyst.compilation.output import compile_actuator
 from anhyst.compilation.toolchain import core_files
-from anhyst.model.actuator import Model
-from anhyst.model.compilable import require_core
+from anhyst.model.actuator import Model, require_core
 from anhyst.model.parameters import CIRCUIT
+from anhyst.support import running_version
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.version import running_version
 
 WRAPPER = Path(__file__).with_name("fmu")
 

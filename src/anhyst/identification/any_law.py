@@ -22,9 +22,9 @@ from anhyst.identification.uncertainty import memory, statements
 from anhyst.laws import LAWS
 from anhyst.laws.law import Law
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import MAY_VARY, GapMap, Parameter
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.model.schema import Uncertainty
+from anhyst.support.errors import InputError, NegativeResult, NowhereNearError
 from anhyst.support.numeric import FloatArray
 
 SCREENED = 256
@@ -218,11 +218,7 @@ def _descend(problem: _Problem, seed: int) -> tuple[float, Outcome]:
 
     begins = problem.begins(seed)
     if not begins:
-        raise InputError(
-            "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
-            "or columns with 'anhyst inspect --plot'",
-            code="nowhere-near",
-        )
+        raise NowhereNearError
 
     def descend(
         entries: tuple[_Entry, ...], theta: FloatArray, tolerance: float, most: int

@@ -36,8 +36,8 @@ from anhyst.identification.fit_records import AT_REST
 from anhyst.identification.response import Local, ResponseForm
 from anhyst.identification.space import IN_SERIES, LEAST_GAP_FLUX, WRITTEN
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import Curve
+from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, Quantity
 

@@ -151,17 +151,25 @@ def _further(index: int) -> tuple[FitNumber, ...]:
     )
 
 
+class _AnyCells:
+    """What a fit sees of play cells, however it moves them."""
+
+    differentiated = True
+    coupled = False
+
+    def dead_band(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
+        """Return nothing: cells need none."""
+        return {}
+
+
 @dataclass(frozen=True)
-class CellKernel:
+class CellKernel(_AnyCells):
     """Play cells as a fit sees them."""
 
     shape: Shape  # the curve that cells follow
     populations: int  # how many: 1 to 3
     # error of their tables, in parts of the saturation; tables that aim at less are made faster
     aim: float = EXACT
-
-    differentiated = True
-    coupled = False
 
     @cached_property
     def numbers(self) -> tuple[FitNumber, ...]:
@@ -197,10 +205,6 @@ class CellKernel:
             if name[:2] in {"a_", "k_"}:
                 iron[name] *= part
 
-    def dead_band(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
-        """Return nothing: cells need none."""
-        return {}
-
     def weights(self, law: tuple[float, ...]) -> CellWeights:
         """Return the cells of a set of numbers."""
         iron = self.iron(1.0, 1.0, law, 0.0)
@@ -224,13 +228,10 @@ def _pinned(iron: Mapping[str, float], count: int) -> list[Population]:
 
 
 @dataclass(frozen=True)
-class WeightKernel:
+class WeightKernel(_AnyCells):
     """Play cells by their weights: what populations leave over, near to them."""
 
     populations: CellWeights  # the cells to begin with
-
-    differentiated = True
-    coupled = False
 
     @property
     def shape(self) -> Shape:
@@ -279,10 +280,6 @@ class WeightKernel:
         """Take the field inside an iron without interaction to a part of itself, by interaction."""
         iron["alpha"] = 1.0 - part
         iron[SCALES[1]] *= part
-
-    def dead_band(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
-        """Return nothing: cells need none."""
-        return {}
 
 
 def by_weights(kernel: CellKernel, law: tuple[float, ...]) -> WeightKernel:

@@ -17,11 +17,11 @@ import numpy as np
 
 from anhyst.identification.candidates import Fits, ModelCandidate
 from anhyst.identification.cell_kernel import EXACT, LAW_OF, CellKernel, by_weights
-from anhyst.identification.cell_starts import SLOPES, draw_starts, placed, possible
 from anhyst.identification.default import TIE, TIED, FoundModel, follow
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.objective import Objective
 from anhyst.identification.response import Local, ResponseForm
+from anhyst.identification.screening import SLOPES, draw_starts, placed, possible
 from anhyst.identification.space import IN_SERIES, CoordinateSpace
 from anhyst.identification.uncertainty import only_demanded
 from anhyst.laws.cells import Shape

@@ -17,14 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
-from anhyst.data.history import History
-from anhyst.data.path import correlation
+from anhyst.data.path import History, correlation
 from anhyst.data.speeds import rate_of
 from anhyst.identification.run import Outcome
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics
-from anhyst.model.fit_record import CandidateFit, Uncertainty
+from anhyst.model.schema import CandidateFit, Uncertainty
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0

@@ -23,7 +23,7 @@ from anhyst.identification.default import FoundModel, follow
 from anhyst.identification.fit_records import FitRecords, blocks_along, clocks_of
 from anhyst.identification.uncertainty import only_demanded
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import CrossValidation
+from anhyst.model.schema import CrossValidation
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
 
@@ -177,10 +177,7 @@ def _missed_blocks(
 
 
 def _off(model: Model, loops: Sequence[Loop]) -> list[FloatArray]:
-    return [
-        model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
-        for loop in loops
-    ]
+    return [model.on(loop) - loop.output for loop in loops]
 
 
 def _squares(off: Sequence[FloatArray], clocks: Sequence[FloatArray]) -> tuple[float, ...]:

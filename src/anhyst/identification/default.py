@@ -222,14 +222,6 @@ def follow(
     return FoundModel(space, fit.theta, fit.cost, objective.evaluations)
 
 
-def reference_gap(records: FitRecords) -> int:
-    """Gap with the largest output: there the iron is driven furthest and shows most."""
-    sizes = np.zeros(records.gaps)
-    for record in records.loops:
-        sizes[record.gap] = max(sizes[record.gap], float(np.max(np.abs(record.output))))
-    return int(np.argmax(sizes))
-
-
 def search_one_gap(
     form: ResponseForm, records: FitRecords, seed: int, held: frozenset[str]
 ) -> FoundModel:
@@ -257,7 +249,7 @@ def search_each_gap(
     """
     space = CoordinateSpace("free", records, form, held)
     alone = [search_one_gap(form, records.at(gap), seed, held) for gap in range(records.gaps)]
-    home = reference_gap(records)
+    home = records.reference_gap
     carried = {home: alone[home]}
     for gap in [*range(home + 1, records.gaps), *range(home - 1, -1, -1)]:
         neighbour = carried[gap - 1 if gap > home else gap + 1]
@@ -276,7 +268,7 @@ def join_gaps(
 ) -> FoundModel:
     """Fit all gaps together under one map, from what is known at the reference gap."""
     space = CoordinateSpace(gap_map, records, form, held)
-    home = reference_gap(records)
+    home = records.reference_gap
     at_gaps = [
         (known, cost_at_gap(space, gap, known)) if gap == home else scan_gap(space, gap, known)
         for gap in range(records.gaps)

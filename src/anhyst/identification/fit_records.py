@@ -156,6 +156,14 @@ class FitRecords:
         """Number of parameter sets that differ by the gap; one if nothing is scheduled."""
         return max(1, self.nodes.size)
 
+    @property
+    def reference_gap(self) -> int:
+        """Gap with the largest output: there the iron is driven furthest and shows most."""
+        sizes = np.zeros(self.gaps)
+        for record in self.loops:
+            sizes[record.gap] = max(sizes[record.gap], float(np.max(np.abs(record.output))))
+        return int(np.argmax(sizes))
+
     def at(self, gap: int) -> FitRecords:
         """Only one gap, as a problem of its own with the same scales."""
         kept = tuple(

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Protocol
 
 from anhyst.data import Loops
-from anhyst.data.history import SETTLED
 from anhyst.data.output_map import is_actuator, output_map
+from anhyst.data.path import SETTLED
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import Speeds, speeds_of, with_spread_times
 from anhyst.identification.any_law import fit_any
@@ -23,25 +23,24 @@ from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
 from anhyst.identification.default import TO_END, follow
 from anhyst.identification.fit_records import records_of, rest_of
-from anhyst.identification.left_open import FARTHEST, first_rise, is_guessed, resolved
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rate import fit_rate, without_rate
 from anhyst.identification.run import SEARCHED, IdentifyResult, Outcome, SearchRun
 from anhyst.identification.space import IN_SERIES
-from anhyst.identification.uncertainty import assess
+from anhyst.identification.uncertainty import FARTHEST, assess, first_rise, is_guessed, resolved
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
-from anhyst.model.compilable import obstacle
-from anhyst.model.fit_record import (
+from anhyst.model.actuator import obstacle
+from anhyst.model.left_over import left_of, left_over_text
+from anhyst.model.parameters import GAP_MAPS
+from anhyst.model.schema import (
     Provenance,
     fit_figures,
 )
-from anhyst.model.left_over import left_of, left_over_text
-from anhyst.model.parameters import GAP_MAPS
+from anhyst.support import running_version
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.version import running_version
 
 SEARCHES = ("default", "paper")
 
@@ -166,10 +165,7 @@ def identify(
     model = replace(outcome.model, **common, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
     acceptance = model.acceptance()
-    fitted = tuple(
-        model.predict(loop.input, loop.schedule, loop.time, loop.history).output
-        for loop in loops.loops
-    )
+    fitted = tuple(map(model.on, loops.loops))
     figures = fit_figures(
         loops, fitted, outcome.left_out, acceptance.passed, outcome.promised, outcome.candidates
     )

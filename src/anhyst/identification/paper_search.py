@@ -114,12 +114,6 @@ class EvolutionStrategy:
         self.generation = 0
         self._waiting = False
 
-    @property
-    def step_sizes(self) -> FloatArray:
-        """Geometric mean step size of the parents, in parts of the range, shape (n,)."""
-        relative = self._parents_sigma / (self._high - self._low)
-        return np.asarray(np.exp(np.log(relative).mean(axis=0)))
-
     def ask(self) -> FloatArray:
         """Return the individuals of the next generation, shape (children, n)."""
         if self.generation and not self._waiting:
@@ -181,22 +175,10 @@ class Stand:
     cost: float
     evaluations: int = 0
 
-    @property
-    def plain(self) -> dict[str, Any]:
-        """The contents of a checkpoint."""
-        return {
-            "sets": [dict(values) for values in self.sets],
-            "varying": list(self.varying),
-            "cost": self.cost,
-            "evaluations": self.evaluations,
-        }
-
     @classmethod
     def from_plain(cls, plain: dict[str, Any]) -> Stand:
-        """Rebuild from what a checkpoint kept."""
-        return cls(
-            tuple(plain["sets"]), tuple(plain["varying"]), plain["cost"], plain["evaluations"]
-        )
+        """Rebuild from what a checkpoint kept, which knows lists alone."""
+        return cls(**plain | {key: tuple(plain[key]) for key in ("sets", "varying")})
 
 
 @dataclass

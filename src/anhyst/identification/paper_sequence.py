@@ -12,14 +12,14 @@ gauges means nothing (docs/theory.md).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from anhyst.data import Loops
 from anhyst.identification.bare import model_of
 from anhyst.identification.candidates import require_gaps
-from anhyst.identification.default import FoundModel, reference_gap
+from anhyst.identification.default import FoundModel
 from anhyst.identification.objective import Objective
 from anhyst.identification.paper_search import (
     SearchBench,
@@ -42,7 +42,7 @@ from anhyst.identification.run import Outcome, SearchRun
 from anhyst.identification.space import CoordinateSpace
 from anhyst.identification.uncertainty import assess
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import ReductionStep
+from anhyst.model.schema import ReductionStep
 from anhyst.support.errors import InputError
 
 _SAME = 0.01
@@ -70,7 +70,7 @@ def in_common_gauge(bench: SearchBench, free: Stand) -> Stand:
     costs more.
     """
     moved = in_one_gauge(free.sets, bench.searched, bench.run.form.power)
-    home = reference_gap(bench.run.records)
+    home = bench.run.records.reference_gap
     sets: dict[int, Values] = {}
     spent = free.evaluations
     for gap in [home, *range(home + 1, bench.gaps), *range(home - 1, -1, -1)]:
@@ -121,9 +121,8 @@ def _tried(bench: SearchBench, stand: Stand, name: str) -> Stand:
             bench.refine(gap, values | {name: mean}, rest, bench.effort.trial)
             for gap, values in enumerate(stand.sets)
         ]
-        return bench.stand(
-            [result[0] for result in results], rest, sum(result[1] for result in results)
-        ).plain
+        spent = sum(result[1] for result in results)
+        return asdict(bench.stand([result[0] for result in results], rest, spent))
 
     return Stand.from_plain(bench.run.stage(_stage(stand.varying, f"without {name}"), work))
 

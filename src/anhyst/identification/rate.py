@@ -17,12 +17,11 @@ from anhyst._core import AnyIron
 from anhyst.data import Loop, Loops
 from anhyst.data.speeds import Speeds
 from anhyst.data.verdict import largest_output
-from anhyst.model.actuator import Model
-from anhyst.model.compilable import jumps_alone
+from anhyst.model.actuator import Model, jumps_alone
 from anhyst.model.dynamics import GAMMA, Dynamics, Layers
-from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import Parameter
 from anhyst.model.predict import as_history, initial_state
+from anhyst.model.schema import Uncertainty
 from anhyst.support.numeric import FloatArray
 
 COUNTS = (1, 2, 3, 4)
@@ -316,10 +315,7 @@ def without_rate(model: Model, static: Model, slow: Loops) -> Loops | None:
     """Take what rate does to slow loops off them; None where that is too little to matter."""
     left, done, mended = [], [], []
     for loop in slow.loops:
-        late, still = (
-            compared.predict(loop.input, loop.schedule, loop.time, loop.history).output
-            for compared in (model, static)
-        )
+        late, still = model.on(loop), static.on(loop)
         left.append(np.mean((loop.output - still) ** 2))
         done.append(np.mean((late - still) ** 2))
         mended.append(replace(loop, output=loop.output - (late - still)))

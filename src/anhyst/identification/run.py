@@ -6,7 +6,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast
@@ -15,24 +15,22 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from anhyst.data import Loops
-from anhyst.data.clean import STEPS
-from anhyst.data.history import History
-from anhyst.data.read_options import ReadOptions
+from anhyst.data.clean import STEPS, ReadOptions
+from anhyst.data.path import History
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.response import ResponseForm
 from anhyst.laws.cells import Shape
 from anhyst.model.acceptance import Acceptance, GapCheck
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import CandidateFit, CrossValidation, ReductionStep, Uncertainty
-from anhyst.model.schema import LawName
+from anhyst.model.schema import CandidateFit, CrossValidation, LawName, ReductionStep, Uncertainty
 from anhyst.model.writer import write_model
+from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, few, length_scale
 from anhyst.support.toml_file import Table
-from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -182,6 +180,10 @@ def _readable(name: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+SEARCHING = ("law", "gap_map", "search", "seed", "weights", "offsets", "dead_band", "rate")
+"""Options of a search; all others say how loops are read."""
+
+
 class IdentifyTable(Table):
     """``[identify]``: the options of ``anhyst identify``, by the same names and in the same form.
 
@@ -206,31 +208,15 @@ class IdentifyTable(Table):
 
     def reading(self, folder: Path | None = None) -> ReadOptions:
         """Return how measurements are read."""
-        sidecar = self.sidecar
-        if sidecar is not None and folder is not None:
-            sidecar = str(folder / sidecar)
-        return ReadOptions.from_text(
-            columns=self.columns,
-            sidecar=sidecar,
-            schedule=self.schedule,
-            loop=self.loop,
-            constants=self.constants,
-            history=self.history,
-            clean=self.clean,
-        )
+        texts = {option.name: getattr(self, option.name) for option in fields(ReadOptions)}
+        if self.sidecar is not None and folder is not None:
+            texts["sidecar"] = str(folder / self.sidecar)
+        return ReadOptions.from_text(**texts)
 
     def searching(self, gap_map: str = "auto") -> dict[str, Any]:
         """Return what :func:`anhyst.identification.identify` is to be asked for."""
-        return {
-            "law": self.law,
-            "gap_map": self.gap_map or gap_map,
-            "search": self.search,
-            "seed": self.seed,
-            "weights": self.weights,
-            "offsets": self.offsets,
-            "dead_band": self.dead_band,
-            "rate": self.rate,
-        }
+        asked = {name: getattr(self, name) for name in SEARCHING}
+        return asked | {"gap_map": self.gap_map or gap_map}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -84,7 +84,7 @@ def steepest_slope(kappa: float, c: float) -> float:
 
 
 def least_slope(iron: Mapping[str, float], rho: FloatArray) -> FloatArray:
-    """Return ``1 + w*S`` of the effective-field law; see :mod:`anhyst.model.compilable`."""
+    """Return ``1 + w*S`` of the effective-field law; see :mod:`anhyst.model.actuator`."""
     steepest = steepest_slope(iron["k"] / iron["a"], iron["c"]) * iron["M_s"] / iron["a"]
     slopes: FloatArray = 1.0 + (rho / (1.0 + rho) - iron["alpha"]) * steepest
     return slopes

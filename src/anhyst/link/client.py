@@ -9,8 +9,11 @@ from __future__ import annotations
 import secrets
 import threading
 import time
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
 from typing import Self, TypeVar
 
 from anhyst.link import frames
@@ -23,6 +26,7 @@ from anhyst.link.frames import (
     BlockSwapRequest,
     BlockWordsAnswer,
     CommandRequest,
+    DemandRequest,
     HeartbeatRequest,
     HelloRequest,
     InfoAnswer,
@@ -36,9 +40,8 @@ from anhyst.link.frames import (
     SettingWriteRequest,
     StatusAnswer,
 )
-from anhyst.link.streaming import Status, demand_request, stream
-from anhyst.link.wire import BAUD, Frame, LinkPort, Port, Receiver, encode
-from anhyst.support.block_head import GENERATION_AT, LENGTH_AT, checksum, misfit
+from anhyst.link.wire import BAUD, Frame, LinkPort, Port, Receiver, Status, encode
+from anhyst.support.block_words import GENERATION_AT, LENGTH_AT, checksum, misfit
 from anhyst.support.errors import InputError
 from anhyst.support.states import Command, Fault, State
 
@@ -67,6 +70,9 @@ _MEANING = {
 }
 
 
+_BEGIN = (Command.RUN, Command.LIFT)
+
+
 class Refused(InputError):  # noqa: N818 - an answer
     """The controller answered that it does not do a request, and why; nothing changed there."""
 
@@ -81,7 +87,8 @@ class Refused(InputError):  # noqa: N818 - an answer
         self.detail = nak.detail
         if self.reason is Reason.STATE:
             meaning = f"not in the state {State(nak.detail).name.lower()}"
-            if nak.detail == State.IDLE and _begins(request):
+            begins = isinstance(request, CommandRequest) and request.command in _BEGIN
+            if nak.detail == State.IDLE and begins:
                 meaning += "; condition the magnet first, or declare it demagnetised"
         super().__init__(
             f"{url}: the controller refused {_words(name)}: {meaning}",
@@ -143,8 +150,18 @@ class ControllerLink:
         All of them reach the controller, in order. A demand that the line lost is sent again with
         all that followed it: the controller may see some twice, never one late.
         """
+        if not 1 <= window <= WINDOW_MOST:
+            raise InputError(
+                f"window {window}: choose 1 to {WINDOW_MOST}", code="out-of-range", key="window"
+            )
+        flow, source = _Flow(self), iter(forces)
         with self._lock:
-            yield from stream(self, forces, window)
+            while True:
+                flow.send(islice(source, window - len(flow.waiting)))
+                if not flow.waiting:
+                    return
+                flow.receive()
+                yield from flow.answered()
 
     def command(self, command: Command) -> State:
         """Change the state of the controller."""
@@ -246,7 +263,7 @@ class ControllerLink:
     def _status(self, request: Message) -> Status:
         with self._lock:
             answer, tick = self._exchange(request)
-            return Status.of(_expect(self.url, request, answer, StatusAnswer), tick)
+            return Status(tick, _expect(self.url, request, answer, StatusAnswer))
 
     def request(self, request: Message, kind: type[_Answer]) -> _Answer:
         """Send any request and return its answer."""
@@ -338,9 +355,114 @@ def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) ->
     )
 
 
-def _begins(request: Message) -> bool:
-    return isinstance(request, CommandRequest) and request.command in (Command.RUN, Command.LIFT)
-
-
 def _words(name: str) -> str:
     return "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
+
+
+WINDOW_MOST = 32
+"""Requests on their way; the controller knows of so many whether it answered them."""
+
+
+_PAUSE = 0.2e-3
+"""Between two looks at the line, s: an emulated board sends byte by byte, and every look costs."""
+
+
+@dataclass(slots=True)
+class _Sent:
+    """A demand that waits for its answer."""
+
+    force: int
+    sequence: int
+    wire: bytes
+    times: int = 1
+    status: Status | None = None
+
+
+def demand_request(force: int) -> DemandRequest:
+    """Return a demand, q31 of the full-scale force."""
+    if not -(1 << 31) <= force < 1 << 31:
+        raise InputError(
+            f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1",
+            code="beyond-full-scale",
+            key="demand",
+        )
+    return DemandRequest(int(force))
+
+
+class _Flow:
+    """Many demands on their way at a time, none lost and none out of order."""
+
+    def __init__(self, controller: ControllerLink) -> None:
+        self.controller = controller
+        self.waiting: deque[_Sent] = deque()
+        self._end = 0.0
+
+    def send(self, forces: Iterable[int]) -> None:
+        """Put demands on the line, in one piece."""
+        fresh = [self._number(force) for force in forces]
+        if fresh:
+            self.waiting.extend(fresh)
+            self._write(fresh)
+
+    def _number(self, force: int) -> _Sent:
+        sequence = self.controller.next_sequence()
+        return _Sent(force, sequence, encode(demand_request(force), sequence))
+
+    def _write(self, demands: Iterable[_Sent]) -> None:
+        self.controller.send(b"".join(demand.wire for demand in demands))
+        self._end = time.monotonic() + self.controller.timeout
+
+    def receive(self) -> None:
+        """Take the answers that arrive; send again what went missing."""
+        if len(self.waiting) > 1:
+            time.sleep(_PAUSE)
+        arrived = self.controller.receive(max(self._end - time.monotonic(), 0.0))
+        by_number = {demand.sequence: demand for demand in self.waiting}
+        for frame in arrived:
+            demand = by_number.get(frame.sequence)
+            if demand is not None and demand.status is None and not self._take(demand, frame):
+                return
+        first = self.waiting[0]
+        if first.status is not None:
+            return
+        if time.monotonic() >= self._end:
+            self._repeat([demand for demand in self.waiting if demand.status is None])
+        elif first.times == 1 and any(demand.status for demand in self.waiting):
+            self._repeat([first])  # newer ones were answered: this one was lost
+
+    def _take(self, demand: _Sent, frame: Frame) -> bool:
+        """Keep an answer; False where the demands from this one on were sent again."""
+        answer = self.controller.read_answer(frame)
+        if isinstance(answer, StatusAnswer):
+            demand.status = Status(frame.tick, answer)
+            return True
+        if isinstance(answer, NakAnswer) and answer.reason == Reason.OLD:
+            self._begin_again(demand)
+            return False
+        raise InputError(
+            f"{self.controller.url}: {answer} in answer to a demand", code="unexpected-answer"
+        )
+
+    def _repeat(self, demands: list[_Sent]) -> None:
+        if demands[0].times >= self.controller.attempts:
+            raise self.controller.silent()
+        for demand in demands:
+            demand.times += 1
+        self.controller.repeated += len(demands)
+        self._write(demands)
+
+    def _begin_again(self, first: _Sent) -> None:
+        """Send a demand and all after it under new numbers: newer ones had overtaken it."""
+        kept = list(self.waiting)
+        at = kept.index(first)
+        again = [self._number(demand.force) for demand in kept[at:]]
+        self.controller.repeated += len(again)
+        self.waiting = deque(kept[:at] + again)
+        self._write(again)
+
+    def answered(self) -> Iterator[Status]:
+        """Take off the statuses that are there, in order."""
+        while self.waiting and self.waiting[0].status is not None:
+            status = self.waiting.popleft().status
+            if status is not None:
+                yield status

@@ -15,10 +15,10 @@ from functools import partial
 from pathlib import Path
 
 from anhyst.link.virtual_boards import check_runs_here
+from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, core_folder, firmware_folder, write_bytes
-from anhyst.support.c_objects import compile_and_link
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.version import running_version
+from anhyst.support.kept import compile_and_link
 
 _MANIFEST = "manifest.json"
 _WARNINGS = ["-Wall", "-Wextra", "-Wconversion"]

@@ -1,26 +1,27 @@
-"""A master of XCP for the slave of this firmware: values, commands, every tick's signals.
+"""XCP for a controller: a master of the slave of its firmware, and a port for the masters of others.
 
-Knows what ``firmware/xcp`` says and no more: one list of samples with one packet a sample, addresses
-of :mod:`anhyst.support.xcp_map`.
-
-The PC's end of a line that carries XCP: commands and their answers, samples beside them.
+The master knows what ``firmware/xcp`` says and no more: one list of samples with one packet a sample,
+addresses of :mod:`anhyst.support.xcp_map`; commands and their answers, samples beside them. For a
+controller that carries XCP in the frames of its own link, a port of this machine passes it on.
 """
 
 from __future__ import annotations
 
 import math
+import select
+import socket
 import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from queue import Empty, Queue
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.link.client import Refused
+from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import (
     BlockDataRequest,
     BlockSwapRequest,
@@ -29,12 +30,15 @@ from anhyst.link.frames import (
     DemandRequest,
     Message,
     NakAnswer,
+    Reason,
     Setting,
     SettingWriteRequest,
     TargetRequest,
+    XcpPacketsAnswer,
+    XcpRequest,
 )
 from anhyst.link.wire import BAUD, Port, framed, key_for, split
-from anhyst.support.block_head import GENERATION_AT, LENGTH_AT
+from anhyst.support.block_words import GENERATION_AT, LENGTH_AT
 from anhyst.support.errors import InputError
 from anhyst.support.states import Command, State
 from anhyst.support.xcp_map import AREAS, INPUTS, SIGNALS
@@ -89,7 +93,7 @@ class XcpLine:
     def ask(self, command: bytes) -> bytes:
         """Send a command and return its answer."""
         with self.lock:
-            self._port.write(self._framed(command))
+            self._port.write(framed(command, serial=self.serial))
             answer = self._next()
             if answer is None and self.serial and not self._gone.is_set():
                 self._synchronise()  # a late answer would be taken for that to the next command
@@ -106,8 +110,13 @@ class XcpLine:
         """Return the samples that came, one behind the other; waits for the first."""
         with self._came:
             self._came.wait_for(lambda: self._samples or self._gone.is_set(), self.timeout)
+            if not self._samples and self._gone.is_set():
+                raise self.lost()
             if not self._samples:
-                raise self.lost() if self._gone.is_set() else self._stands()
+                raise InputError(
+                    f"{self.url}: no tick came for {self.timeout:g} s; the controller stands",
+                    code="no-tick",
+                )
             packets = b"".join(self._samples)
             self._samples.clear()
         return packets
@@ -116,12 +125,6 @@ class XcpLine:
         """Return the error of a controller that hung up or does not answer."""
         return InputError(
             f"{self.url}: the controller is gone; see its power and the line", code="port-gone"
-        )
-
-    def _stands(self) -> InputError:
-        return InputError(
-            f"{self.url}: no tick came for {self.timeout:g} s; the controller stands",
-            code="no-tick",
         )
 
     def _next(self) -> bytes | None:
@@ -136,36 +139,29 @@ class XcpLine:
     def _synchronise(self) -> None:
         """Be in step again with a controller one of whose answers was lost."""
         for _ in range(3):
-            self._port.write(self._framed(_SYNCH))
+            self._port.write(framed(_SYNCH, serial=self.serial))
             while (answer := self._next()) is not None:
                 if answer == _IN_STEP:
                     return
         self._gone.set()
         raise self.lost()
 
-    def _framed(self, packet: bytes) -> bytes:
-        return framed(packet, serial=self.serial)
-
     def _read(self) -> None:
         rest = b""
         try:
             while not self._gone.is_set():
-                packets, rest = self._split(rest + self._port.read(_POLL_S))
-                self._hand_on(packets)
+                arrived = split(rest + self._port.read(_POLL_S), self.serial)
+                rest = arrived.rest
+                self.skipped += arrived.skipped
+                if arrived.broken:
+                    raise InputError(f"{self.url}: does not speak XCP", code="no-xcp")
+                self._hand_on(arrived.packets)
                 time.sleep(_TOGETHER_S)
         except InputError:
             pass  # whoever waits learns of it below
         with self._came:
             self._gone.set()
             self._came.notify_all()
-
-    def _split(self, data: bytes) -> tuple[list[bytes], bytes]:
-        """Return whole packets, and the rest."""
-        packets = split(data, self.serial)
-        self.skipped += packets.skipped
-        if packets.broken:
-            raise InputError(f"{self.url}: does not speak XCP", code="no-xcp")
-        return packets.packets, packets.rest
 
     def _hand_on(self, packets: list[bytes]) -> None:
         samples = [packet for packet in packets if packet[0] < _COMMAND_LEAST]
@@ -307,14 +303,17 @@ class XcpMaster:
 
     def aim(self, code: int) -> None:
         """Demand a force, or a position, q31 of full scale."""
-        if self.body is Body.FORCE:
-            self._write(_INPUT["set_demand"], code, DemandRequest(code))
-        else:
-            self._write(_INPUT["set_target"], code, TargetRequest(code))
+        request = DemandRequest(code) if self.body is Body.FORCE else TargetRequest(code)
+        self._write(self._aimed, code, request)
 
     def goal(self) -> int:
         """Return the force or the position demanded last, q31 of full scale."""
-        return self._value(_INPUT["set_demand" if self.body is Body.FORCE else "set_target"])
+        return self._value(self._aimed)
+
+    @property
+    def _aimed(self) -> int:
+        """Address of the force or position that is demanded."""
+        return _INPUT["set_demand" if self.body is Body.FORCE else "set_target"]
 
     def clock(self) -> int:
         """Return the number of the last tick, modulo 2^32."""
@@ -395,3 +394,119 @@ class XcpMaster:
                 code="xcp-refused",
             )
         return answer
+
+
+_PACE = 0.002
+"""Between two questions for samples while none come, s."""
+
+_PATIENCE = 5.0
+"""How long a master may take no byte, s."""
+
+
+class XcpBridge:
+    """A port of this machine on which a master of XCP reaches the controller behind a link.
+
+    One master at a time. What it sends goes to the controller as it is, so that every rule of the
+    firmware holds: its key, its limits, its heartbeat, which this does not keep for it.
+    """
+
+    def __init__(self, controller: ControllerLink, port: int) -> None:
+        self._controller = controller
+        self._hang_up()
+        try:
+            self._listener = socket.create_server(("127.0.0.1", port))
+        except OSError as error:
+            raise InputError(
+                f"port {port}: {error.strerror}; name another, or 0",
+                code="port-not-open",
+                key="port",
+            ) from error
+        self.port = int(self._listener.getsockname()[1])
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._listener.close()
+
+    def serve_one(self) -> None:
+        """Wait for a master and serve it until it is gone."""
+        master, _ = self._listener.accept()
+        with master:
+            master.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            master.settimeout(_PATIENCE)
+            try:
+                self._serve(master)
+            except OSError:
+                pass  # it hung up, or takes nothing any more
+            finally:
+                self._hang_up()
+
+    def _serve(self, master: socket.socket) -> None:
+        arrived = b""
+        counter = 0
+        wait = _PACE
+        while True:
+            commands: list[bytes] = []
+            if select.select([master], [], [], wait)[0]:
+                data = master.recv(4096)
+                if not data:
+                    return
+                commands, arrived, _, broken = split(arrived + data)
+                if broken:
+                    return
+            packets = [packet for command in commands or [b""] for packet in self._carry(command)]
+            wait = 0.0 if packets else _PACE
+            if packets:
+                master.sendall(b"".join(framed(one, counter + n) for n, one in enumerate(packets)))
+                counter += len(packets)
+
+    def _carry(self, command: bytes) -> list[bytes]:
+        """Return the packets that the slave answers to a command, or to nothing."""
+        answer = self._controller.request(XcpRequest(tuple(command)), XcpPacketsAnswer)
+        rest, packets = bytes(answer.packets), []
+        while rest:
+            end = 1 + rest[0]
+            packets.append(rest[1:end])
+            rest = rest[end:]
+        return packets
+
+    def _hang_up(self) -> None:
+        """Let no master find what another left behind: its key, its samples."""
+        try:
+            self._carry(bytes((_DISCONNECT,)))
+            while self._carry(b""):
+                pass
+        except Refused as refused:
+            if refused.reason is not Reason.TYPE:
+                raise
+            raise InputError(
+                f"{self._controller.url}: this firmware carries no XCP; build it with this anhyst",
+                code="no-xcp",
+            ) from None
+
+
+def xcp(port: str, listen: int = 5555, *, started: Callable[[int], None] | None = None) -> None:
+    """Offer XCP on TCP for a controller on a serial port, until ctrl-C.
+
+    Parameters
+    ----------
+    port : str
+        Link of the controller: ``/dev/ttyACM0``, ``COM3`` or ``socket://HOST:PORT``.
+    listen : int
+        Port of this machine for the tool; 0 takes a free one.
+    started : callable, optional
+        Called with that port once it listens.
+
+    Raises
+    ------
+    InputError
+        The port cannot be opened, or the firmware carries no XCP.
+    """
+    with ControllerLink(port) as controller:
+        bridge = XcpBridge(controller, listen)
+        if started is not None:
+            started(bridge.port)
+        try:
+            while True:
+                bridge.serve_one()
+        finally:
+            bridge.close()

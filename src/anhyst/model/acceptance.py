@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.output_map import output_map
-from anhyst.model.predict import predict
+from anhyst.model.predict import predict, slow_times
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
@@ -130,7 +130,7 @@ def check_over_drive(model: ActuatorRecord) -> DriveCheck | None:
         for history, words in states.items():
             where = words if gap is None else f"at {_shown(model, gap)} {words}"
             try:
-                output = predict(model, rise, gap, _slow(rise.size), history).output
+                output = predict(model, rise, gap, slow_times(rise.size), history).output
             except (InputError, NegativeResult) as error:
                 return DriveCheck(np.inf, start, where, str(error))
             falls = np.maximum.accumulate(output) - output
@@ -213,7 +213,7 @@ def check_over_gap(
             shares = np.atleast_1d(model.parameters["in_0"]) / largest
             share = fixed.over_schedule("in_0", gap)[0] / largest
             seen = drive - largest * float(np.clip(shares.max() - share, 0.0, OFFSET))
-            output[index] = predict(fixed, seen, schedule, _slow(drive.size), "settled").output
+            output[index] = predict(fixed, seen, schedule, slow_times(drive.size), "settled").output
         except (InputError, NegativeResult) as error:
             troubles.append((gap, str(error)))
     if troubles:
@@ -232,8 +232,7 @@ def _largest_drive(model: ActuatorRecord) -> float:
     That is zero, or where an actuator has a bias, the offset of the input. Of ends that are as far,
     the positive one: noise of the sensors does not decide.
     """
-    assert model.valid is not None
-    low, high = model.valid.input
+    low, high = model.valid_range.input
     bias = float(np.mean(model.parameters["in_0"]))
     return low if abs(low - bias) > _FURTHER * abs(high - bias) else high
 
@@ -243,11 +242,6 @@ def _rest(model: ActuatorRecord, most: float = 0.5) -> float:
     largest = _largest_drive(model)
     shares = np.atleast_1d(model.parameters["in_0"]) / largest
     return largest * float(np.clip(shares.max(), 0.0, most))
-
-
-def _slow(size: int) -> FloatArray:
-    """Return times so far apart that eddy currents do not count."""
-    return 1e9 * np.arange(size, dtype=np.float64)
 
 
 def _falls(output: FloatArray, offset: FloatArray) -> FloatArray:

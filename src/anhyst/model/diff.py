@@ -9,13 +9,14 @@ import numpy as np
 
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
+from anhyst.model.predict import slow_times
 from anhyst.support.errors import InputError
 from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from anhyst.model.fit_record import Range
+    from anhyst.model.schema import Range
 
 DRIVES_A_BRANCH = 200
 
@@ -204,7 +205,7 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
 def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> LoopDifference:
     half = np.linspace(*drive, DRIVES_A_BRANCH)
     cycle = np.concatenate([half, half[-2::-1]])
-    slow = 1e9 * np.arange(cycle.size, dtype=np.float64)  # eddy currents do not count
+    slow = slow_times(cycle.size)
     output, other = (model.predict(cycle, gap, slow, "settled").output for model in (first, second))
     apart = np.abs(output - other)
     return LoopDifference(

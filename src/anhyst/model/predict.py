@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst._core import status_text
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.laws.law import IronOperator
 from anhyst.model.dynamics import Dynamics, too_fast
 from anhyst.model.parameters import Circuit
@@ -117,7 +117,7 @@ def run_through(
     """Compute as `predict` (``"drive"``) or `invert` (``"demand"``), without a Python warning."""
     inputs = as_samples(values, kind)
     if model.dynamics is not None and model.dynamics.needs_time:
-        clock = _clock(time, inputs.size)
+        clock = _clock(time, inputs.size, "a lag or creep ([dynamics])")
         run = _drive_late if kind == "drive" else _demand_late
         return run(model, model.dynamics, inputs, schedule, clock, as_history(history, model))
     return _run_at_once(model, kind, inputs, schedule, time, history)
@@ -246,10 +246,11 @@ def _slow_start(
     return np.full(len(late.times), rest)
 
 
-def _clock(time: ArrayLike | None, size: int) -> FloatArray:
+def _clock(time: ArrayLike | None, size: int, why: str) -> FloatArray:
+    """Return the times of samples, s; `why` says what of a model needs them."""
     if time is None:
         raise InputError(
-            "the model has a lag or creep ([dynamics]): give the time, in a file as column t_s",
+            f"the model has {why}: give the time, in a file as column t_s",
             code="time-missing",
             key="t_s",
         )
@@ -260,6 +261,11 @@ def _clock(time: ArrayLike | None, size: int) -> FloatArray:
             f"time: does not ascend at sample {sample}", code="time-not-rising", key="time"
         )
     return clock
+
+
+def slow_times(size: int) -> FloatArray:
+    """Return times of samples, s, so far apart that eddy currents do not count."""
+    return 1e9 * np.arange(size, dtype=np.float64)
 
 
 def _one_run(record: _Record, run: slice, history: History) -> tuple[FloatArray, int]:
@@ -371,19 +377,7 @@ def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> Float
     """Return 1/dt of each sample, 1/s (0 for the first); None for a model without eddy currents."""
     if not model.has_eddy_currents:
         return None
-    if time is None:
-        raise InputError(
-            "the model has eddy currents (gamma): give the time, in a file as column t_s",
-            code="time-missing",
-            key="t_s",
-        )
-    steps = np.diff(as_samples(time, "time", size))
-    if (steps <= 0.0).any():
-        raise InputError(
-            f"time: does not ascend at sample {int(np.argmax(steps <= 0.0)) + 1}",
-            code="time-not-rising",
-            key="time",
-        )
+    steps = np.diff(_clock(time, size, "eddy currents (gamma)"))
     return np.concatenate([[0.0], 1.0 / steps])
 
 

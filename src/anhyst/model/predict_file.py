@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from anhyst.data.formats.channels import Texts
 from anhyst.data.formats.text import write_csv
-from anhyst.data.history import SETTLED, History
 from anhyst.data.joining import IN_ONE_RUN, one_after_another
 from anhyst.data.loops import Loop
 from anhyst.data.output_map import OUTPUT_MAPS
+from anhyst.data.path import SETTLED, History
 from anhyst.data.table import DataTable, read_columns
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through

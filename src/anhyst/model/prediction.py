@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.errors import ImplausibleWarning
 from anhyst.support.numeric import FloatArray

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import ValidationError
 
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.laws import LAWS, law_of
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import Law

@@ -21,13 +21,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from anhyst.data.history import History
 from anhyst.data.output_map import output_map
+from anhyst.data.path import History
 from anhyst.laws import DEFAULT_LAW, LAWS, law_of
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
 from anhyst.model.dynamics import Dynamics, Layers
-from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.parameters import (
     CIRCUIT,
     Circuit,
@@ -37,7 +36,15 @@ from anhyst.model.parameters import (
     find_problems,
     specs_of,
 )
-from anhyst.model.schema import Names, parameter_names
+from anhyst.model.schema import (
+    FitFigures,
+    Names,
+    Provenance,
+    ReductionStep,
+    Uncertainty,
+    ValidRange,
+    parameter_names,
+)
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
@@ -96,7 +103,7 @@ class ActuatorRecord:
     valid : ValidRange or None
         Where the model was seen to hold.
     fit, uncertainty, reduction, provenance
-        Records of the identification; see :mod:`anhyst.model.fit_record`.
+        Records of the identification; see :mod:`anhyst.model.schema`.
     cells : CellWeights or None
         The cells of a law that has some, in place of the parameters that describe them.
     dynamics : Dynamics or None
@@ -223,6 +230,17 @@ class ActuatorRecord:
     def has_eddy_currents(self) -> bool:
         """Whether the iron itself answers late."""
         return bool(np.any(self.parameters["gamma"]))
+
+    @property
+    def valid_range(self) -> ValidRange:
+        """Where it holds, which what is asked for needs to know."""
+        if self.valid is None:
+            raise InputError(
+                "the model does not say where it holds ([valid]); identify it from loops",
+                code="no-valid-range",
+                key="valid",
+            )
+        return self.valid
 
     @property
     def first_node(self) -> float | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.model.parameters import Circuit
 from anhyst.model.predict import as_history, as_samples, check, initial_state, run_through
 from anhyst.model.prediction import flag, warn_if_far
@@ -158,17 +158,10 @@ class Stepper:
         """Advance the state along a row of drives, as repeated calls of :meth:`commit`."""
         drive = as_samples(applied, "applied drive")
         at = as_samples(schedule, "schedule", drive.size)
-        if np.any(self.model.over_schedule("gamma", at) > 0.0):
+        if self._late is not None or np.any(self.model.over_schedule("gamma", at) > 0.0):
+            why = "creeps ([dynamics])" if self._late else "has eddy currents (gamma)"
             raise InputError(
-                "the model has eddy currents (gamma); commit one by one, with dt",
-                code="time-missing",
-                key="t_s",
-            )
-        if self._late is not None:
-            raise InputError(
-                "the model creeps ([dynamics]); commit one by one, with dt",
-                code="time-missing",
-                key="t_s",
+                f"the model {why}; commit one by one, with dt", code="time-missing", key="t_s"
             )
         for end in (at.min(), at.max()):
             self._at(float(end))

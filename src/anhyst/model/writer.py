@@ -14,10 +14,20 @@ import numpy as np
 from anhyst.laws import LAWS
 from anhyst.laws.cells import CellWeights
 from anhyst.model.dynamics import Dynamics, Layers
-from anhyst.model.fit_record import FitFigures, Provenance, Uncertainty, Whole, of_output
 from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
-from anhyst.model.schema import FORMAT, VERSION, Names, column, section_names
+from anhyst.model.schema import (
+    FORMAT,
+    VERSION,
+    FitFigures,
+    Names,
+    Provenance,
+    Uncertainty,
+    Whole,
+    column,
+    of_output,
+    section_names,
+)
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import FileRecord

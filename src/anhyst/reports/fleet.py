@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from anhyst.reports.study.page import page_text, picture, write_page
-from anhyst.study.fleet.fleet import Fleet
-from anhyst.study.fleet.spread import FleetSpread
+from anhyst.study.fleet import Fleet
+from anhyst.study.fleet_spread import FleetSpread
 from anhyst.support.atomic import PathLike
 from anhyst.support.page import Block, Headline, Items, Note, PageTable, Section, Text, Tile, table
 

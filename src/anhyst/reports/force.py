@@ -32,8 +32,8 @@ from anhyst.reports.study.page import (
 )
 from anhyst.rig.force.file import Rig
 from anhyst.rig.recording import peak
-from anhyst.study.force.force_control import ForceControl
-from anhyst.study.force.trials import STAGES, TITLES, ForceOutcome, stage_of, worst_errors
+from anhyst.study.force_control import ForceControl
+from anhyst.study.force_trials import STAGES, TITLES, ForceOutcome, stage_of, worst_errors
 from anhyst.support.figures import (
     FALLING,
     MEASURED,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -89,19 +88,19 @@ def _deviations(runs: MonteCarlo) -> str:
 
 
 def _drift(runs: MonteCarlo) -> Section:
-    spreads = [
-        Spread(_title(figure, name), {
+    spreads = {
+        _title(figure, name): {
             method: figure.factor * np.array(runs.values(method, figure.key, case))
             for method in runs.runs
-        })
+        }
         for figure in runs.plants.figures
         for case, name in enumerate(figure.names)
-    ]  # fmt: skip
+    }
     shown = picture(
         figure_drift(spreads),
         "drift",
         "Shares of plants that stay below a figure, with percentiles marked: "
-        f"{', '.join(spread.title for spread in spreads)}.",
+        f"{', '.join(spreads)}.",
         "Share of plants below each figure; dots at "
         f"{', '.join(str(part) for part in PERCENTILES)} %. A plant that is lost counts as "
         "infinitely bad.",
@@ -151,29 +150,23 @@ def _drift_text(drift: Drift) -> str:
     return ", ".join(changes).replace("-", MINUS)
 
 
-@dataclass(frozen=True)
-class Spread:
-    """One figure over many plants."""
-
-    title: str  # what it is, with its unit
-    # of every variant, one a plant; infinite where a plant failed
-    values: Mapping[MethodName, FloatArray]
-
-
 @styled
-def figure_drift(spreads: Sequence[Spread]) -> Figure:
-    """Draw the share of plants that stay below a figure, with percentiles marked."""
+def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figure:
+    """Draw the share of plants that stay below a figure, by its title, with percentiles marked.
+
+    Of every variant there is a value a plant, infinite where the plant failed.
+    """
     figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
     axes = panels(figure, len(spreads))
-    for ax, spread in zip(axes, spreads, strict=True):
-        for name in ordered(spread.values):
-            values = np.sort(spread.values[name])
+    for ax, (title, by_method) in zip(axes, spreads.items(), strict=True):
+        for name in ordered(by_method):
+            values = np.sort(by_method[name])
             share = 100.0 * np.arange(1, values.size + 1) / values.size
             finite = np.isfinite(values)
             ax.plot(values[finite], share[finite], **line_of(name), label=name)
             marks = [percentile(values.tolist(), part) for part in PERCENTILES]
             ax.plot(marks, PERCENTILES, "o", color=COLOURS[name], ms=3.5)
-        ax.set_title(spread.title)
+        ax.set_title(title)
         ax.set_ylim(0.0, 102.0)
     axes[0].set_ylabel("plants below (%)")
     legend_below(figure, *axes)

@@ -26,8 +26,15 @@ from anhyst.reports.study.page import (
 )
 from anhyst.rig.recording import Recording, moving
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.tracking.losses import LOSS_HEAD, LOSS_NOTES, LOSS_TITLE
-from anhyst.study.tracking.measures import BANDS_M, EXPOSE_AFTER_S, METRICS, cross_metrics
+from anhyst.study.tracking.measures import (
+    BANDS_M,
+    EXPOSE_AFTER_S,
+    LOSS_HEAD,
+    LOSS_NOTES,
+    LOSS_TITLE,
+    METRICS,
+    cross_metrics,
+)
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
 from anhyst.support.figures import new_figure, styled
 from anhyst.support.kinds import MethodName

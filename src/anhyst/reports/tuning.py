@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -27,30 +28,24 @@ class GainsPoint:
     kept: bool  # whether it keeps the other aims (overshoot, noise, effort)
 
 
-@dataclass(frozen=True)
-class TuningPicture:
-    """What tuning found."""
-
-    candidates: tuple[GainsPoint, ...]  # all that were looked at
-    chosen: Mapping[MethodName, GainsPoint]  # of every variant
-    limit: float | None  # aims, if they were given: of what was made small, and of the peak
-    peak_limit: float | None
-    metric: Metric  # what was made small
-
-
 @styled
-def figure_pareto(tuning: TuningPicture) -> Figure:
-    """Draw what was made small against peak sensitivity: candidates, fronts, what was chosen."""
+def figure_pareto(
+    candidates: Sequence[GainsPoint],
+    chosen: Mapping[MethodName, GainsPoint],
+    metric: Metric,
+    limits: tuple[float | None, float | None],
+) -> Figure:
+    """Draw what was made small against peak sensitivity, and the aims of both, where there are any."""
     figure = new_figure(4.6)
     ax = figure.add_subplot()
-    settled = [candidate for candidate in tuning.candidates if math.isfinite(candidate.reached)]
+    settled = [candidate for candidate in candidates if math.isfinite(candidate.reached)]
     for name in ordered(trial.variant for trial in settled):
         mine = [trial for trial in settled if trial.variant == name]
         for kept, alpha in ((False, 0.25), (True, 0.8)):
             some = [trial for trial in mine if trial.kept is kept]
             ax.scatter(
-                [tuning.metric.factor * one.reached for one in some],
-                [one.peak for one in some],
+                [metric.factor * trial.reached for trial in some],
+                [trial.peak for trial in some],
                 s=9.0,
                 marker="o" if kept else "x",
                 color=COLOURS[name],
@@ -58,31 +53,26 @@ def figure_pareto(tuning: TuningPicture) -> Figure:
                 lw=0.8,
             )
         front = pareto_front([trial for trial in mine if trial.kept])
-        values, peaks = (
-            [tuning.metric.factor * one.reached for one in front],
-            [one.peak for one in front],
+        ax.plot(
+            [metric.factor * trial.reached for trial in front],
+            [trial.peak for trial in front],
+            **line_of(name),
+            drawstyle="steps-post",
+            label=f"front, {name}",
         )
-        ax.plot(values, peaks, **line_of(name), drawstyle="steps-post", label=f"front, {name}")
-        if (best := tuning.chosen.get(name)) is not None:
-            reached = tuning.metric.factor * best.reached
-            label = f"chosen, {name}: {reached:.2f} {tuning.metric.unit}, peak {best.peak:.2f}"
-            ax.plot(
-                [reached],
-                [best.peak],
-                "*",
-                ms=13.0,
-                mfc=COLOURS[name],
-                mec=INK,
-                mew=0.7,
-                label=label,
-            )
-    if tuning.limit is not None:
-        ax.axvline(tuning.metric.factor * tuning.limit, color=ALARM, lw=0.9, ls="--", label="aims")
-    if tuning.peak_limit is not None:
-        ax.axhline(tuning.peak_limit, color=ALARM, lw=0.9, ls="--", label="aims")
+        if (best := chosen.get(name)) is not None:
+            reached = metric.factor * best.reached
+            label = f"chosen, {name}: {reached:.2f} {metric.unit}, peak {best.peak:.2f}"
+            star: dict[str, Any] = {"ms": 13.0, "mfc": COLOURS[name], "mec": INK, "mew": 0.7}
+            ax.plot([reached], [best.peak], "*", **star, label=label)
+    limit, peak_limit = limits
+    if limit is not None:
+        ax.axvline(metric.factor * limit, color=ALARM, lw=0.9, ls="--", label="aims")
+    if peak_limit is not None:
+        ax.axhline(peak_limit, color=ALARM, lw=0.9, ls="--", label="aims")
     peaks = [trial.peak for trial in settled]
     ax.set_ylim(min(0.9, *peaks), min(max(peaks), 8.0) + 0.3)
-    ax.set_xlabel(tuning.metric.head)
+    ax.set_xlabel(metric.head)
     ax.set_ylabel("peak sensitivity")
     legend_below(figure, ax, columns=2)
     return figure
@@ -106,12 +96,8 @@ def pareto(tuning: Tuning) -> Figure:
     """Draw what was made small against peak sensitivity of everything that was tried."""
 
     def candidate(variant: MethodName, aims: Aims, figures: GainFigures) -> GainsPoint:
-        return GainsPoint(
-            variant=variant,
-            reached=figures.cost,
-            peak=figures.peak_sensitivity,
-            kept=keeps_others(aims, figures),
-        )
+        kept = keeps_others(aims, figures)
+        return GainsPoint(variant, figures.cost, figures.peak_sensitivity, kept)
 
     candidates = [
         candidate(name, tuned.aims, trial.outcome.worst)
@@ -124,12 +110,5 @@ def pareto(tuning: Tuning) -> Figure:
         if math.isfinite(tuned.figures.cost)
     }
     least = tuning.first.figures.least
-    return figure_pareto(
-        TuningPicture(
-            tuple(candidates),
-            chosen,
-            tuning.aims.limits.get(least),
-            tuning.aims.peak_sensitivity,
-            TITLES[least],
-        )
-    )
+    limits = tuning.aims.limits.get(least), tuning.aims.peak_sensitivity
+    return figure_pareto(candidates, chosen, TITLES[least], limits)

@@ -12,8 +12,8 @@ import numpy as np
 
 from anhyst._core import Coil
 from anhyst.data import Loops
-from anhyst.data.history import History
 from anhyst.data.loops import Loop
+from anhyst.data.path import History
 from anhyst.rig.body import BodyRig
 from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.parts.sensors import NoisySensor, Sensors

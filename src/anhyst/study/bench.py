@@ -40,7 +40,7 @@ from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.excite.design import Specimen
 from anhyst.study.excite.excite import Excitation, Measuring
 from anhyst.study.excite.on_board import measure_on_board
-from anhyst.study.force.force_control import build_program
+from anhyst.study.force_control import build_program
 from anhyst.study.piezo import find_inverses
 from anhyst.study.prepared import (
     Prepared,

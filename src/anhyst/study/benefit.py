@@ -37,10 +37,10 @@ from anhyst.study.excite.design import force_specimen
 from anhyst.study.excite.excite import measure as excite_specimen
 from anhyst.study.piezo import measure as measure_stack
 from anhyst.study.plants import drifted_rig, force_plants, piezo_plants, stage_plants
+from anhyst.support import running_version
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import FileKind, MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.version import running_version
 
 WIDTHS = (0.5, 1.0, 2.0)
 """Factors on the pinning of the rig's iron."""

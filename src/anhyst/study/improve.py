@@ -115,8 +115,7 @@ def make_curves(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ..
     for loop in loops.loops[:_LOOPS]:
         curves.append(_curve("measured", loop, loop.output))
         if model is not None:
-            predicted = model.predict(loop.input, loop.schedule, loop.time, loop.history)
-            curves.append(_curve("model", loop, predicted.output))
+            curves.append(_curve("model", loop, model.on(loop)))
     return tuple(curves)
 
 
@@ -178,14 +177,7 @@ class Compared:
 
 def compare(old: Model, new: Model, loops: Loops) -> Compared:
     """Hold two models against the same loops."""
-    return Compared(loops, _predicted(old, loops), _predicted(new, loops))
-
-
-def _predicted(model: Model, loops: Loops) -> tuple[FloatArray, ...]:
-    return tuple(
-        model.predict(loop.input, loop.schedule, loop.time, loop.history).output
-        for loop in loops.loops
-    )
+    return Compared(loops, tuple(map(old.on, loops.loops)), tuple(map(new.on, loops.loops)))
 
 
 def _drawn(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, Any]:

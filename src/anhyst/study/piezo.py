@@ -22,7 +22,7 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loop, Loops
-from anhyst.data.history import History
+from anhyst.data.path import History
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.identification import identify
 from anhyst.identification.run import whole_search

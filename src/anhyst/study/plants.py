@@ -38,7 +38,7 @@ from anhyst.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
 from anhyst.study.bearing.operating import make_ready
 from anhyst.study.bearing.responses import position_resolution, step_figures
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants
-from anhyst.study.force.trials import ForceTrial, plan_trials
+from anhyst.study.force_trials import ForceTrial, plan_trials
 from anhyst.study.piezo import METRICS, find_inverses, follow, judged_from, reference
 from anhyst.study.tracking.learner import at_work
 from anhyst.study.tracking.measures import (

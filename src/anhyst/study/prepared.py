@@ -13,9 +13,8 @@ from anhyst.compensate.methods import HysteresisInverse, bearing_model
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compilation.controller import BEYOND
 from anhyst.data import Loops
-from anhyst.model.actuator import Model
-from anhyst.model.compilable import has_layers
-from anhyst.model.fit_record import ValidRange
+from anhyst.model.actuator import Model, has_layers
+from anhyst.model.schema import ValidRange
 from anhyst.rig.bearing.loop import BearingSetup, pair_of
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench

@@ -22,8 +22,8 @@ from scipy.optimize import brentq
 from scipy.special import gammaincinv
 
 from anhyst.data import Loops
-from anhyst.data.history import History
 from anhyst.data.output_map import is_actuator
+from anhyst.data.path import History
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.stepper import Stepper
@@ -246,18 +246,12 @@ class DriftWatch:
     _tick: int | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        if self.model.valid is None:
-            raise InputError(
-                "the model has no valid range; identify it again",
-                code="no-valid-range",
-                key="valid",
-            )
-        low, high = self.model.valid.input
+        low, high = self.model.valid_range.input
         self._stepper = Stepper(self.model, self.gap, self.history)
         self._cycles = _Cycles(TURN * (high - low))
         self._rows = {"level": [], "width": []}
         if self.least is None:
-            self.least = LEAST * max(abs(end) for end in self.model.valid.output)
+            self.least = LEAST * max(abs(end) for end in self.model.valid_range.output)
 
     def take(
         self, ticks: FloatArray, current: FloatArray, gap: FloatArray, force: FloatArray

@@ -1,4 +1,4 @@
-"""Files, folders and figures written whole or not at all, JSON as text; where cache and C sources are."""
+"""Files, folders and figures written whole or not at all, JSON as text; the package's cache and C sources."""
 
 from __future__ import annotations
 
@@ -38,6 +38,15 @@ def write_error(path: PathLike, error: OSError) -> InputError:
         f"{path}: cannot be written: {error.strerror or error}; {advice}",
         code="cannot-be-written",
         key=errno.errorcode.get(error.errno or 0, ""),
+    )
+
+
+def read_error(path: PathLike, error: OSError) -> InputError:
+    """Say why a file could not be read, in one line."""
+    if isinstance(error, FileNotFoundError):
+        return InputError(f"{path}: no such file; check the path", code="no-such-file")
+    return InputError(
+        f"{path}: cannot be read: {error.strerror}; check the path", code="cannot-be-read"
     )
 
 

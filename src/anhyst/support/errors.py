@@ -87,6 +87,13 @@ class NoResponseError(ArithmeticError):
 class NowhereNearError(InputError):
     """No set of parameters that a search begins with comes near the loops."""
 
+    def __init__(self) -> None:
+        super().__init__(
+            "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
+            "or columns with 'anhyst inspect --plot'",
+            code="nowhere-near",
+        )
+
 
 class CreepWarning(UserWarning):
     """Loops show that an iron does not keep its turning points; says what was done about it."""

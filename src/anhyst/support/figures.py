@@ -113,10 +113,10 @@ def svg_text(figure: Figure, prefix: str) -> str:
 
 
 @styled
-def write_png(figure: Figure, path: PathLike, dpi: int = 150) -> None:
+def write_png(figure: Figure, path: PathLike) -> None:
     """Write a figure as a PNG file, without a time stamp."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
+    figure.savefig(stream, format="png", dpi=150, metadata={"Software": None})
     write_bytes(path, stream.getvalue())
 
 

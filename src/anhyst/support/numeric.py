@@ -28,6 +28,11 @@ FloatArray = NDArray[np.float64]
 _SINE = [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(11)]
 
 
+def rms(values: ArrayLike) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(np.asarray(values) ** 2)))
+
+
 def power(base: FloatArray, exponent: float) -> FloatArray:
     """Return positive numbers to a power, shape (n,)."""
     return exp(exponent * log(base))

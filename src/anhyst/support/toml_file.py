@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, Tag, Va
 from pydantic.fields import FieldInfo
 from pydantic_core import core_schema
 
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, read_error
 from anhyst.support.errors import InputError, RenamedWarning
 from anhyst.support.kinds import NAMES, RIG_FORMAT, FileKind, format_of, kind_in, refuse_other
 from anhyst.support.toml_text import Path as KeyPath
@@ -268,12 +268,8 @@ def faults_error(
 def _text(path: PathLike) -> str:
     try:
         return Path(path).read_bytes().decode("utf-8")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; check the path", code="no-such-file") from error
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read: {error.strerror}; check the path", code="cannot-be-read"
-        ) from error
+        raise read_error(path, error) from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is no UTF-8 text; name a TOML file", code="not-utf8") from error
 

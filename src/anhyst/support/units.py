@@ -48,10 +48,6 @@ class Unit:
         """Convert one value as `to_si` does."""
         return float(self.to_si(np.array([value]))[0])
 
-    def from_si(self, values: FloatArray) -> FloatArray:
-        """Convert SI values (temperature: degrees Celsius) to this unit."""
-        return (values - self.offset) / self.scale
-
 
 _FAMILIES: tuple[tuple[str, str, tuple[tuple[str, float], ...]], ...] = (
     ("current", "A", (("A", 1.0), ("uA", 1e-6), ("mA", 1e-3), ("kA", 1e3))),

@@ -242,14 +242,15 @@ def read_levitation(path: Path) -> GoldenVectors:
 def read_flight(path: Path, form: RecordForm, floating: bool) -> GoldenVectors:
     """Read the vectors of a stage: what its controller was given in flight and has to answer."""
     outputs = form.record[len(form.inputs) :]
-    columns = _columns(path, [_header(name) for name in form.record], floating)
+    columns = _columns(path, [column_of(name) for name in form.record], floating)
     for name in ("command", "flags", "lost", "state") if floating else ():
         columns[name] = columns[name].view(np.float32).astype(np.uint32)
-    inputs = np.stack([columns[_header(name)] for name in form.inputs], axis=1)
-    return GoldenVectors(inputs, {name: columns[_header(name)] for name in outputs}, form)
+    inputs = np.stack([columns[column_of(name)] for name in form.inputs], axis=1)
+    return GoldenVectors(inputs, {name: columns[column_of(name)] for name in outputs}, form)
 
 
-def _header(name: str) -> str:
+def column_of(name: str) -> str:
+    """Return the column in a file of vectors of a word of a record."""
     return name.replace(" ", "_")
 
 

@@ -35,7 +35,15 @@ from anhyst.support.states import Command, Fault
 from anhyst.verification.bundle import Bundle
 from anhyst.verification.compare import Difference
 from anhyst.verification.elf import FLASH, Image
-from anhyst.verification.protocol import BOX_BYTES, VECTORS, WINDOW_OFFSET, Reply, Request
+from anhyst.verification.protocol import (
+    BOX_BYTES,
+    VECTORS,
+    WINDOW_OFFSET,
+    Reply,
+    Request,
+    target_failed,
+    too_slow,
+)
 from anhyst.verification.result import TargetResult
 
 TIME_LIMIT, TIME_A_STEP = 60.0, 0.02  # s, of an answer; a step of solid iron takes 1 ms
@@ -177,17 +185,11 @@ class _Machine:
             self._uc.emu_start(address | 1, self._wait)
         except self._error as error:
             at = self._uc.reg_read(self._registers.UC_ARM_REG_PC)
-            raise NegativeResult(
-                f"target {self._name}: {error} at {at:#010x}", code="target-failed", key=self._name
-            ) from None
+            raise target_failed(self._name, f"{error} at {at:#010x}") from None
         finally:
             watchdog.cancel()
         if self._uc.reg_read(self._registers.UC_ARM_REG_PC) != self._wait:
-            raise NegativeResult(
-                f"target {self._name}: did not end within {time_limit:.0f} s",
-                code="time-limit",
-                key=self._name,
-            )
+            raise too_slow(self._name, time_limit)
 
     def answer(self, request: Request) -> Reply:
         """Put a request into the box, run, and read the box."""
@@ -227,11 +229,7 @@ class Msp430Program:
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            raise NegativeResult(
-                f"target {self.name}: did not end within {SIMULATOR_TIME_LIMIT:.0f} s",
-                code="time-limit",
-                key=self.name,
-            ) from None
+            raise too_slow(self.name, SIMULATOR_TIME_LIMIT) from None
         dump = bytes(
             int(byte, 16)
             for line in done.stdout.splitlines()
@@ -240,11 +238,7 @@ class Msp430Program:
         )
         if done.returncode or len(dump) != len(requests) * BOX_BYTES:
             last = (done.stderr.strip() or done.stdout.strip() or "no reason given").splitlines()
-            raise NegativeResult(
-                f"target {self.name}: mspdebug ended early: {last[-1]}",
-                code="target-failed",
-                key=self.name,
-            )
+            raise target_failed(self.name, f"mspdebug ended early: {last[-1]}")
         return [Reply.unpack(dump[at : at + BOX_BYTES]) for at in range(0, len(dump), BOX_BYTES)]
 
     def _script(self, requests: Sequence[Request]) -> list[str]:

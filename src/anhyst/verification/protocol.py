@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.support.errors import NegativeResult
+
 Words = NDArray[np.uint32]
 
 CHECKPOINTS = 64
@@ -233,3 +235,15 @@ class Reply:
             checkpoints=words[_CHECKPOINTS_AT:_WINDOW_AT],
             window=words[_WINDOW_AT:].reshape(WINDOW, -1),
         )
+
+
+def target_failed(target: str, why: str) -> NegativeResult:
+    """Say why a target gave no answer."""
+    return NegativeResult(f"target {target}: {why}", code="target-failed", key=target)
+
+
+def too_slow(target: str, limit: float) -> NegativeResult:
+    """Say that a target took longer than a limit, s."""
+    return NegativeResult(
+        f"target {target}: did not end within {limit:.0f} s", code="time-limit", key=target
+    )

@@ -25,7 +25,15 @@ from anhyst.verification.compare import HARNESS, Variant, Workshop
 from anhyst.verification.elf import read_image
 from anhyst.verification.emulators import TARGET as FIRMWARE
 from anhyst.verification.emulators import CortexProgram, Msp430Program, build_counter
-from anhyst.verification.protocol import BOX_BYTES, REQUEST_BYTES, WINDOW_OFFSET, Reply, Request
+from anhyst.verification.protocol import (
+    BOX_BYTES,
+    REQUEST_BYTES,
+    WINDOW_OFFSET,
+    Reply,
+    Request,
+    target_failed,
+    too_slow,
+)
 
 TIME_LIMIT = 1800.0
 
@@ -45,18 +53,10 @@ class ProcessProgram:
                 self.command, input=reason, capture_output=True, timeout=TIME_LIMIT, check=False
             )
         except subprocess.TimeoutExpired:
-            raise NegativeResult(
-                f"target {self.name}: did not end within {TIME_LIMIT:.0f} s",
-                code="time-limit",
-                key=self.name,
-            ) from None
+            raise too_slow(self.name, TIME_LIMIT) from None
         size = requests[0].box_bytes
         if done.returncode or len(done.stdout) != len(requests) * size:
-            raise NegativeResult(
-                f"target {self.name}: {_reason(done.stderr, done.returncode)}",
-                code="target-failed",
-                key=self.name,
-            )
+            raise target_failed(self.name, _reason(done.stderr, done.returncode))
         boxes = range(0, len(done.stdout), size)
         return [Reply.unpack(done.stdout[at : at + size]) for at in boxes]
 

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.support.atomic import read_error
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
@@ -185,12 +186,8 @@ def one_line_if_damaged(path: Path) -> Iterator[None]:
         yield
     except (InputError, MemoryError):
         raise
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; check the path", code="no-such-file") from None
-    except (IsADirectoryError, PermissionError) as error:
-        raise InputError(
-            f"{path}: cannot be read: {error.strerror}; check the path", code="cannot-be-read"
-        ) from None
+    except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
+        raise read_error(path, error) from None
     except Exception as error:
         text = " ".join(str(error).split())[:160]
         reason = f"{type(error).__name__}: {text}" if text else type(error).__name__

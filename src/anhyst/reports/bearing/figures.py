@@ -38,7 +38,7 @@ from anhyst.support.page import number
 Recordings = Mapping[MethodName, Recording]
 """Of every variant, all of the same scenario."""
 
-_BEFORE = 2e-3  # shown before a step, s
+_BEFORE, _AFTER = 2e-3, 0.02  # shown before and after a step, s
 _PIECE = 4096  # ticks of a spectrum's piece at most
 _BINS = 120  # of a spectrum
 
@@ -58,7 +58,7 @@ class StepPanel:
 
 
 @styled
-def figure_steps(panels: Sequence[StepPanel], shown: float = 0.02) -> Figure:
+def figure_steps(panels: Sequence[StepPanel]) -> Figure:
     """Draw step responses, one panel a step (the paper's Fig. 11), and what is off below each."""
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
@@ -68,26 +68,26 @@ def figure_steps(panels: Sequence[StepPanel], shown: float = 0.02) -> Figure:
     for ax in (*upper[len(panels) :], *lower[len(panels) :]):
         ax.remove()
     for ax, below, panel in zip(upper, lower, panels, strict=False):
-        _step(ax, panel, shown)
-        _off(below, panel, shown)
+        _step(ax, panel)
+        _off(below, panel)
     return figure
 
 
-def _shown(panel: StepPanel, name: MethodName, shown: float) -> tuple[FloatArray, Recording]:
+def _shown(panel: StepPanel, name: MethodName) -> tuple[FloatArray, Recording]:
     """Return the time since the step, ms, and what is shown of a recording."""
     step, whole = panel.step, panel.recordings[name]
     tick = whole["t_s"][1] - whole["t_s"][0]
     first = max(step.begin - round(_BEFORE / tick), 0)
-    part = whole.part(first, min(step.end, step.begin + round(shown / tick)))
+    part = whole.part(first, min(step.end, step.begin + round(_AFTER / tick)))
     return 1e3 * (part["t_s"] - whole["t_s"][step.begin]), part
 
 
-def _off(ax: Axes, panel: StepPanel, shown: float) -> None:
+def _off(ax: Axes, panel: StepPanel) -> None:
     """Draw how far beyond the end of a step it is, % of the height, as near as overshoots need."""
     step, most = panel.step, 0.0
     way = np.sign(step.before - step.after)
     for name in ordered(panel.recordings):
-        time, part = _shown(panel, name, shown)
+        time, part = _shown(panel, name)
         off = 100.0 * way * (step.after - part["gap_m"]) / step.height
         most = max(most, float(off.max()))
         after = time >= 0.0
@@ -97,15 +97,15 @@ def _off(ax: Axes, panel: StepPanel, shown: float) -> None:
     ax.axhline(0.0, color=INK, lw=0.9)
     reach = max(1.2 * most, 2.0 * band)
     ax.set_ylim(-reach, reach)
-    ax.set_xlim(-1e3 * _BEFORE, 1e3 * shown)
+    ax.set_xlim(-1e3 * _BEFORE, 1e3 * _AFTER)
     ax.set_xlabel("time (ms)")
     ax.set_ylabel("off (% of height)")
 
 
-def _step(ax: Axes, panel: StepPanel, shown: float) -> None:
+def _step(ax: Axes, panel: StepPanel) -> None:
     step, sign = panel.step, float(np.sign(panel.step.before - panel.step.after))
     for index, name in enumerate(ordered(panel.recordings)):
-        time, part = _shown(panel, name, shown)
+        time, part = _shown(panel, name)
         if not index:
             reference = 1e6 * (step.before - part["reference_m"])
             ax.plot(time, reference, color=INK, lw=0.9, drawstyle="steps-post", label="reference")
@@ -118,7 +118,7 @@ def _step(ax: Axes, panel: StepPanel, shown: float) -> None:
     low, high = ax.get_ylim()
     if sign < 0.0:
         ax.set_ylim(low - 0.1 * (high - low), high)
-    ax.set_xlim(-1e3 * _BEFORE, 1e3 * shown)
+    ax.set_xlim(-1e3 * _BEFORE, 1e3 * _AFTER)
     ax.tick_params(labelbottom=False)
     ax.set_ylabel("position (µm)")
     way = "up" if sign > 0.0 else "down"

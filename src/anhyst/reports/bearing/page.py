@@ -17,8 +17,8 @@ from anhyst.reports.bearing.figures import (
     figure_steps,
     figure_tracking,
 )
-from anhyst.reports.bearing.subject import SimulationSubject
-from anhyst.reports.bearing.tables import (
+from anhyst.reports.bearing.subject import (
+    SimulationSubject,
     benefit_table,
     experiment_tables,
     margin_table,

@@ -21,7 +21,7 @@ from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.path import branches, smooth_curve
 from anhyst.data.speeds import Speeds, rate_of
-from anhyst.model.fit_record import ReductionStep, Uncertainty
+from anhyst.model.schema import ReductionStep, Uncertainty
 from anhyst.reports.model.figures_over_schedule import figure_between, figure_parameters
 from anhyst.support.figures import (
     FAINT,
@@ -156,8 +156,7 @@ def figure_differences(
                 ax.plot(x, up.factor * (output - without), color=MODEL, lw=0.9)
         ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, what="less the curve")
-        if (axes.index(ax) + 1) % columns_of(len(axes)) == 0 or ax is axes[-1]:
-            _percent_axis(ax, up.factor * _largest_output(loopset))
+        _percent_axis(ax, axes, up.factor * _largest_output(loopset))
     _measured_and_model(figure)
     return figure
 
@@ -230,8 +229,7 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
         _residuals(ax, loopset, left_over, group, across, up)
         ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, what="model \N{MINUS SIGN} measured")
-        if (axes.index(ax) + 1) % columns_of(len(axes)) == 0 or ax is axes[-1]:
-            _percent_axis(ax, up.factor * _largest_output(loopset))
+        _percent_axis(ax, axes, up.factor * _largest_output(loopset))
     dots: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 5.0, "mew": 0.0}
     rising = f"{name_of(loopset.input)} rising"
     handles = [
@@ -243,9 +241,10 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     return figure
 
 
-def _percent_axis(ax: Axes, whole: float) -> None:
-    """Add an axis on the right in percent of the largest output."""
-    if whole <= 0.0:
+def _percent_axis(ax: Axes, axes: Sequence[Axes], whole: float) -> None:
+    """Add an axis in percent of the largest output where nothing is on the right."""
+    last = (axes.index(ax) + 1) % columns_of(len(axes)) == 0 or ax is axes[-1]
+    if whole <= 0.0 or not last:
         return
     functions = (lambda y: 100.0 * y / whole, lambda y: 0.01 * y * whole)
     axis = ax.secondary_yaxis("right", functions=functions)

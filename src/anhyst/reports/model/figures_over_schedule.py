@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 
 from anhyst.model.acceptance import GapCheck
 from anhyst.model.actuator import Model
+from anhyst.model.predict import slow_times
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.figures import ALARM, MODEL, columns_of, new_figure, panels, styled
 from anhyst.support.numeric import FloatArray
@@ -92,8 +93,7 @@ def sweep(model: Model, check: GapCheck | None) -> Sweep:
     """Run the settled cycle over the scheduling variable, or take it from the acceptance test."""
     if check is not None:
         return Sweep(check.gaps, check.drive, check.output)
-    assert model.valid is not None
-    low, high = model.valid.input
+    low, high = model.valid_range.input
     half = np.linspace(0.0, high if abs(high) >= abs(low) else low, POINTS // 2)
     drive = np.concatenate([half, half[-2::-1]])
     at = np.unique([*np.linspace(model.nodes[0], model.nodes[-1], GRID), *model.nodes])
@@ -107,9 +107,8 @@ def sweep(model: Model, check: GapCheck | None) -> Sweep:
 
 def settled_loop(model: Model, drive: FloatArray, at: float) -> FloatArray | None:
     """Output over a settled cycle, slow enough for eddy currents not to count; None if none."""
-    slow = 1e9 * np.arange(drive.size, dtype=np.float64)
     try:
-        return model.predict(drive, at, slow, "settled").output
+        return model.predict(drive, at, slow_times(drive.size), "settled").output
     except (InputError, NegativeResult):
         return None
 
@@ -138,9 +137,8 @@ def figure_between(model: Model, check: GapCheck | None = None) -> Figure | None
 
 
 def _loops(ax: Axes, model: Model, across: Scale, up: Scale) -> None:
-    assert model.valid is not None
     assert model.schedule is not None
-    half = np.linspace(*model.valid.input, POINTS)
+    half = np.linspace(*model.valid_range.input, POINTS)
     drive = np.concatenate([half, half[-2::-1]])
     places = at_and_between(model)
     size = scale_for(model.schedule, model.nodes)

@@ -39,7 +39,7 @@ from anhyst.reports.model.subject import ModelSubject, acceptance, gather, own_f
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.figures import write_png
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.page import (
     Cell,
     Headline,
@@ -157,7 +157,7 @@ def _comparison(subject: ModelSubject) -> PageTable | None:
     if fit is None or evidence is None:
         return None
     judged, scale = evidence.verdict, subject.deviation
-    baseline_rms = float(np.sqrt(np.mean(np.concatenate(evidence.baseline) ** 2)))
+    baseline_rms = rms(np.concatenate(evidence.baseline))
     noise_rms = _RMS_OF_MEAN * judged.noise_mean
     most = max(judged.single_mean, fit.mean_abs)
     rows = [

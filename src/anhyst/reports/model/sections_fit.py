@@ -14,7 +14,7 @@ from anhyst.data.loops import Loop
 from anhyst.data.speeds import speeds_of
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA
-from anhyst.model.fit_record import LoopFit
+from anhyst.model.schema import LoopFit
 from anhyst.reports.model.figures import (
     MOST_PANELS,
     figure_differences,
@@ -28,15 +28,13 @@ from anhyst.reports.model.figures import (
     speed_text,
 )
 from anhyst.reports.model.subject import Evidence, ModelSubject, share
-from anhyst.support.figures import svg_text
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.page import (
     NBSP,
     Block,
     Cell,
     Items,
     PageTable,
-    Picture,
     Scale,
     Section,
     Text,
@@ -57,17 +55,14 @@ def section_loops(subject: ModelSubject) -> Section | None:
         return None
     panels = _panels(subject, evidence)
     blocks: list[Block] = [
-        Picture(
-            svg_text(figure_loops(evidence.loops, evidence.fitted), subject.next_prefix()),
+        subject.picture(
+            figure_loops(evidence.loops, evidence.fitted),
             f"{subject.answer} over {subject.drive}, {panels}: measured samples as grey points, "
             "the modelled loops as blue lines. " + _distance(subject),
             f"Measured samples (points) and model (line), {panels}." + _left_out(evidence),
         ),
-        Picture(
-            svg_text(
-                figure_differences(evidence.loops, evidence.fitted, evidence.baseline),
-                subject.next_prefix(),
-            ),
+        subject.picture(
+            figure_differences(evidence.loops, evidence.fitted, evidence.baseline),
             f"The same less the best single-valued curve, {panels}: what remains is hysteresis, "
             "measured as grey points, modelled as blue lines.",
             "The same less the best single-valued curve (one for each panel): hysteresis by "
@@ -78,8 +73,8 @@ def section_loops(subject: ModelSubject) -> Section | None:
     if small is not None:
         shown = len(small_loops(evidence.loops))
         blocks.append(
-            Picture(
-                svg_text(small, subject.next_prefix()),
+            subject.picture(
+                small,
                 f"The {shown} smallest loops, each in a panel of its own scale: measured samples "
                 "as grey points, the model as blue lines.",
                 "Small loops, which the panels above do not show, each in its own scale.",
@@ -111,8 +106,8 @@ def section_rate(subject: ModelSubject) -> Section | None:
     scale = subject.deviation
     head = ["speed", "loops", scale.head("rms"), "of largest", scale.head("worst"), "of largest"]
     blocks += [
-        Picture(
-            svg_text(figure_speeds(evidence.loops, evidence.fitted, speeds), subject.next_prefix()),
+        subject.picture(
+            figure_speeds(evidence.loops, evidence.fitted, speeds),
             f"{subject.answer} over {subject.drive}, one panel for each speed: measured samples as "
             "grey points, the modelled loops as blue lines.",
             "Measured samples (points) and model (line) at each speed, the slow loops first.",
@@ -130,7 +125,7 @@ def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop])
     if not off:
         return [*cells, *[Cell("")] * 4]
     every = np.concatenate(off)
-    for size in (float(np.sqrt(np.mean(every**2))), float(np.abs(every).max())):
+    for size in (rms(every), float(np.abs(every).max())):
         cells += [Cell(scale.number(size)), Cell(percent(share(subject, size)))]
     return cells
 
@@ -208,7 +203,7 @@ def section_residuals(subject: ModelSubject) -> Section | None:
     if evidence is not None and any(output is not None for output in evidence.fitted):
         index = _worst_place(subject, evidence)
         noise = subject.deviation.show(evidence.verdict.noise_mean)
-        svg = svg_text(figure_residuals(evidence.loops, evidence.fitted), subject.next_prefix())
+        figure = figure_residuals(evidence.loops, evidence.fitted)
         panels = _panels(subject, evidence)
         alt = (
             f"Modelled minus measured {subject.answer} over {subject.drive}, {panels}; samples on "
@@ -221,7 +216,7 @@ def section_residuals(subject: ModelSubject) -> Section | None:
         if subject.fit is not None and subject.fit.left_over:
             line = subject.fit.left_over
             caption += f" {line[0].upper()}{line[1:]}."
-        blocks += [Text(index), Picture(svg, alt, caption + _left_out(evidence))]
+        blocks += [Text(index), subject.picture(figure, alt, caption + _left_out(evidence))]
         blocks += _by_group(subject, evidence)
     if subject.fit is not None and subject.fit.loops:
         blocks.append(_loop_table(subject, subject.fit.loops))
@@ -274,7 +269,7 @@ def _by_group(subject: ModelSubject, evidence: Evidence) -> list[Block]:
                 str(pooled.size),
                 scale.number(mean),
                 percent(share(subject, mean)),
-                scale.number(float(np.sqrt(np.mean(pooled**2)))),
+                scale.number(rms(pooled)),
                 scale.number(float(np.max(np.abs(pooled)))),
                 scale.number(_mean(pooled[upwards]), 2),
                 scale.number(_mean(pooled[~upwards]), 2),

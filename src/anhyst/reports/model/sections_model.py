@@ -8,9 +8,9 @@ from types import MappingProxyType
 
 from markupsafe import Markup
 
-from anhyst.data.read_options import PREFIX
+from anhyst.data.clean import PREFIX
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import CrossValidation, Uncertainty
+from anhyst.model.schema import CrossValidation, Uncertainty
 from anhyst.reports.model.figures import figure_correlation, figure_reduction
 from anhyst.reports.model.figures_over_schedule import (
     SHARES,
@@ -21,7 +21,6 @@ from anhyst.reports.model.figures_over_schedule import (
     running,
 )
 from anhyst.reports.model.subject import ModelSubject, acceptance
-from anhyst.support.figures import svg_text
 from anhyst.support.page import (
     GREEK,
     NBSP,
@@ -30,7 +29,6 @@ from anhyst.support.page import (
     Items,
     Note,
     PageTable,
-    Picture,
     Section,
     Text,
     number,
@@ -88,7 +86,7 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
     )
     blocks: tuple[Block, ...] = (
         Text(GAP_MAPS[model.gap_map]),
-        Picture(svg_text(figure, subject.next_prefix()), alt, caption),
+        subject.picture(figure, alt, caption),
         _node_table(subject),
     )
     return Section("parameters-over", f"Parameters over the {subject.over}", blocks)
@@ -156,9 +154,7 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     )
     blocks = (
         Text(text),
-        Picture(
-            svg_text(figure_reduction(steps, names), subject.next_prefix()), f"{alt}.", caption
-        ),
+        subject.picture(figure_reduction(steps, names), f"{alt}.", caption),
         table("Cost of each round", head, rows, "Cheapest alternatives first.", texts=3),
     )
     return Section("reduction", "Cost of each reduction step", blocks)
@@ -192,7 +188,7 @@ def section_between(subject: ModelSubject) -> Section | None:
     )
     if subject.check is not None:
         caption += f" The {subject.answer} has to fall from left to right, on both branches."
-    blocks: list[Block] = [Picture(svg_text(figure, subject.next_prefix()), alt, caption)]
+    blocks: list[Block] = [subject.picture(figure, alt, caption)]
     if subject.check is not None:
         blocks.insert(0, acceptance(subject))
     nodes = "reference gaps" if subject.over == "gap" else f"nodes of the {subject.over}"
@@ -395,12 +391,11 @@ def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
     title = "What was fitted, and how sure it is"
     blocks: list[Block] = [table(title, head, rows, caption, texts=3)]
     if unsure.correlation:
-        svg = svg_text(figure_correlation(unsure), subject.next_prefix())
         caption = (
             "Correlations of what was fitted. Dark blue: they can only rise together; dark red: "
             "one rises as the other falls; white: independent."
         )
-        blocks.append(Picture(svg, _correlated(unsure), caption))
+        blocks.append(subject.picture(figure_correlation(unsure), _correlated(unsure), caption))
     if unsure.statements:
         statements = (written(text) for text in unsure.statements)
         blocks.append(Items("What the data leave open", tuple(statements)))

@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from anhyst.data.clean import DEFAULT_STEPS, clean
+from matplotlib.figure import Figure
+
+from anhyst.data.clean import DEFAULT_STEPS, PREFIX, clean
 from anhyst.data.inspection import Inspection, inspect
 from anhyst.data.loops import Loops
-from anhyst.data.read_options import PREFIX
 from anhyst.data.verdict import Verdict, judge, single_valued
 from anhyst.model.acceptance import Acceptance, DriveCheck, GapCheck
 from anhyst.model.actuator import Model, read_sources
-from anhyst.model.fit_record import FitFigures, fit_figures
 from anhyst.model.left_over import left_of, left_over_text
+from anhyst.model.schema import FitFigures, fit_figures
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.figures import svg_text
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import MINUS, Note, Scale, name_of, scale_for
+from anhyst.support.page import MINUS, Note, Picture, Scale, name_of, scale_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +42,9 @@ class ModelSubject:
         """Outcome of the acceptance test, over the gap and over the drive."""
         return Acceptance(self.check, self.over_drive)
 
-    def next_prefix(self) -> str:
-        """Give an identifier that no other figure of the page has."""
-        return f"f{next(self._pictures)}"
+    def picture(self, figure: Figure, alt: str, caption: str) -> Picture:
+        """Return a figure for the page, with identifiers that no other one of it has."""
+        return Picture(svg_text(figure, f"f{next(self._pictures)}"), alt, caption)
 
     @property
     def over(self) -> str:
@@ -112,8 +114,7 @@ def gather(model: Model, folder: PathLike) -> Evidence:
     fitted: list[FloatArray | None] = []
     for loop in loops.loops:
         try:
-            run = model.predict(loop.input, loop.schedule, loop.time, loop.history)
-            fitted.append(run.output)
+            fitted.append(model.on(loop))
         except (InputError, NegativeResult) as error:
             fitted.append(None)
             warnings.append(f"the model cannot be computed on {loops.describe(loop)}: {error}")

@@ -17,6 +17,7 @@ from matplotlib.patches import FancyBboxPatch
 from matplotlib.text import Text
 
 from anhyst.study.engine.table import TITLES, CaseFigures, Cases, Interval, Judgement, Level, Metric
+from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.figures import FALLING, RISING, new_figure, svg_text
 from anhyst.support.kinds import METHOD_TITLES, MethodName
@@ -38,7 +39,6 @@ from anhyst.support.page import (
     render_page,
     table,
 )
-from anhyst.support.version import running_version
 
 INK = "#000000"
 SHADE = "#8C8C8C"

@@ -21,8 +21,8 @@ from anhyst.rig.bench.settings import (
     position_settings,
 )
 from anhyst.rig.recording import column
-from anhyst.support.block_head import CRC_AT
 from anhyst.support.block_layout import PLACES
+from anhyst.support.block_words import CRC_AT
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, State

@@ -12,8 +12,8 @@ from typing import Self
 import numpy as np
 
 from anhyst.link.client import ControllerLink
-from anhyst.link.streaming import Status
 from anhyst.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, PlantBus, Reading
+from anhyst.link.wire import Status
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal
 from anhyst.rig.bench.settings import ControllerSettings, check_values, force_settings

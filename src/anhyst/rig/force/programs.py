@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Kind
 from anhyst.data import Loops
-from anhyst.model.actuator import Model
-from anhyst.model.compilable import has_layers
+from anhyst.model.actuator import Model, has_layers
 from anhyst.model.parameters import Parameter
 from anhyst.rig.force.file import Rig
 from anhyst.rig.measurement_table import identify_loops

@@ -12,7 +12,7 @@ from anhyst.link.virtual_boards import Q30, Q31
 from anhyst.rig.bearing.loop import BearingSetup
 from anhyst.rig.bearing.scenario import LEAST_LIFT_S
 from anhyst.rig.bench.bearing import BearingBench
-from anhyst.support.block_head import regenerate
+from anhyst.support.block_words import regenerate
 from anhyst.support.errors import NegativeResult
 from anhyst.support.states import Command, Fault, Phase, State
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
-from anhyst.model.compilable import has_layers
+from anhyst.model.actuator import has_layers
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.loop import (
     BearingSetup,

@@ -27,13 +27,13 @@ from anhyst.study.engine.table import (
     mean_interval,
     strongest,
 )
+from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, plain
 from anhyst.support.errors import Interrupted, NegativeResult
 from anhyst.support.jobs import Progress, each
 from anhyst.support.kept import ResultsFile
 from anhyst.support.kinds import FileKind, MethodName
 from anhyst.support.result import columns_of
-from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,6 +22,7 @@ from scipy.special import stdtrit
 from anhyst.compensate.methods import METHODS
 from anhyst.rig.recording import Recording
 from anhyst.support.atomic import PathLike, write_json
+from anhyst.support.errors import NegativeResult
 from anhyst.support.kinds import MethodName
 from anhyst.support.result import Result
 
@@ -282,9 +283,13 @@ class StudyResult(Result):
     def lost_in(self) -> list[str]:
         """Everything tried in which the loop was lost."""
 
-    @abstractmethod
     def refuse_losses(self) -> None:
         """Raise NegativeResult where the loop was lost."""
+        if self.lost_in:
+            raise NegativeResult(
+                f"the loop was lost: {'; '.join(self.lost_in)}; figures and recording are kept",
+                code="loop-lost",
+            )
 
     @property
     @abstractmethod

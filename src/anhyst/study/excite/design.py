@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.data.history import DEMAGNETISED, History
+from anhyst.data.path import DEMAGNETISED, History
 from anhyst.rig.body import BodyRig
 from anhyst.rig.file import RigFile
 from anhyst.rig.force.file import Rig

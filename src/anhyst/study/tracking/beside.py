@@ -24,7 +24,7 @@ from anhyst.study.tracking.calibrate import needed
 from anhyst.study.tracking.learner import FORGET_S, Learner
 from anhyst.study.tracking.measures import exposures
 from anhyst.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
-from anhyst.support.block_head import GENERATION_AT, regenerate
+from anhyst.support.block_words import GENERATION_AT, regenerate
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray

@@ -13,7 +13,7 @@ import numpy as np
 
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.table import read_columns
-from anhyst.model.compilable import has_layers
+from anhyst.model.actuator import has_layers
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.calibration import CalibrationFile
 from anhyst.rig.drift import untaught

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,10 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.compensate.force_controller import Io
-from anhyst.compilation.manifest import VERSION, check_folder, write_folder
+from anhyst.compilation.manifest import (
+    MANIFEST,
+    VERSION,
+    CompiledFolder,
+    check_folder,
+    write_folder,
+)
 from anhyst.compilation.output import Compiled, compile_actuator
 from anhyst.compilation.play import CompiledPlay
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
+from anhyst.compilation.vectors import vectors_csv
 from anhyst.control.fixed_axes import codes
 from anhyst.model.actuator import Model
 from anhyst.rig.body import BodyRig
@@ -47,15 +53,16 @@ from anhyst.rig.stage.loop import (
     track,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
+from anhyst.support import running_version
 from anhyst.support.atomic import PathLike
-from anhyst.support.c_objects import c_name, check_name
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
+from anhyst.support.kept import c_name, check_name
 from anhyst.support.kinds import FileKind, NumberFormat, kind_of
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result
 from anhyst.support.states import Command
-from anhyst.support.version import running_version
+from anhyst.verification.bundle import column_of
+from anhyst.verification.protocol import stage_form
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,7 +76,7 @@ ROWS = 2000
 
 
 @dataclass(frozen=True, repr=False)
-class CompiledStage(Result):
+class CompiledStage(CompiledFolder):
     """What came out.
 
     Parameters
@@ -84,9 +91,6 @@ class CompiledStage(Result):
         The flight: what the controller was given and answered, a number a tick.
     """
 
-    out: Path
-    manifest: dict[str, Any]
-    files: tuple[str, ...]
     vectors: dict[str, FloatArray]
 
     def facts(self) -> dict[str, str]:
@@ -105,10 +109,6 @@ class CompiledStage(Result):
     def to_columns(self) -> dict[str, Any]:
         """Return the flight."""
         return dict(self.vectors)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return manifest and names of the files, for JSON."""
-        return {"out": str(self.out), **self.manifest, "files": list(self.files)}
 
     def draw(self, ax: Axes) -> None:
         """Draw the currents of the flight."""
@@ -225,10 +225,12 @@ def compiled_rig(rig: BodyRig) -> BodyRig:
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
     """Write the folder of a controller in the format of its axes, with its flight."""
     stage, vectors, version = _controller(setup, kind, name), fly_vectors(setup), running_version()
-    files = stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": _csv(vectors)}
+    dtype = next(iter(vectors.values())).dtype
+    table = vectors_csv(vectors, np.array([*vectors.values()]).T.astype(dtype).tolist())
+    files = stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": table}
     described = _manifest(stage, version)
     write_folder(out, files, described)
-    return CompiledStage(Path(out), described, (*files, "manifest.json"), vectors)
+    return CompiledStage(Path(out), described, (*files, MANIFEST), vectors)
 
 
 def _refuse(rig: BodyRig, io: Io, rate: float | None) -> None:
@@ -296,7 +298,7 @@ def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
     )
 
 
-def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
+def fly_vectors(setup: StageSetup) -> dict[str, FloatArray]:
     """Fly the test set-point and return what the controller was given and answered, by column.
 
     The answers are those of a fresh controller to inputs in its own format. Where it looks at
@@ -305,7 +307,7 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
     file, fly_it = setup.rig.settings, _fly_several if setup.rig.settings.several else _fly_one
     magnets, heads = len(file.placed), len(file.position_sensors)
     controller, begin, end = axes_controller(setup), heads, heads + len(file.body.free)
-    given = _signals(setup, fly_it(setup, rows), begin, end)
+    given = _signals(setup, fly_it(setup), begin, end)
     if file.tracking.lost_A is not None:
         given[end + magnets, -DEAD_ROWS:] = 0.0
     commands, answers = np.zeros(len(given.T), dtype=given.dtype), []
@@ -316,7 +318,8 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
         answer = controller.tick(row[:begin], row[begin:end], gap, read, int(row[-1]))
         answers.append([*answer[0], *answer[1], *answer[2:]])
     signals = [*given, commands, *np.array(answers).T]
-    return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
+    form = stage_form(file.body.free, heads, magnets)
+    return dict(zip(map(column_of, form.record), signals, strict=True))
 
 
 def _signals(setup: StageSetup, given: FloatArray, begin: int, end: int) -> NDArray[Any]:
@@ -333,11 +336,11 @@ def _signals(setup: StageSetup, given: FloatArray, begin: int, end: int) -> NDAr
     return np.vstack([*rows, codes(currents, scales.current)]).astype(np.int32)
 
 
-def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
+def _fly_several(setup: StageSetup) -> FloatArray:
     """Return what the controller of several coordinates is given: heads off target, wrench, gaps."""
     rig, file = setup.rig, setup.rig.settings
     motion = motion_of(file.scan, file.scan.test_m_per_s2)
-    rows = min(rows, ticks_of(rig, motion))
+    rows = min(ROWS, ticks_of(rig, motion))
     time = instants(rig, rows + 1)
     wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
     scenario = scenario_along(rig, motion.at(time)[0], stray(rig, motion, time), wrench)
@@ -353,7 +356,7 @@ def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
     return np.vstack([off, wrench.T, read[:magnets], *currents])
 
 
-def _fly_one(setup: StageSetup, rows: int) -> FloatArray:
+def _fly_one(setup: StageSetup) -> FloatArray:
     """Return the same of one coordinate."""
     rig, file = setup.rig, setup.rig.settings
     motion = motion_of(file.scan, file.scan.test_m_per_s2)
@@ -363,7 +366,7 @@ def _fly_one(setup: StageSetup, rows: int) -> FloatArray:
     off, gap = run["position_read_m"] - run["reference_m"], run["gap_read_m"]
     forward = feed(setup, motion, Feedforward())
     read = np.zeros((2, gap.size))  # a body of one coordinate looks at no current
-    return np.vstack([off, forward, gap, file.gap_total_m - gap, *read])[:, :rows]
+    return np.vstack([off, forward, gap, file.gap_total_m - gap, *read])[:, :ROWS]
 
 
 def _refuse_lost(rig: BodyRig, loss: Loss | None) -> None:
@@ -372,29 +375,6 @@ def _refuse_lost(rig: BodyRig, loss: Loss | None) -> None:
             f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it with anhyst simulate",
             code="lost",
         )
-
-
-def _columns(free: Sequence[str], heads: int, magnets: int) -> list[str]:
-    """Return the columns of the vectors: what goes in, and from the first current on what comes out."""
-    return [
-        *(f"head_{one}" for one in range(1, heads + 1)),
-        *(f"forward_{axis}" for axis in free),
-        *(f"gap_{one}" for one in range(1, magnets + 1)),
-        *(f"read_{one}" for one in range(1, magnets + 1)),
-        "command",
-        *(f"current_{one}" for one in range(1, magnets + 1)),
-        *(f"demand_{axis}" for axis in free),
-        "flags",
-        "lost",
-        "state",
-    ]
-
-
-def _csv(vectors: Mapping[str, FloatArray]) -> str:
-    """Return the vectors as a CSV file: codes, or the shortest numbers that come back in f32."""
-    kind = next(iter(vectors.values())).dtype
-    rows = np.array(list(vectors.values())).T.astype(kind)
-    return "\n".join([",".join(vectors), *(",".join(map(str, row)) for row in rows)]) + "\n"
 
 
 def _manifest(stage: StageController, version: str) -> dict[str, Any]:

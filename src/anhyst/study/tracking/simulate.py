@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from anhyst.compensate.methods import METHODS
 from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst.model.compilable import has_layers
+from anhyst.model.actuator import has_layers
 from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CalibratedMethod
 from anhyst.rig.fitting import IdentifiedMagnet
@@ -43,12 +43,13 @@ from anhyst.study.engine.table import (
     weigh,
 )
 from anhyst.study.tracking.learner import Learner, at_work
-from anhyst.study.tracking.losses import Losses, LostMagnet
 from anhyst.study.tracking.measures import (
     AVERAGE,
     BANDS_M,
     PEAK,
     SETTLING,
+    Losses,
+    LostMagnet,
     Measures,
     cross_metrics,
     cross_talk,
@@ -189,7 +190,7 @@ class TriedVariant:
     @property
     def judged(self) -> CaseFigures:
         """All figures on the test set-point, over the seeds."""
-        runs = [one.as_dict() for one in self.measures]
+        runs = [asdict(one) for one in self.measures]
         for key, values in self.crossed.items():
             runs = [run | {key: value} for run, value in zip(runs, values, strict=True)]
         return CaseFigures.over(
@@ -247,14 +248,6 @@ class TrackingStudy(StudyResult):
     def lost_in(self) -> list[str]:
         """Everything tried in which the compensator's own loop was lost."""
         return self.tried[OWN].lost_in
-
-    def refuse_losses(self) -> None:
-        """Raise NegativeResult where the compensator's own loop was lost."""
-        if self.lost_in:
-            raise NegativeResult(
-                f"the loop was lost: {'; '.join(self.lost_in)}; figures and recording are kept",
-                code="loop-lost",
-            )
 
     def as_dict(self) -> dict[str, Any]:
         """Return what ``figures.json`` holds."""
@@ -364,8 +357,8 @@ def _figures(one: TriedVariant) -> dict[str, Any]:
             "snap_s2": one.gains.snap,
         },
         "test": {field.name: one.of(field.name).as_dict() for field in fields(Measures)},
-        "small_forces": one.small.as_dict(),
-        "one_repeated_setpoint": one.repeated.as_dict(),
+        "small_forces": asdict(one.small),
+        "one_repeated_setpoint": asdict(one.repeated),
         "standstill_rms_m": one.standstill_m,
         **({"standstill_rms": one.at_rest} if one.at_rest else {}),
         "learning_peaks_m": list(one.trials_m),

@@ -18,10 +18,10 @@ from anhyst.study.engine.table import Interval, compare
 from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.search import FoundGains
 from anhyst.study.tuning.trial import Limit
+from anhyst.support import running_version
 from anhyst.support.atomic import atomic_writer, write_json
 from anhyst.support.kinds import PROBED, MethodName
 from anhyst.support.result import Result, columns_of
-from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,17 +1,18 @@
-"""The verb ``simulate``: whatever a rig file describes, with its figures and its page."""
+"""The verbs that draw: ``simulate``, whatever a rig file describes, with its figures and its page; ``excite``."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
+
+import numpy as np
 
 from anhyst.data.table import check_recording
 from anhyst.reports import benefit as benefit_page
 from anhyst.reports import force, piezo, plants, tracking
-from anhyst.reports.bearing import page, tables
-from anhyst.reports.bearing.subject import subject_of
+from anhyst.reports.bearing import page, subject
 from anhyst.reports.study.page import REPORT, Printed, write_page
 from anhyst.rig.body import BodyRig
 from anhyst.rig.force.file import Rig, read_rig
@@ -20,24 +21,31 @@ from anhyst.rig.stage.file import read_stage
 from anhyst.study.bearing.on_board import BoardComparison, run_board
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.simulate import Simulation, explore
+from anhyst.study.bench import address_of, through
 from anhyst.study.benefit import Benefit, benefit_of_plants
 from anhyst.study.benefit import benefit as benefit_of_bearing
 from anhyst.study.engine.monte_carlo import MonteCarlo, Plants
 from anhyst.study.engine.monte_carlo import monte_carlo as run_plants
 from anhyst.study.engine.table import FIGURES, StudyResult
-from anhyst.study.force.force_control import ForceControl, force_control
+from anhyst.study.excite.excite import Excitation, excite
+from anhyst.study.force_control import ForceControl, force_control
 from anhyst.study.piezo import PiezoTracking, track
 from anhyst.study.plants import bearing_plants, force_plants, piezo_plants, stage_plants
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
-from anhyst.support.atomic import PathLike, check_writable, write_json
+from anhyst.support.atomic import PathLike, check_picture, check_writable, write_figure, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.figures import write_svg
 from anhyst.support.jobs import Progress, in_parts, workers_of
 from anhyst.support.kinds import NAMES, TAKES, FileKind
 from anhyst.support.toml_file import take_kind
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from anhyst.study.excite.excite import Excitation
+
 _PRINTED: Mapping[type[StudyResult], Callable[[Any], Printed]] = {
-    Simulation: tables.printed,
+    Simulation: subject.printed,
     TrackingStudy: tracking.printed,
     PiezoTracking: piezo.printed,
     ForceControl: force.printed,
@@ -217,7 +225,7 @@ class _Task:
         out = self.out if self.written else None
         return self.study(
             lambda: explore(self.rig, out, self.controller, self.progress),
-            lambda simulation, command: page.render(subject_of(simulation, command)),
+            lambda simulation, command: page.render(subject.subject_of(simulation, command)),
             [self.rig],
         )
 
@@ -299,3 +307,85 @@ class _Task:
             raise InputError(
                 f"{self.out}: {what} written as {suffix}; name it so", code="wrong-ending"
             )
+
+
+_MOST_POINTS = 20_000
+"""Lines are drawn with at most about this many points."""
+
+
+def figure_excitation(excitation: Excitation) -> Figure:
+    """Draw the drive over time, with the warmth of the winding, beside the loops it measured."""
+    from matplotlib.figure import Figure
+
+    played = excitation.played
+    figure = Figure(figsize=(11.0, 4.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    every = slice(None, None, 1 + played.time.size // _MOST_POINTS)
+    left.plot(played.time[every], played.current[every], lw=0.6, color="0.3")
+    left.axhline(excitation.specimen.current.value, color="tab:red", lw=0.8, ls="--")
+    left.set_xlabel("time [s]")
+    left.set_ylabel(f"{excitation.specimen.drive} [{excitation.specimen.units[0]}]")
+    left.set_title("driven, rests and conditioning included", loc="left", fontsize="medium")
+    if np.isfinite(played.warmth).all():
+        warm = left.twinx()
+        warm.plot(played.time[every], 100.0 * played.warmth[every], color="tab:orange", lw=1.0)
+        warm.set_ylabel("I²t [% of what trips]")
+        warm.set_ylim(0.0, 105.0)
+    excitation.loops.plot(right)
+    right.set_title("measured", loc="left", fontsize="medium")
+    return figure
+
+
+def excite_rig(
+    rig: PathLike,
+    out: PathLike,
+    *,
+    plot: PathLike | None = None,
+    folder: PathLike | None = None,
+    xcp: str | None = None,
+    port: str | None = None,
+    progress: Progress | None = None,
+) -> Excitation:
+    """Measure loops: design a drive within the limits of a rig, run it, write what was read.
+
+    Parameters
+    ----------
+    rig : path-like
+        Rig file of any kind.
+    out : path-like
+        CSV to write; its sidecar is the ``.toml`` beside it.
+    plot : path-like, optional
+        Picture of drive and loops to write, ``.png``, ``.svg`` or ``.pdf``.
+    folder : path-like, optional
+        With `xcp` or `port`: the compiled folder around which the firmware is built.
+    xcp : str, optional
+        ``HOST:PORT`` where a controller of force that runs by itself offers XCP.
+    port : str, optional
+        The same on a serial port that carries XCP.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    Excitation
+        The loops, how far the magnet was driven at each gap or the stack, and what limited it.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read or written, a rig gives no loops, or no controller answers.
+    """
+    if plot is not None:
+        check_picture(plot)
+    url = address_of(xcp, port)
+    if (url is None) is not (folder is None):
+        raise InputError(
+            "--folder: goes together with --xcp or --port, and they with it",
+            code="options-missing",
+            key="--folder",
+        )
+    how = None if folder is None or url is None else through(folder, url)
+    excitation = excite(rig, out, progress, how)
+    if plot is not None:
+        write_figure(figure_excitation(excitation), plot)
+    return excitation

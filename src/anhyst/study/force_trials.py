@@ -22,7 +22,7 @@ from anhyst.rig.force.bench import (
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, ticks_that_differ
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
-from anhyst.study.engine.table import ComparedFigure, judge
+from anhyst.study.engine.table import ComparedFigure, Judgement, judge
 from anhyst.support.numeric import FloatArray
 
 Stage = Literal["end", "positions", "moving"]
@@ -273,23 +273,38 @@ def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str,
     }
 
 
-def judge_stages(summary: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, Any]:
-    """Judge ``full`` by its worst error at every stage, against the strongest baseline there."""
-    worst = {
-        stage: {name: one["worst_percent"] for name, one in errors.items()}
+Summary = Mapping[str, Mapping[str, Mapping[str, float]]]
+"""Worst errors by stage, controller and figure."""
+
+
+def strongest_baselines(summary: Summary) -> dict[str, str]:
+    """Return for every stage the controller without a model whose worst error is least."""
+    return {
+        stage: min(
+            (name for name in errors if name not in MODELS),
+            key=lambda name: errors[name]["worst_percent"],
+        )
         for stage, errors in summary.items()
     }
-    against = {
-        stage: min((name for name in errors if name not in MODELS), key=errors.__getitem__)
-        for stage, errors in worst.items()
-    }
-    judged = judge(
-        "worst error of full",
-        [
-            ComparedFigure(stage, TITLES[name], worst[stage]["full"], worst[stage][name], 0.0)
-            for stage, name in against.items()
-        ],
-        "stages",
-        WHERE_IT_PAYS["force"],
-    )
-    return {"level": judged.level, "text": judged.sentence, "strongest": against}
+
+
+def judge_stages(summary: Summary) -> Judgement:
+    """Judge ``full`` by its worst error at every stage, against the strongest baseline there."""
+    compared = [
+        ComparedFigure(
+            stage,
+            TITLES[name],
+            summary[stage]["full"]["worst_percent"],
+            summary[stage][name]["worst_percent"],
+            0.0,
+        )
+        for stage, name in strongest_baselines(summary).items()
+    ]
+    return judge("worst error of full", compared, "stages", WHERE_IT_PAYS["force"])
+
+
+def verdict_of(summary: Summary) -> dict[str, Any]:
+    """Return the verdict as ``figures.json`` holds it."""
+    judged = judge_stages(summary)
+    strongest = strongest_baselines(summary)
+    return {"level": judged.level, "text": judged.sentence, "strongest": strongest}

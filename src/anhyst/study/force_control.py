@@ -27,8 +27,7 @@ from anhyst.rig.force.programs import Program, find_model, loops_at, loops_of_ri
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.recording import Recording
 from anhyst.study.engine.table import FIGURES, Judgement, StudyResult
-from anhyst.study.engine.table import TITLES as VERDICTS
-from anhyst.study.force.trials import (
+from anhyst.study.force_trials import (
     Controllers,
     ForceOutcome,
     ForceTrial,
@@ -37,6 +36,7 @@ from anhyst.study.force.trials import (
     judge_stages,
     plan_trials,
     run_trial,
+    verdict_of,
 )
 from anhyst.support.atomic import PathLike, whole_folder, write_json
 from anhyst.support.errors import InputError, NegativeResult
@@ -106,9 +106,7 @@ class ForceControl(StudyResult):
         """Whether compensation is worth it, by the worst errors of all stages."""
         if self.lost_in:
             return Judgement("unknown", f"the force was lost: {'; '.join(self.lost_in)}")
-        judged = self.figures["verdict"]
-        level, sentence = judged["level"], judged["text"]
-        return Judgement(level, sentence.removeprefix(f"{VERDICTS[level]}: "))
+        return judge_stages(self.figures["summary"])
 
     def facts(self) -> dict[str, str]:
         """Return where everything is, and the error of each controller's force over all trials."""
@@ -230,7 +228,7 @@ def _run(
         outcomes = all_of(_outcome, tasks, next(parts))
         plant = rig.check(loops, models["stroke"])
         results = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
-        results["verdict"] = None if results["lost_in"] else judge_stages(results["summary"])
+        results["verdict"] = None if results["lost_in"] else verdict_of(results["summary"])
         _write(rig, folder, results, outcomes, recordings)
     return ForceControl(rig, Path(out), results, tuple(outcomes), plant)
 

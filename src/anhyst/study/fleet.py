@@ -15,7 +15,7 @@ from anhyst.compensate.force_controller import Io
 from anhyst.data.formats.text import write_csv
 from anhyst.identification.identify import check_wanted
 from anhyst.identification.space import coordinate_of
-from anhyst.study.fleet.judge import (
+from anhyst.study.fleet_magnets import (
     MODEL,
     FleetSettings,
     Member,
@@ -25,7 +25,7 @@ from anhyst.study.fleet.judge import (
     judge,
     share,
 )
-from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, spread_of
+from anhyst.study.fleet_spread import FleetSpread, MagnetEstimate, spread_of
 from anhyst.support.atomic import PathLike, check_writable, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, all_of, workers_of
@@ -52,7 +52,7 @@ class Fleet(Result):
     settings : FleetSettings
         With the law and the gap map that all got.
     results : tuple of dict
-        Of each magnet, by name; see :func:`anhyst.study.fleet.judge.judge`.
+        Of each magnet, by name; see :func:`anhyst.study.fleet_magnets.judge`.
     typical : str
         The magnet nearest to the mean, whose model stands for one model for all; empty if none.
     shared : tuple of float

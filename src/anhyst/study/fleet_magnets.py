@@ -21,10 +21,11 @@ from anhyst.data.reading import files_read, read_loops
 from anhyst.identification import identify
 from anhyst.identification.run import IdentifyResult, whole_search
 from anhyst.model.actuator import Model, read_model
-from anhyst.support.atomic import PathLike, json_text, write_json
+from anhyst.support import running_version
+from anhyst.support.atomic import PathLike, json_text, read_error, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of
-from anhyst.support.version import running_version
+from anhyst.support.numeric import rms
 from anhyst.verification.verify import verify
 
 
@@ -43,10 +44,7 @@ class Member:
             try:
                 whole.update(path.read_bytes())
             except OSError as error:
-                raise InputError(
-                    f"{path}: cannot be read: {error.strerror}; check the path",
-                    code="cannot-be-read",
-                ) from None
+                raise read_error(path, error) from None
         return whole.hexdigest()
 
 
@@ -211,16 +209,11 @@ def share(task: SharedTask) -> float:
     loops = read_loops(task.member.source, history=task.history)
     model: Model = read_model(task.model)
     try:
-        errors = np.concatenate(
-            [
-                model(loop.input, loop.schedule, loop.time, loop.history) - loop.output
-                for loop in loops.loops
-            ]
-        )
+        errors = np.concatenate([model.on(loop) - loop.output for loop in loops.loops])
     except (InputError, NegativeResult):
         return float("nan")
     largest = max(float(np.abs(loop.output).max()) for loop in loops.loops)
-    return float(np.sqrt(np.mean(errors**2))) / largest
+    return rms(errors) / largest
 
 
 PILOTS = 3

@@ -1,1 +1,0 @@
-"""Open-loop force control, as in section III of the paper."""
