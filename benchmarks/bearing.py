@@ -21,7 +21,7 @@ from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.sensor_table import GapSensorTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
-from anhyst.study.bearing.responses import StepCell, compare, default_seeds
+from anhyst.study.bearing.responses import StepCell, compare_steps, default_seeds
 from anhyst.study.engine.table import CaseFigures
 from anhyst.support.kinds import MethodName, NumberFormat
 from rows import ROOT, Row
@@ -78,7 +78,9 @@ def same_gains(iron: Iron) -> list[StepCell]:
     """Run steps of every height with every variant behind the same gains."""
     gap = iron.rig.settings.gap_m
     load = iron.rig.settings.load.force_N
-    return compare(list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig))
+    return compare_steps(
+        list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig)
+    )
 
 
 def overshoot(cells: Sequence[StepCell], variant: MethodName) -> list[float]:
@@ -149,7 +151,7 @@ def slow_table(irons: Sequence[Iron]) -> str:
         seeds = default_seeds(rig)
         tried = experiments.of_all(experiments.follow, setups, seeds, shape)
         gap, load = rig.settings.gap_m, rig.settings.load.force_N
-        small = compare(list(setups.values()), [gap], [1e-6], [load], seeds)
+        small = compare_steps(list(setups.values()), [gap], [1e-6], [load], seeds)
         for name, cell in zip(setups, small, strict=True):
             off = _mean(tried[name], "tracking_rms_m", 1e9, ".0f", "nm")
             force = _mean(tried[name], "force_error_rms_N", 1.0, ".2f", "N")
@@ -234,7 +236,7 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
     for variant in variants:
         setups = {name: in_format(iron, controller, variant, name) for name in formats}
         seeds = default_seeds(iron.rig)
-        cells = compare(list(setups.values()), [gap], HEIGHTS, [load], seeds)
+        cells = compare_steps(list(setups.values()), [gap], HEIGHTS, [load], seeds)
         by = [cells[4 * place : 4 * place + 4] for place in range(len(formats))]
         apart = max(
             abs(a.of("overshoot_percent").mean - b.of("overshoot_percent").mean)

@@ -27,7 +27,7 @@ from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing import experiments
-from anhyst.study.bearing.responses import StepCell, compare, default_seeds
+from anhyst.study.bearing.responses import StepCell, compare_steps, default_seeds
 from anhyst.study.benefit import BASELINES, STANDSTILLS, Benefit, benefit
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName
@@ -139,7 +139,7 @@ def _triangle(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[s
 def _steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, list[StepCell]]:
     gap, load = rig.settings.gap_m, rig.settings.load.force_N
     return {
-        variant: compare([setup], [gap], HEIGHTS, [load], default_seeds(rig))
+        variant: compare_steps([setup], [gap], HEIGHTS, [load], default_seeds(rig))
         for variant, setup in setups.items()
     }
 

@@ -29,7 +29,7 @@ from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.operating import read_files
-from anhyst.study.bearing.responses import StepCell, compare
+from anhyst.study.bearing.responses import StepCell, compare_steps
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.simulate import find_gains
 from anhyst.support.kinds import MethodName
@@ -183,7 +183,9 @@ def on_bearing(depth: float, path: float) -> dict[MethodName, StepCell]:
     )
     magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
     setups = [make_setup(rig, controller.settings, magnet, name, "fixed") for name in STAGE]
-    cells = compare(setups, [rig.settings.gap_m], [BEARING_STEP], [rig.load], BEARING_SEEDS, jobs=1)
+    cells = compare_steps(
+        setups, [rig.settings.gap_m], [BEARING_STEP], [rig.load], BEARING_SEEDS, jobs=1
+    )
     return dict(zip(STAGE, cells, strict=True))
 
 

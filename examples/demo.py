@@ -50,8 +50,7 @@ from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import StageSetup, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.operating import make_ready, read_files
-from anhyst.study.bearing.responses import compare, default_seeds
-from anhyst.study.bearing.verdict import grouped, judge_steps
+from anhyst.study.bearing.responses import compare_steps, default_seeds, grouped, judge_steps
 from anhyst.study.engine.table import TITLES, Interval, mean_interval, strongest
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.simulate import find_gains, make_variants
@@ -269,7 +268,9 @@ def bearing(out: Path) -> Piece:
         setups = make_setups(rig, controller, ready.knowledge(), BEARING)
         load = rig.settings.load.force_N
         seeds = default_seeds(rig)
-        cells = compare(list(setups.values()), [tried.gap_m], tried.step.heights_m, [load], seeds)
+        cells = compare_steps(
+            list(setups.values()), [tried.gap_m], tried.step.heights_m, [load], seeds
+        )
     steps = grouped(cells)
     last = steps[-1]
     overshoot = last.of("overshoot_percent")

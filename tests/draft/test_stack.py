@@ -14,7 +14,7 @@ from anhyst._core import PiezoMotion
 from anhyst.cli.app import main
 from anhyst.data import Loop, Loops
 from anhyst.data.path import History
-from anhyst.draft.stack import FittedStack, fit_stack, hysteresis
+from anhyst.draft.piezo import FittedStack, fit_stack, hysteresis
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.study.piezo import reference, track
 from anhyst.support.numeric import FloatArray

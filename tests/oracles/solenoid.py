@@ -7,7 +7,7 @@ import math
 from scipy.optimize import brentq
 
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.rig.parts.solenoid import CircuitTable, FluxPath
+from anhyst.rig.parts.magnet import CircuitTable, FluxPath
 from anhyst.support.units import MU_0
 from tests.oracles.cell_iron import CellIron
 

@@ -19,8 +19,7 @@ from anhyst.rig.loop import ReferenceStep
 from anhyst.rig.recording import COLUMNS, Recording
 from anhyst.study.bearing.experiments import ExperimentFigures, Experiments
 from anhyst.study.bearing.linear import Margins
-from anhyst.study.bearing.responses import StepCell
-from anhyst.study.bearing.verdict import grouped
+from anhyst.study.bearing.responses import StepCell, grouped
 from anhyst.study.benefit import (
     OF_STEPS,
     Benefit,

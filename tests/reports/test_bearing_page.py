@@ -19,7 +19,7 @@ from anhyst.reports.bearing.subject import SimulationSubject, difference_text
 from anhyst.reports.benefit import render_bearing
 from anhyst.reports.study.page import COLOURS, interval_text
 from anhyst.rig.body import BodyRig
-from anhyst.study.bearing.verdict import grouped, judge_steps
+from anhyst.study.bearing.responses import grouped, judge_steps
 from anhyst.study.engine.table import Interval, compare
 from tests.page import NAMESPACES, Page
 from tests.reports import bearing_reports

@@ -11,8 +11,8 @@ import pytest
 from anhyst._core import Coil, HeldPlant
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.rig.parts.sensors import NoisySensor
-from anhyst.rig.parts.solenoid import CircuitTable, FluxPath, solenoid_magnet
+from anhyst.rig.parts.magnet import CircuitTable, FluxPath, solenoid_magnet
+from anhyst.rig.sensor_table import NoisySensor
 from anhyst.support.numeric import FloatArray, passed
 from anhyst.support.units import MU_0
 from tests.oracles.cell_iron import CellIron

@@ -15,7 +15,7 @@ from anhyst.rig.body import read_bearing
 from anhyst.rig.drift import Drift, changed, drifted_file, with_iron
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.measuring import measure_loops
-from anhyst.rig.parts.solenoid import solenoid_magnet
+from anhyst.rig.parts.magnet import solenoid_magnet
 from anhyst.rig.plant import make_plant
 from tests.oracles.solenoid import OracleGap
 from tests.plant.irons import FOLDER, STEELS

@@ -16,7 +16,7 @@ from anhyst.study.bearing.experiments import (
     of_all,
     stand_still,
 )
-from anhyst.study.bearing.responses import StepCell, StepResult, StepRun, compare
+from anhyst.study.bearing.responses import StepCell, StepResult, StepRun, compare_steps
 from anhyst.support.kinds import MethodName, NumberFormat
 from tests.study import bearings
 from tests.study.bearings import GAP
@@ -28,7 +28,7 @@ SEEDS = range(3)
 @cache
 def cells(variant: MethodName, number_format: NumberFormat, fraction: float) -> list[StepCell]:
     setup = bearings.single(variant, number_format, fraction)
-    found = compare([setup], [GAP], HEIGHTS, [150.0], SEEDS, jobs=1)
+    found = compare_steps([setup], [GAP], HEIGHTS, [150.0], SEEDS, jobs=1)
     assert [cell.height for cell in found] == list(HEIGHTS)
     assert not any(cell.lost for cell in found)
     return found
@@ -107,7 +107,7 @@ def test_where_a_run_is_lost_there_is_no_mean_of_the_others(
         return ([], 0.7) if run.seed == 1 else real(run)
 
     monkeypatch.setattr(responses, "run_steps", but_once)
-    (cell,) = compare([setup], [GAP], [50e-6], [150.0], SEEDS, jobs=1)
+    (cell,) = compare_steps([setup], [GAP], [50e-6], [150.0], SEEDS, jobs=1)
     assert (cell.lost, cell.runs, cell.figures) == (1, len(SEEDS), {})
     assert np.isnan(cell.of("overshoot_percent").mean)
     assert set(cell.as_dict()) == {"variant", "gap_m", "height_m", "load_N", "lost", "runs"}

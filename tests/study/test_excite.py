@@ -13,8 +13,8 @@ import pytest
 from anhyst.data.reading import read_loops
 from anhyst.data.speeds import rate_line, speeds_of
 from anhyst.rig.measuring import HeldRig, Pull
-from anhyst.rig.parts.sensors import Sensors
 from anhyst.rig.piezo import read_piezo_rig
+from anhyst.rig.sensor_table import Sensors
 from anhyst.study.excite.design import Bound, Specimen, Winding
 from anhyst.study.excite.excite import Excitation, excite, measure, read_specimen
 from anhyst.support.numeric import FloatArray

@@ -24,7 +24,7 @@ from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet, identify_rippling
 from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing import experiments
-from anhyst.study.bearing.responses import compare
+from anhyst.study.bearing.responses import compare_steps
 from anhyst.study.benefit import benefit
 from anhyst.support.errors import CreepWarning
 from anhyst.support.kinds import MethodName
@@ -83,7 +83,7 @@ def test_an_iron_that_keeps_its_turning_points_is_given_play_cells() -> None:
 
 
 def overshoot(setup: BearingSetup, height: float) -> float:
-    (cell,) = compare([setup], [GAP], [height], [150.0], SEEDS, jobs=1)
+    (cell,) = compare_steps([setup], [GAP], [height], [150.0], SEEDS, jobs=1)
     return cell.of("overshoot_percent").mean
 
 

@@ -24,7 +24,7 @@ from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.magnet_table import SolidTable
 from anhyst.rig.measuring import measure_loops
 from anhyst.study.bearing.on_board import build_firmware, count_differences
-from anhyst.study.bearing.responses import compare
+from anhyst.study.bearing.responses import compare_steps
 from anhyst.study.prepared import PreparedBearing
 from anhyst.support.kinds import MethodName
 from tests.refusals import refused
@@ -72,7 +72,7 @@ def test_iron_that_answers_late_stands_still_with_its_layers_and_not_at_rest(
 ) -> None:
     table = bearings.controller().settings
     setups = [make_setup(solid(), table, known(), method, "fixed") for method in METHODS]
-    cells = compare(setups, [bearings.GAP], [STEP], [solid().load], [1, 2], jobs=1)
+    cells = compare_steps(setups, [bearings.GAP], [STEP], [solid().load], [1, 2], jobs=1)
     full, still, single = cells
     assert full.lost == still.lost == 0
     assert single.lost == 2

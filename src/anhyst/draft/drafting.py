@@ -15,8 +15,7 @@ from anhyst.data.speeds import rate_line
 from anhyst.draft.bearing import Numbers, draft_bearing, numbers_of
 from anhyst.draft.force import draft_force_control
 from anhyst.draft.magnet import Machine, MeasuredMagnet, Wanted, machine_of, reach_of
-from anhyst.draft.piezo import draft_piezo, found_lines
-from anhyst.draft.stack import fit_stack
+from anhyst.draft.piezo import draft_piezo, fit_stack, found_lines
 from anhyst.draft.text import Draft
 from anhyst.support.atomic import PathLike, whole_folder, write_texts
 from anhyst.support.errors import InputError

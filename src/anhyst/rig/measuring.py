@@ -16,8 +16,8 @@ from anhyst.data.loops import Loop
 from anhyst.data.path import History
 from anhyst.rig.body import BodyRig
 from anhyst.rig.measurement_table import MeasurementTable
-from anhyst.rig.parts.sensors import NoisySensor, Sensors
 from anhyst.rig.piezo import PiezoRig
+from anhyst.rig.sensor_table import NoisySensor, Sensors
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 

@@ -37,7 +37,7 @@ from anhyst.reports.study.page import (
 )
 from anhyst.rig.body import BodyRig
 from anhyst.study.bearing.linear import zone
-from anhyst.study.bearing.verdict import OVERSHOOT, Steps, judge_steps
+from anhyst.study.bearing.responses import OVERSHOOT, Steps, judge_steps
 from anhyst.study.engine.table import strongest
 from anhyst.support.kinds import MethodName
 from anhyst.support.page import NBSP, Block, Headline, Note, Section, Text, Tile, number

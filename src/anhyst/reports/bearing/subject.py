@@ -28,9 +28,16 @@ from anhyst.study.bearing import experiments
 from anhyst.study.bearing.experiments import ExperimentFigures, Experiments, Tried
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.operating import has_constants
-from anhyst.study.bearing.responses import SETTLED, StepCell
+from anhyst.study.bearing.responses import (
+    NOISE,
+    OVERSHOOT,
+    SETTLED,
+    StepCell,
+    Steps,
+    grouped,
+    step_difference,
+)
 from anhyst.study.bearing.simulate import Simulation
-from anhyst.study.bearing.verdict import NOISE, OVERSHOOT, Steps, grouped, step_difference
 from anhyst.study.engine.table import CaseFigures, ComparedFigure, Metric, no_mean
 from anhyst.support.kinds import MethodName
 from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Cell, Note, PageTable, number, table

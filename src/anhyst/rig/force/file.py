@@ -29,9 +29,8 @@ from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.measurement_table import Measured, MeasurementTable
 from anhyst.rig.parts.iron import BY_FAMILY, CellSteel, DuhemSteel, PreisachSteel
-from anhyst.rig.parts.magnet import iron_magnet
-from anhyst.rig.parts.sensors import NoisySensor, Sensors
-from anhyst.rig.parts.solenoid import CircuitTable, FluxPath, solenoid_magnet
+from anhyst.rig.parts.magnet import CircuitTable, FluxPath, iron_magnet, solenoid_magnet
+from anhyst.rig.sensor_table import NoisySensor, Sensors
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray, passed

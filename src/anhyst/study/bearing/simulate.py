@@ -37,11 +37,12 @@ from anhyst.study.bearing.operating import (
 from anhyst.study.bearing.responses import (
     Sensitivity,
     StepCell,
-    compare,
+    compare_steps,
     default_seeds,
+    grouped,
+    judge_steps,
     sweep,
 )
-from anhyst.study.bearing.verdict import grouped, judge_steps
 from anhyst.study.engine.table import FIGURES, Judgement, StudyResult, keep_lost
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
@@ -279,7 +280,7 @@ def _compare(
     rig = setups[controller.settings.compensation.variant].rig
     tried = rig.settings
     heights, load = tried.step.heights_m, tried.load.force_N
-    cells = compare(
+    cells = compare_steps(
         list(setups.values()),
         [tried.gap_m, *tried.step.also_gaps_m],
         heights,

@@ -17,8 +17,8 @@ from anhyst.rig.body import read_bearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import Pull, read_stack, straight, take
-from anhyst.rig.parts.sensors import Sensors
 from anhyst.rig.piezo import PiezoRig, read_piezo_rig
+from anhyst.rig.sensor_table import Sensors
 from anhyst.rig.stage.file import read_stage
 from anhyst.study.excite.design import (
     INNER,

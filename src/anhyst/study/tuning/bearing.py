@@ -24,7 +24,7 @@ from anhyst.study.bearing.responses import (
     StepCell,
     StepResult,
     StepRun,
-    compare,
+    compare_steps,
     default_seeds,
     merged,
     run_steps,
@@ -133,7 +133,7 @@ class BearingLoop:
         heights = setup.rig.settings.step.heights_m
         gaps = list(dict.fromkeys(one.gap for one in conditions))
         loads = list(dict.fromkeys(one.load for one in conditions))
-        cells = compare([setup], gaps, heights, loads, list(seeds), jobs=jobs)
+        cells = compare_steps([setup], gaps, heights, loads, list(seeds), jobs=jobs)
         measured = all_of(partial(_sweep, setup), list(conditions), jobs=jobs)
         figures, peaks = {}, {}
         for condition, response in zip(conditions, measured, strict=True):
