@@ -29,12 +29,13 @@ from anhyst.rig.fitting import calibrated, identify_magnet
 from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.measuring import measure_loops
 from anhyst.rig.parts.iron import IronEntry, NamedIron
-from anhyst.rig.recording import Recording, rms
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.operating import Ready, make_ready, read_files
 from anhyst.study.plants import BearingWork
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import rms
 from rows import ROOT, Row
 from tracking import IRONS
 

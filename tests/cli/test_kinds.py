@@ -6,6 +6,7 @@ this kind names its line. Whole runs are the matter of other tests.
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -199,6 +200,17 @@ def test_where_physics_forbids_a_verb_the_refusal_says_so(
     assert reason in refusal(verb, written(kind, tmp_path), monkeypatch, capsys)
     for name, kinds in REASONS:
         assert kinds not in TAKES[name]
+
+
+def test_the_page_says_which_rig_a_verb_takes() -> None:
+    page = (EXAMPLES.parent / "docs" / "commands.md").read_text()
+    rows = re.findall(r"^\| `([\w-]+)` \|(.*)\|$", page.partition("### What a rig")[2].partition("\n## ")[0], re.M)
+    columns = (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO, FileKind.FORCE)
+    verbs = {verb for verb, kinds in TAKES.items() if verb != "convert" and {*kinds} & {*columns}}
+    assert {verb for verb, _ in rows} == verbs
+    for verb, cells in rows:
+        taken = [cell.strip() == "yes" for cell in cells.split("|")]
+        assert taken == [kind in TAKES[verb] for kind in columns], verb
 
 
 def test_every_verb_has_its_row() -> None:

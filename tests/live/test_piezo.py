@@ -19,12 +19,11 @@ from anhyst.cli.app import main
 from anhyst.dashboard.generator import Generator
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.verb import opened
-from anhyst.rig.recording import rms
 from anhyst.study import bench as opening
 from anhyst.study.bench import kind_of_bench, prepared_once
 from anhyst.study.prepared import PreparedPiezo
 from anhyst.support.kinds import FileKind
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.states import Command, State
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, seen, state_is, until

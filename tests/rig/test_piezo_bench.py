@@ -11,9 +11,9 @@ import pytest
 from anhyst.rig.bench.piezo import PiezoBench
 from anhyst.rig.bench.protocol import next_step, refusal, standing
 from anhyst.rig.drift import draw_plant, drifted_file
-from anhyst.rig.recording import Recording, rms
+from anhyst.rig.recording import Recording
 from anhyst.study.piezo import follow, reference
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
 from tests.study import piezos

@@ -21,11 +21,12 @@ from anhyst.rig.calibration import CalibratedMethod, CalibrationFile
 from anhyst.rig.drift import NO_DRIFT, Drift, changed, drifted_plant, with_iron
 from anhyst.rig.fitting import calibrated
 from anhyst.rig.loop import Scenario, SimulatedLoop
-from anhyst.rig.recording import Recording, rms
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.plants import BearingWork
 from anhyst.study.tracking.bodies import BearingLaw
+from anhyst.support.numeric import rms
 from anhyst.support.states import Command
 from tests.study import bearings
 

@@ -13,12 +13,12 @@ import pytest
 import anhyst
 from anhyst.cli.app import main
 from anhyst.rig.piezo import PiezoRig, notch_of, read_piezo_rig
-from anhyst.rig.recording import peak, rms
+from anhyst.rig.recording import peak
 from anhyst.study import piezo
 from anhyst.study.tuning.aims import Aims
 from anhyst.study.tuning.piezo import CONDITIONS, DRAWN, FRESH, NOMINAL, PiezoLoop
 from anhyst.study.tuning.search import GainSearch
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from tests.refusals import refused
 from tests.study.test_excite import piezo as piezo_file
 

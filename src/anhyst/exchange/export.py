@@ -314,14 +314,8 @@ def export_tables(model: Model, out: PathLike) -> Path:
         raise InputError(
             f"{path}: tables are written as .csv or .json; name it so", code="wrong-ending"
         )
-    if model.valid is None:
-        raise InputError(
-            "the model does not say where it holds ([valid]): no range for a table",
-            code="no-valid-range",
-            key="valid",
-        )
     check_writable(path)
-    ends, name = model.valid.schedule, model.output.column
+    ends, name = model.valid_range.schedule, model.output.column
     at = np.array([0.0]) if ends is None else np.linspace(*ends, GAPS if ends[0] < ends[1] else 1)
     places = [None if model.schedule is None else float(value) for value in at]
     loops = [model.settled_loop(one, POINTS) for one in places]

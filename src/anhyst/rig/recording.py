@@ -133,11 +133,6 @@ def peak(deviation: FloatArray) -> float:
     return float(np.abs(deviation).max())
 
 
-def rms(deviation: FloatArray) -> float:
-    """Return the root of the mean square of a deviation."""
-    return float(np.sqrt(np.mean(deviation**2)))
-
-
 def moving(deviation: FloatArray, ticks: int) -> tuple[FloatArray, FloatArray]:
     """Return mean and standard deviation over every window of so many ticks."""
     sums = np.cumsum(np.concatenate([[0.0], deviation]))

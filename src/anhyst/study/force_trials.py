@@ -21,9 +21,9 @@ from anhyst.rig.force.bench import (
 )
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, ticks_that_differ
-from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
+from anhyst.rig.recording import Recording, SignalBound, find_loss, peak
 from anhyst.study.engine.table import ComparedFigure, Judgement, judge
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 
 Stage = Literal["end", "positions", "moving"]
 Start = Literal["unknown", "demagnetised"]

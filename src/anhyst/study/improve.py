@@ -20,7 +20,7 @@ from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from anhyst.rig.bench.protocol import Signal
-from anhyst.rig.recording import peak, rms
+from anhyst.rig.recording import peak
 from anhyst.study.excite.design import Bound, Specimen
 from anhyst.study.excite.excite import Excitation, measure, write_excitation
 from anhyst.study.excite.on_board import DrivenBoard, measure_on_board
@@ -28,7 +28,7 @@ from anhyst.study.prepared import Improvable, PreparedBoard, block_of
 from anhyst.study.watch import LEARN, RUN_LENGTH, DriftWatch
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 
 SAMPLES_HZ = 250.0
 """Rows a second that are looked at."""

@@ -29,12 +29,12 @@ from anhyst.identification.run import whole_search
 from anhyst.model.actuator import Model
 from anhyst.rig.measuring import read_stack
 from anhyst.rig.piezo import SEED, PiezoRig, at_rest, notch_of, piezo_loss, rounded, triangle
-from anhyst.rig.recording import Recording, peak, rms
+from anhyst.rig.recording import Recording, peak
 from anhyst.study.engine.table import FIGURES, ComparedFigure, Judgement, Metric, StudyResult, judge
 from anhyst.support.atomic import PathLike
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.result import columns_of
 from anhyst.support.units import QUANTITIES
 

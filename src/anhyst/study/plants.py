@@ -31,7 +31,7 @@ from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.loop import Scenario, SimulatedLoop
 from anhyst.rig.piezo import PiezoRig
-from anhyst.rig.recording import Recording, peak, rms
+from anhyst.rig.recording import Recording, peak
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
@@ -60,6 +60,7 @@ from anhyst.study.tracking.simulate import (
 )
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import rms
 
 STANDSTILL_S = 0.25
 BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued")

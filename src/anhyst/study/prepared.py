@@ -252,15 +252,9 @@ def _followed(model: Model, running: Model, kind: Kind) -> Model:
 
 def _plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits) -> Plan:
     """Plan a model of a force for what a board works with."""
-    if model.valid is None:
-        raise InputError(
-            "model: does not say where it holds; identify it from loops",
-            code="no-valid-range",
-            key="valid",
-        )
     valid = ValidRange(
-        _within(model.valid.input, limits.current),
-        _within(model.valid.output, limits.demand),
+        _within(model.valid_range.input, limits.current),
+        _within(model.valid_range.output, limits.demand),
         _covering(model, scales),
     )
     return make_plan(replace(model, valid=valid), request, 0, scales=scales)

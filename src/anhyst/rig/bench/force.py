@@ -129,7 +129,7 @@ class StandPlant:
         self.at = self._stand.step(currents[0] * self._scales.current, self.gap)
         scales = self._scales
         return Reading(
-            (self.at.gap_read - scales.gap_low) / (scales.gap_high - scales.gap_low or 1.0),
+            scales.gap_share(self.at.gap_read),
             self.at.force_read / scales.demand,
             self.at.current_read / scales.current,
         )

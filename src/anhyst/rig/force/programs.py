@@ -51,8 +51,7 @@ class Program:
 
     def gap_codes(self, gap: FloatArray) -> Codes:
         """Return gaps as its sensor read them, m, as the firmware takes them: q31 of the range."""
-        low, high = self.scales.gap_low, self.scales.gap_high
-        codes = np.rint((gap - low) / (high - low or 1.0) * (ONE >> 1)).astype(np.int64)
+        codes = np.rint(self.scales.gap_share(gap) * (ONE >> 1)).astype(np.int64)
         return np.minimum(2 * np.clip(codes, 0, ONE >> 1), ONE - 1)
 
     def demand_code(self, force: float) -> int:

@@ -29,12 +29,12 @@ from anhyst.rig.bearing.scenario import ScenarioBuilder
 from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.loop import DROP, ReferenceStep, Scenario, SimulatedLoop
-from anhyst.rig.recording import RISE, Recording, peak, rms
+from anhyst.rig.recording import RISE, Recording, peak
 from anhyst.study.bearing.responses import position_resolution, recovery_time
 from anhyst.study.engine.table import CaseFigures
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray, sine, triangle
+from anhyst.support.numeric import FloatArray, rms, sine, triangle
 
 _PERIODS = 6  # a piece
 _PIECES = 5  # at least

@@ -25,7 +25,7 @@ from anhyst.rig.bearing.loop import BearingSetup, lost_at
 from anhyst.rig.bearing.scenario import ScenarioBuilder, steps_up_and_down
 from anhyst.rig.body import BodyRig
 from anhyst.rig.loop import ReferenceStep, SimulatedLoop
-from anhyst.rig.recording import Recording, peak, rms, settled_from
+from anhyst.rig.recording import Recording, peak, settled_from
 from anhyst.study.bearing.linear import Zone, zone
 from anhyst.study.engine.table import (
     CaseFigures,
@@ -38,7 +38,7 @@ from anhyst.study.engine.table import (
 )
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray, sine
+from anhyst.support.numeric import FloatArray, rms, sine
 
 SETTLED = 0.02  # of a step's height
 _RESOLUTIONS = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived

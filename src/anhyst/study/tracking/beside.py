@@ -17,7 +17,7 @@ from anhyst.rig.bench.protocol import Bench, Signal, Subscription
 from anhyst.rig.bench.stage import LAPS, StageBench, StageLap
 from anhyst.rig.calibration import ParameterName
 from anhyst.rig.fitting import IdentifiedMagnet, calibrated
-from anhyst.rig.recording import column, peak, rms
+from anhyst.rig.recording import column, peak
 from anhyst.rig.stage.loop import StageSetup
 from anhyst.study.tracking.bodies import BearingLaw, law_of
 from anhyst.study.tracking.calibrate import needed
@@ -27,7 +27,7 @@ from anhyst.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratabl
 from anhyst.support.block_words import GENERATION_AT, regenerate
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 
 KEPT = 500
 """Laps that a page can draw."""

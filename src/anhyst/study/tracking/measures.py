@@ -19,7 +19,7 @@ from anhyst.rig.body import BodyRig
 from anhyst.rig.case_table import LossCase
 from anhyst.rig.file import RigFile
 from anhyst.rig.loop import FAILS, HEAD_FAULTS, SHORT, SimulatedLoop
-from anhyst.rig.recording import Recording, column, moving, peak, rms, settled_from
+from anhyst.rig.recording import Recording, column, moving, peak, settled_from
 from anhyst.rig.stage.file import (
     error_columns,
     pull_rows,
@@ -50,7 +50,7 @@ from anhyst.rig.stage.setpoint import (
     ticks_of,
 )
 from anhyst.study.engine.table import Metric
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.states import Command, Phase, State
 
 BANDS_M = (50e-9, 10e-9)

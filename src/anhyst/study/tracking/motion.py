@@ -21,12 +21,11 @@ from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterName, kind_of
 from anhyst.rig.drift import NO_DRIFT, Drift
 from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.recording import rms
 from anhyst.rig.stage.file import per_root
 from anhyst.rig.stage.loop import COMMANDS, PROBES, StageSetup, corrected, fit_method
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import PROBED, MethodName
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 
 FILTER_HZ = 250.0
 """Corner of the three poles that both sides pass; a twentieth of the ticks at most."""

@@ -18,7 +18,7 @@ from anhyst.model.actuator import has_layers
 from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CalibratedMethod
 from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.recording import Recording, rms
+from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import error_columns
 from anhyst.rig.stage.loop import (
     AT_BIAS,
@@ -63,7 +63,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import PROBED, MethodName
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:

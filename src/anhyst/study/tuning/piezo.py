@@ -14,7 +14,7 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.rig.drift import draw_plant, drifted_file
 from anhyst.rig.file import RigFile
 from anhyst.rig.piezo import PiezoRig, notch_numbers, notch_of, steps_in
-from anhyst.rig.recording import peak, rms
+from anhyst.rig.recording import peak
 from anhyst.study.engine.table import mean_interval
 from anhyst.study.piezo import follow, judged_from, reference
 from anhyst.study.tuning.aims import MISSED, Aims, PiezoFigures, worst_of
@@ -22,7 +22,7 @@ from anhyst.study.tuning.search import least_cost, liked
 from anhyst.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 
 SEARCHED, PLANTS = 6, 20
 """Plants drawn as [spread] says: on which gains are searched, and others on which they are checked."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import draw_plant
-from anhyst.rig.recording import Recording, rms
+from anhyst.rig.recording import Recording
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.table import mean_interval
@@ -23,7 +23,7 @@ from anhyst.study.tuning.search import least_cost, liked
 from anhyst.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, rms
 
 PLANTS = 10
 """Drawn as [spread] says, on which gains are checked."""
