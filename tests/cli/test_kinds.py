@@ -204,7 +204,9 @@ def test_where_physics_forbids_a_verb_the_refusal_says_so(
 
 def test_the_page_says_which_rig_a_verb_takes() -> None:
     page = (EXAMPLES.parent / "docs" / "commands.md").read_text()
-    rows = re.findall(r"^\| `([\w-]+)` \|(.*)\|$", page.partition("### What a rig")[2].partition("\n## ")[0], re.M)
+    rows = re.findall(
+        r"^\| `([\w-]+)` \|(.*)\|$", page.partition("### What a rig")[2].partition("\n## ")[0], re.M
+    )
     columns = (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO, FileKind.FORCE)
     verbs = {verb for verb, kinds in TAKES.items() if verb != "convert" and {*kinds} & {*columns}}
     assert {verb for verb, _ in rows} == verbs

@@ -13,6 +13,11 @@ from anhyst.control.controller_file import read_controller
 from anhyst.rig.bearing.loop import check_controller
 from anhyst.rig.body import read_bearing
 from anhyst.rig.force.file import read_rig
+from anhyst.rig.stage.file import read_stage
+from anhyst.rig.stage.loop import identify_stage, make_stage, track
+from anhyst.rig.stage.setpoint import motion_of
+from anhyst.study.tracking.measures import measure
+from anhyst.study.tracking.simulate import find_gains
 from tests.cli.command import quick
 from tests.foreign.magnets import MAGNETS
 
@@ -86,6 +91,42 @@ def test_a_draft_of_any_magnet_levitates_at_once(drafted: Path) -> None:
     assert figures["sensitivity"]["full"]["peak"] < 4.0
     standstill = figures["standstill"]["full"]["rms_m"]["mean"]
     assert standstill < 0.05 * min(step["height_m"] for step in mine)
+
+
+@pytest.mark.parametrize(
+    "name", ["u", *(pytest.param(name, marks=pytest.mark.slow) for name in ("hard", "stage"))]
+)
+def test_two_of_any_magnet_make_a_stage_that_follows_better_with_its_law(
+    tmp_path: Path, name: str
+) -> None:
+    loops = EXAMPLES / name / "loops.csv"
+    if name in MAGNETS:
+        loops = MAGNETS[name].write_loops(tmp_path / f"{name}.csv")
+    done = quick("init", loops, "--stage", "--out", "my", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    rig = read_stage(tmp_path / "my" / "rig.toml")
+    scan, control = rig.settings.scan, rig.settings.tracking
+    assert rig.settings.body.mass_kg * max(scan.test_m_per_s2) < control.force_max_N
+    known, motion = identify_stage(rig), motion_of(scan, scan.test_m_per_s2)
+    average = {}
+    for method in ("single-valued", "full"):
+        setup = make_stage(rig, known, method)
+        gains = find_gains(setup, motion_of(scan, scan.train_m_per_s2))
+        run = track(setup, motion, gains, 1)
+        assert run.loss is None
+        average[method] = measure(run, motion, scan.slit_s).average_m
+    assert average["full"] < 0.5 * average["single-valued"]
+
+
+def test_a_stage_is_drafted_from_loops_of_several_gaps_alone(tmp_path: Path) -> None:
+    loops = EXAMPLES / "stage" / "loops.csv"
+    done = quick("init", loops, "--stage", "--load", 5, "--out", "my", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "--stage: takes --mass and --gap alone" in done.stderr
+    done = quick("init", loops, "--stage", "--gap", 0.9e-3, "--out", "my", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "0.0009 m is not between the measured ones" in done.stderr
+    assert not (tmp_path / "my").exists()
 
 
 def shortened(path: Path, **values: str) -> None:

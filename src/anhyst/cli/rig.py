@@ -67,6 +67,12 @@ def init(
     force_control: Annotated[
         bool, typer.Option("--force-control", help="Instead, a rig whose force is controlled.")
     ] = False,
+    stage: Annotated[
+        bool,
+        typer.Option(
+            "--stage", help="Instead, a stage that follows set-points between two such magnets."
+        ),
+    ] = False,
     example: Annotated[
         str | None,
         typer.Option(
@@ -95,6 +101,8 @@ def init(
 
     Example: anhyst init loops.csv --force-control --out my
 
+    Example: anhyst init loops.csv --stage --mass 10 --out my
+
     Example: anhyst init --example bearing --out my
     """
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
@@ -106,6 +114,7 @@ def init(
             load=load,
             gap=gap,
             force_control=force_control,
+            stage=stage,
             example=example,
             progress=progress,
             **asdict(options),

@@ -182,15 +182,15 @@ def draft_bearing(
             ),
             FileSection("body", "armature and guide", _body(machine), "body"),
             sensor_section("gap", "what the controller reads", _position(machine, numbers)),
-            sensor_section("current", "shunt of the amplifier", _current(reach, numbers)),
-            sensor_section("force", "with which loops are measured", _force(reach)),
+            sensor_section("current", "shunt of the amplifier", shunt(reach, numbers.rate)),
+            sensor_section("force", "with which loops are measured", force_sensor(reach)),
             FileSection("load", "what pulls the gap open", _load(machine, numbers)),
             FileSection(
                 "control",
                 "what controls it stands in the controller file",
                 [Entry("kind", "levitation", "of a held armature")],
             ),
-            FileSection("measurement", "how loops are measured", _measurement(reach)),
+            FileSection("measurement", "how loops are measured", measurement(reach)),
             *_cases(machine, reach, numbers),
         ],
     )
@@ -275,17 +275,19 @@ def _position(machine: Machine, numbers: Numbers) -> list[Entry]:
     ]
 
 
-def _current(reach: MeasuredMagnet, numbers: Numbers) -> list[Entry]:
+def shunt(reach: MeasuredMagnet, rate: float) -> list[Entry]:
+    """Return the sensor of the current."""
     high = reach.current_high
     return [
         *range_entries("A", high, 0.1),
         Entry("adc_bits", 16, "converter", EXAMPLE),
         noise_entry("noise_A", reach.noise[0], 1e-4 * high),
-        Entry("bandwidth_Hz", numbers.rate / 2.0, "of -3 dB", "half the rate"),
+        Entry("bandwidth_Hz", rate / 2.0, "of -3 dB", "half the rate"),
     ]
 
 
-def _force(reach: MeasuredMagnet) -> list[Entry]:
+def force_sensor(reach: MeasuredMagnet) -> list[Entry]:
+    """Return the load cell."""
     high = float(reach.forces.max())
     return [
         *range_entries("N", high, 0.3),
@@ -295,7 +297,8 @@ def _force(reach: MeasuredMagnet) -> list[Entry]:
     ]
 
 
-def _measurement(reach: MeasuredMagnet) -> list[Entry]:
+def measurement(reach: MeasuredMagnet) -> list[Entry]:
+    """Return how loops are measured."""
     pace, high = reach.pace, reach.current_high
     step, sweep = pace or (PACE[0], PACE[1] * high)
     origin = "" if pace else "the loops have no times"

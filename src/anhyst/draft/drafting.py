@@ -16,6 +16,7 @@ from anhyst.draft.bearing import Numbers, draft_bearing, numbers_of
 from anhyst.draft.force import draft_force_control
 from anhyst.draft.magnet import Machine, MeasuredMagnet, Wanted, machine_of, reach_of
 from anhyst.draft.piezo import draft_piezo, fit_stack, found_lines
+from anhyst.draft.stage import draft_stage
 from anhyst.draft.text import Draft
 from anhyst.support.atomic import PathLike, whole_folder, write_texts
 from anhyst.support.errors import InputError
@@ -163,6 +164,7 @@ def init(
     load: float | None = None,
     gap: float | None = None,
     force_control: bool = False,
+    stage: bool = False,
     example: str | None = None,
     columns: Mapping[str, str] | None = None,
     sidecar: PathLike | None = None,
@@ -186,6 +188,8 @@ def init(
         Of a bearing, kg, N and m, as far as they are known; the rest is guessed by rules.
     force_control : bool
         Instead, a rig whose force is controlled.
+    stage : bool
+        Instead, a stage between two of these magnets, which takes `mass` and `gap`.
     example : str, optional
         Instead, one of the examples that come with anhyst, such as ``"bearing"``.
     columns, sidecar, schedule, loop, constants, history
@@ -222,8 +226,14 @@ def init(
             code="option-not-for-this",
             key="--mass",
         )
+    if stage and (force_control or load is not None):
+        raise InputError(
+            "--stage: takes --mass and --gap alone; leave out --force-control and --load",
+            code="option-not-for-this",
+            key="--stage",
+        )
     if example is not None:
-        if loops or force_control or wanted != Wanted() or options != ReadOptions():
+        if loops or force_control or stage or wanted != Wanted() or options != ReadOptions():
             raise InputError(
                 "--example is complete: leave out all but --out",
                 code="option-not-for-this",
@@ -236,6 +246,8 @@ def init(
         )
     if force_control:
         return init_force_control(loops, out, options, progress)
+    if stage:
+        return init_stage(loops, out, wanted, options, progress)
     return init_bearing(loops, out, wanted, options, progress)
 
 
@@ -304,6 +316,25 @@ def init_force_control(
         raise error.at(source.text) from error
     lines = [line] if (line := rate_line(loops)) else []
     return _put(out, {RIG: draft}, source, NEXT["solenoid"], (_magnet(reach), *lines))
+
+
+def init_stage(
+    paths: Sequence[PathLike],
+    out: PathLike,
+    wanted: Wanted,
+    options: ReadOptions | None = None,
+    progress: Progress | None = None,
+) -> Drafted:
+    """Write the rig file of a stage between two magnets, with the loops of one beside it."""
+    check_new(out, [RIG, LOOPS])
+    options = options or ReadOptions()
+    source = _Source(paths, options)
+    try:
+        reach = reach_of(options.read(paths, progress))
+        draft = draft_stage(source.name, source.key, source.reading, reach, wanted)
+    except InputError as error:
+        raise error.at(source.text) from error
+    return _put(out, {RIG: draft}, source, NEXT["stage"], (_magnet(reach),))
 
 
 def init_example(name: str, out: PathLike) -> Drafted:

@@ -22,6 +22,7 @@ from anhyst.rig.calibration import (
     ParameterName,
 )
 from anhyst.rig.file import RigFile
+from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.magnet_table import DIRECTION_ROUNDING
 from anhyst.rig.old_files import rig_error
@@ -50,7 +51,7 @@ HELD_S = 0.02
 
 
 def read_stage(path: PathLike) -> BodyRig:
-    """Read the rig file of a stage."""
+    """Read the rig file of a stage; where its iron comes from the loops, it is fitted to them."""
     place = Path(path)
     settings = read_rig_file(place, [FileKind.STAGE])
     faults = list(plant_faults(settings))
@@ -58,14 +59,12 @@ def read_stage(path: PathLike) -> BodyRig:
         text = 'a stage needs a magnet of iron; write kind = "electromagnet"'
         key = settings.place(settings.magnet, "kind")
         faults.append(FileFault(key, text, code="not-for-this-kind"))
-    if settings.magnet.from_loops:
-        key = settings.place(settings.magnet, "iron")
-        faults.append(FileFault(key, "a stage needs its iron; name one of [[iron]]", "missing"))
     if settings.several and not faults:
         faults = list(_axes_faults(settings))
     if faults:
         raise rig_error(place, faults)
-    return BodyRig(place, settings)
+    rig = BodyRig(place, settings)
+    return complete_rig(rig, rig.measured.read()) if settings.magnet.from_loops else rig
 
 
 def _axes_faults(file: RigFile) -> Iterator[FileFault]:
