@@ -199,7 +199,16 @@ def measure(rig: PiezoRig) -> Loops:
     drive = np.interp(time, when, points)
     sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(SEED).standard_normal(time.size)
-    read = np.round((rig.motion(LOOP_STEP).run(drive) + noise) / sensor.step_m) * sensor.step_m
+    read = rig.motion(LOOP_STEP).run(drive) + noise
+    if not np.abs(read).max() < 1.0:
+        raise InputError(
+            f"{rig.path}: stack[1]: stretches beyond 1 m where its loops are measured; correct its "
+            "numbers",
+            code="stack-leaves-all-bounds",
+            key="stack[1]",
+        )
+    if sensor.step_m:
+        read = np.round(read / sensor.step_m) * sensor.step_m
     loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
     return Loops((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
 
