@@ -11,8 +11,10 @@ void anhyst_plant_cone_at(const anhyst_plant_cone *cone, double gap, anhyst_plan
   const double width = cone->side + 2.0 * cone->fringe * gap;
   const double dip = cone->depth - gap;
   const double reach = sqrt(dip * dip + cone->onset * cone->onset);
-  const double overlap = 0.5 * (dip + reach);
-  const double d_overlap = -0.5 * (1.0 + dip / reach);
+  /* The second form loses no digits where the plunger is far out. */
+  const double overlap =
+      dip >= 0.0 ? 0.5 * (dip + reach) : 0.5 * cone->onset * cone->onset / (reach - dip);
+  const double d_overlap = -overlap / reach;
   const double by_length = ANHYST_PLANT_MU0 * cone->around / cone->clearance;
   at->gap = gap;
   at->straight = ANHYST_PLANT_MU0 * width * width / gap + cone->leakage;
@@ -32,7 +34,8 @@ static double flux_at(const anhyst_plant_cone_gap *at, double mmf, double *slope
 }
 
 /* The flux is odd and bends towards the axis of the ampere-turns, so that Newton's steps end below
-   after one, and stay below. */
+   after one, and stay below. One past zero begins there: on the other side they may go to and fro
+   for ever. */
 double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, double near,
                              double *slope)
 {
@@ -42,6 +45,10 @@ double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, doubl
   for (i = 0; i < ITERATIONS && fabs(step) > TOLERANCE; i++) {
     step = (flux - flux_at(at, mmf, slope)) / *slope;
     mmf += step;
+    if (flux < 0.0 ? mmf > 0.0 : mmf < 0.0) {
+      mmf = 0.0;
+      step = HUGE_VAL;
+    }
   }
   (void)flux_at(at, mmf, slope);
   *slope = 1.0 / *slope;
@@ -52,8 +59,7 @@ double anhyst_plant_cone_force(const anhyst_plant_cone_gap *at, double mmf)
 {
   const double ratio = at->cone * mmf / at->limit;
   const double root = sqrt(1.0 + ratio * ratio);
-  const double scale = at->limit / at->cone;
-  const double by_cone = scale * scale * (root - 1.0) / root;
-  const double by_limit = scale * ((root - 1.0) * (root - 1.0)) / root;
+  const double by_cone = mmf * mmf / ((1.0 + root) * root);
+  const double by_limit = by_cone * ratio * ratio * at->cone / ((1.0 + root) * at->limit);
   return -(0.5 * mmf * mmf * at->d_face + by_cone * at->d_cone + by_limit * at->d_limit);
 }

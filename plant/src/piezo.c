@@ -41,7 +41,8 @@ void anhyst_piezo_loop_tick(anhyst_piezo_loop *loop, const anhyst_piezo_event *e
   const double no_flux = (double)NAN;
   const double step = loop->sensor_step;
   const double place = loop->state.place;
-  const double read = floor((place + event->noise) / step + 0.5) * step;
+  const double shown = place + event->noise;
+  const double read = step > 0.0 ? floor(shown / step + 0.5) * step : shown;
   const anhyst_tracking_sample_f64 sample = {event->expected - read, event->wanted, &no_gap,
                                              &no_flux};
   double next;

@@ -17,7 +17,7 @@ from anhyst.rig.force.bench import RECORDED, ActuatorStand, moving_gap, triangle
 from anhyst.rig.force.file import READ, Rig, read_rig
 from anhyst.rig.force.programs import ticks_that_differ
 from anhyst.study.force_control import build_program
-from tests.exchange.slave import HERE, needs_binary, slave
+from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.exchange.test_checker import findings
 from tests.exchange.test_sfunction import beside, built, simulated
 from tests.refusals import says
@@ -71,6 +71,10 @@ def test_it_drives_and_pulls_as_the_firmware_at_the_virtual_bench_bit_for_bit(
         made.begin()
         again = np.array(made.run({key: one[:50] for key, one in inputs.items()}, shown, rig.dt)).T
         assert np.array_equal(again, found[:, :50])
+        for beyond in (1e300, 1e-300, 0.0):  # its iron would not come back from there
+            with pytest.raises(fmpy.fmi1.FMICallException):
+                made.run({"gap_m": [beyond]}, shown, rig.dt, 50 * rig.dt)
+            assert np.array_equal(made.read(*shown), again[:, -1])
     block = simulated(built(export_sfunction(rig.path, tmp_path / "block")), beside(*columns))[1]
     assert np.array_equal(block[1:], found.T[:-1])
     off = recording["force_N"] - demand.force

@@ -32,7 +32,7 @@ class OracleGap:
 
     def mmf(self, flux: float) -> float:
         """Return the ampere-turns of a flux."""
-        return float(brentq(lambda mmf: self.flux(mmf) - flux, -1e4, 1e4, xtol=1e-12, rtol=1e-15))
+        return float(brentq(lambda mmf: self.flux(mmf) - flux, -1e8, 1e8, xtol=1e-12, rtol=1e-15))
 
     def coenergy(self, mmf: float) -> float:
         """Return the integral of the flux over the ampere-turns, J."""

@@ -26,8 +26,8 @@ RUNS = (
     "ok duhem, 1 magnets, current, 8484f57d7cec83e0",
     "ok solid, 1 magnets, voltage, 3c855433693fad01",
     "ok solid, 1 magnets, current, 034ec79ea96fd9c7",
-    "ok cone, 1 magnets, voltage, 8139f6a6516d2db4",
-    "ok cone, 1 magnets, current, 75480e0c4997e205",
+    "ok cone, 1 magnets, voltage, 2ef0d94579e34d41",
+    "ok cone, 1 magnets, current, 592b057490ce960a",
     "ok cells, held, f8d779d51bf5da71",
     "ok cells, 2 magnets, voltage, bcdb025991aa9da5",
     "ok cells, six axes, voltage, e2aaa0b0dc1ab9e6",
@@ -52,11 +52,11 @@ RUNS = (
     "ok solid, six axes, voltage, b5d1b5365f8c109a",
     "ok solid, 2 magnets, current, f5c2b520ccb64b94",
     "ok solid, six axes, current, 9c9b84efd99bdef5",
-    "ok cone, held, a7cc46701dbc29b5",
-    "ok cone, 2 magnets, voltage, 64fe741af029734e",
-    "ok cone, six axes, voltage, 864ea09dee5bb45e",
-    "ok cone, 2 magnets, current, 643f5408f00447b1",
-    "ok cone, six axes, current, 1c3d1155959ecf5a",
+    "ok cone, held, b658b6f4ac4fe739",
+    "ok cone, 2 magnets, voltage, eb0a8ae89059f08c",
+    "ok cone, six axes, voltage, 262b88e45cab1463",
+    "ok cone, 2 magnets, current, b53be9103771ccfc",
+    "ok cone, six axes, current, 473610ab66af2844",
 )
 """What every build on every processor prints."""
 

@@ -118,6 +118,29 @@ def test_the_pull_of_a_solenoid_is_the_coenergy_that_its_gap_gives_up(gap: float
     assert expected > 0.0
 
 
+@pytest.mark.parametrize("gap", GAPS)
+def test_a_cone_that_saturates_for_good_is_left_and_entered_in_jumps(gap: float) -> None:
+    """Newton's steps from there may go to and fro between both ends for ever."""
+    other = {"face_area_m2": 6e-6, "leakage_H": 0.0, "cone_clearance_m": 1e-4}
+    circuit = CIRCUIT.model_copy(update=other)
+    ours, again = Coil(solenoid_magnet(STEEL, PATH, circuit)), OracleSolenoid(STEEL, PATH, circuit)
+    for current in (1.2, 0.0, 4.0, -4.0, 0.01, -1.2, 0.3):
+        expected = again.step(current, gap)
+        assert ours.hold(current, gap) == pytest.approx(expected, rel=1e-5, abs=1e-6)
+        assert ours.density == pytest.approx(MU_0 * again.mmf / gap, rel=1e-6, abs=1e-8)
+
+
+def test_a_plunger_in_front_of_a_sharp_edge_is_pulled_as_by_one_that_is_hardly_blunt() -> None:
+    sharp, blunt = (
+        Coil(solenoid_magnet(STEEL, PATH, CIRCUIT.model_copy(update={"cone_onset_m": onset})))
+        for onset in (1e-12, 1e-7)
+    )
+    for current in (1.2, 0.0, 0.5):
+        pull = blunt.hold(current, CIRCUIT.cone_depth_m + 1e-3)
+        assert sharp.hold(current, CIRCUIT.cone_depth_m + 1e-3) == pytest.approx(pull, rel=1e-6)
+    assert pull > 0.1
+
+
 def test_a_solenoid_may_be_stepped_coarsely_and_in_both_directions_of_the_gap() -> None:
     coarse, fine = solenoid(), solenoid()
     coarse.hold(1.0, 1e-3)

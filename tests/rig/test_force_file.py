@@ -99,3 +99,20 @@ def test_what_is_no_toml_is_reported(rig: Path) -> None:
     rig.write_text("format = ")
     with refused("damaged-toml"):
         read_rig(rig)
+
+
+@pytest.mark.parametrize(
+    ("key", "old", "new"),
+    [
+        ("case[4].gaps_m[7]", "2.6e-3, 2.8e-3]", "2.6e-3, 9e-3]"),
+        ("case[3].high_m", "high_m = 0.0028", "high_m = 1.0"),
+        ("case[3].low_m", "low_m = 0.0\nhigh_m = 4.0e-3", "low_m = 1.1e-3\nhigh_m = 4.0e-3"),
+    ],
+)
+def test_gaps_that_the_sensor_does_not_read_are_refused_before_a_run(
+    rig: Path, key: str, old: str, new: str
+) -> None:
+    change(rig, old, new)
+    with refused(f"beyond-sensor {key}", TomlFileError) as caught:
+        read_rig(rig)
+    assert str(caught.value).startswith(f"{rig}:")

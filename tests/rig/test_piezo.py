@@ -10,7 +10,8 @@ import pytest
 
 from anhyst._core import PiezoLoop
 from anhyst.rig.piezo import at_rest, controller_numbers, read_piezo_rig
-from anhyst.support.numeric import FloatArray
+from anhyst.study.piezo import follow, judged_from, measure, reference
+from anhyst.support.numeric import FloatArray, rms
 from tests.refusals import refused
 from tests.study import piezos
 
@@ -64,10 +65,40 @@ def test_a_compensator_that_follows_a_voltage_knows_the_stack_as_one_that_drove_
     assert abs(followed.solve(2e-5) - at_rest(drove).solve(2e-5)) > 0.5  # which knows nothing
 
 
-def test_more_creep_than_the_plant_has_room_for_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("code", "was", "now"),
+    [
+        ("too-many-creeps stack[1]", "[0.15, 1.2, 11.0, 90.0]", str([1.0] * 9)),
+        ("greater-than-equal stack[1].creep_times_s[1]", "[0.15,", "[1e-6,"),
+        ("greater-than-equal case[1].cycles", "cycles = 6", "cycles = 2"),  # nothing to judge
+        ("too-long case[1]", "corner_s = 4.2e-3", "corner_s = 0.06"),
+        ("out-of-range case[1].frequency_Hz", "rate_Hz = 10000.0", "rate_Hz = 100.0"),
+        ("less-than-equal body[1].resonance_Hz", "resonance_Hz = 480.0", "resonance_Hz = 9e9"),
+        ("less-than-equal body[1].damping_ratio", "damping_ratio = 0.03", "damping_ratio = 20.0"),
+        ("greater-than amplifier[1].high_V", "high_V = 150.0", "high_V = 0.0"),
+    ],
+)
+def test_what_the_plant_cannot_follow_or_nobody_can_judge_is_refused(
+    code: str, was: str, now: str, tmp_path: Path
+) -> None:
     text = (piezos.EXAMPLE / "rig.toml").read_text(encoding="utf-8")
-    text = text.replace("[0.15, 1.2, 11.0, 90.0]", str([1.0] * 9))
-    text = text.replace("[0.007, 0.006, 0.006, 0.008]", str([0.001] * 9))
-    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
-    with refused("too-many-creeps stack[1]"):
+    if "creeps" in code:
+        text = text.replace("[0.007, 0.006, 0.006, 0.008]", str([0.001] * 9))
+    assert was in text
+    (tmp_path / "rig.toml").write_text(text.replace(was, now), encoding="utf-8")
+    with refused(code):
         read_piezo_rig(tmp_path / "rig.toml")
+
+
+def test_a_stack_that_runs_away_is_named() -> None:
+    settings = piezos.rig().settings.changed({"stack.beta_per_V": 1e6})
+    with refused("stack-leaves-all-bounds stack[1]"):
+        measure(replace(piezos.rig(), settings=settings))
+
+
+def test_a_position_that_no_converter_rounds_is_read_as_it_is() -> None:
+    settings = piezos.rig().settings.changed({"position_sensor.step_m": 0.0})
+    rig = replace(piezos.rig(), settings=settings)
+    run = follow(rig, reference(rig), piezos.inverses()["full"])
+    assert not run.lost
+    assert rms(run["error_m"][judged_from(rig) :]) < 3e-8

@@ -298,16 +298,32 @@ def test_the_map_of_any_rig_is_written_with_its_page(tmp_path: Path) -> None:
     assert "a certain gain in" in page.text
 
 
+@pytest.mark.slow
+def test_a_rig_that_no_method_holds_has_its_map_and_page_too(tmp_path: Path) -> None:
+    text = PIEZO.read_text().replace("bandwidth_Hz = 100.0", "bandwidth_Hz = 500.0")
+    (tmp_path / "rig.toml").write_text(text)
+    simulate_rig(tmp_path / "rig.toml", out=tmp_path / "map.json", benefit=True)
+    first, *_ = json.loads((tmp_path / "map.json").read_text())["cells"]
+    assert first["figures"] == {}
+    assert first["against_strongest"]["rms_m"] == {"baseline": None, "outcome": "no gain"}
+    assert "a certain gain in" in Page((tmp_path / "report.html").read_text()).text
+
+
+def outcome(iron: IronFigures, values: Mapping[MethodName, Mapping[str, FloatArray]]) -> str:
+    cell = compare_cell(iron, "triangle", values, {}, False, ["settling_s"])
+    return cell.strongest["settling_s"].outcome
+
+
+def test_what_every_method_lost_is_compared_with_nothing() -> None:
+    assert outcome(IronFigures(1.0, None, 0.05, None, None, ""), {}) == "no gain"
+
+
 def test_a_run_that_never_settled_is_no_gain() -> None:
     iron = IronFigures(1.0, None, 0.05, None, None, "")
     values: dict[MethodName, Mapping[str, FloatArray]] = {
         "single-valued": {"settling_s": np.array([0.01, 0.011])},
         "full": {"settling_s": np.array([0.002, math.inf])},
     }
-    assert (
-        compare_cell(iron, "triangle", values, {}, False).strongest["settling_s"].outcome == "loss"
-    )
+    assert outcome(iron, values) == "loss"
     values["full"] = {"settling_s": np.array([0.002, 0.003])}
-    assert (
-        compare_cell(iron, "triangle", values, {}, False).strongest["settling_s"].outcome == "gain"
-    )
+    assert outcome(iron, values) == "gain"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +20,7 @@ from anhyst.rig.calibration import (
     ParameterName,
     read_calibration,
 )
+from anhyst.rig.case_table import DisplacementCase, TrajectoryCase
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
@@ -337,14 +338,20 @@ def _time_faults(file: RigFile) -> Iterator[FileFault]:
         text = f"holds a step for {hold * rate:.3g} ticks of 1/{rate:g} s"
         text += f"; {LEAST_HOLD} at least, {LEAST_HOLD / rate:.4g} s"
         yield FileFault(file.place(file.step, "hold_s"), text, code="too-short")
-    most, least = rate / TICKS_PER_PERIOD, 1.0 / LONGEST_PERIOD_S
-    for trajectory in file.trajectories:
-        frequency, text = trajectory.frequency_Hz, ""
+    yield from frequency_faults(file, file.trajectories)
+
+
+def frequency_faults(
+    file: RigFile, cases: Iterable[TrajectoryCase | DisplacementCase]
+) -> Iterator[FileFault]:
+    """Find references that move too fast for the rate, or too slowly."""
+    most, least = file.timing.rate_Hz / TICKS_PER_PERIOD, 1.0 / LONGEST_PERIOD_S
+    for case in cases:
+        frequency, text = case.frequency_Hz, ""
         if frequency >= most:
             text = f"{frequency:g} Hz is not below a tenth of rate_Hz, {most:g} Hz; lower it"
         elif frequency < least:
             text = f"a period of {1.0 / frequency:.4g} s is longer than {LONGEST_PERIOD_S:g} s"
             text += "; raise it"
         if text:
-            key = file.place(trajectory, "frequency_Hz")
-            yield FileFault(key, text, code="out-of-range")
+            yield FileFault(file.place(case, "frequency_Hz"), text, code="out-of-range")

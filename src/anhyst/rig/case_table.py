@@ -139,7 +139,16 @@ class DisplacementCase(Table):
     frequency_Hz: Positive
     low_m: NotNegative
     corner_s: Positive
-    cycles: Positive
+    cycles: Annotated[float, Field(ge=3.0)]  # the first two are not judged
+
+    @model_validator(mode="after")
+    def _has_flanks(self) -> Self:
+        if self.corner_s * self.frequency_Hz > 0.5:
+            raise InputError(
+                "corner_s must be at most half a period of the triangle; shorten it",
+                code="too-long",
+            )
+        return self
 
 
 CaseEntry = Annotated[

@@ -18,6 +18,7 @@ from anhyst.rig.body import BodyRig
 from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.sensor_table import NoisySensor, Sensors
+from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 
@@ -72,8 +73,15 @@ def read_stack(rig: PiezoRig, voltage: FloatArray, sample: float, seed: Seed) ->
     """Return the displacements, m, that the sensor of a piezo stage reads, from long rest at 0 V."""
     sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(seed).standard_normal(voltage.size)
-    place = rig.motion(sample).run(voltage)
-    return np.asarray(np.round((place + noise) / sensor.step_m) * sensor.step_m)
+    read = rig.motion(sample).run(voltage) + noise
+    if not np.abs(read).max() < 1.0:
+        raise InputError(
+            f"{rig.path}: stack[1]: stretches beyond 1 m where its loops are measured; correct its "
+            "numbers",
+            code="stack-leaves-all-bounds",
+            key="stack[1]",
+        )
+    return np.asarray(np.round(read / sensor.step_m) * sensor.step_m if sensor.step_m else read)
 
 
 def measure_path(

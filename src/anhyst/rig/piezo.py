@@ -18,8 +18,10 @@ from anhyst._core import PiezoLoop, PiezoMotion
 from anhyst.compensate.force_controller import ForceController
 from anhyst.control.pidd2 import Biquad, integrator, notch
 from anhyst.control.position import Allocation
+from anhyst.rig.body import frequency_faults
 from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
+from anhyst.rig.old_files import rig_error
 from anhyst.rig.recording import Loss, SignalBound, find_loss
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -105,7 +107,10 @@ def steps_in(file: RigFile, seconds: float) -> int:
 
 def read_piezo_rig(path: PathLike) -> PiezoRig:
     """Read and check the rig file of a piezo stage."""
-    return PiezoRig(Path(path), read_rig_file(path, [FileKind.PIEZO]))
+    settings = read_rig_file(path, [FileKind.PIEZO])
+    if faults := [*frequency_faults(settings, [settings.moved])]:
+        raise rig_error(path, faults)
+    return PiezoRig(Path(path), settings)
 
 
 def at_rest(inverse: ForceController) -> ForceController:

@@ -81,7 +81,7 @@ class StackAmplifierTable(Table):
 
     mode: Literal["stack"]
     low_V: Number
-    high_V: Number
+    high_V: Positive
     time_constant_s: Positive
 
     @model_validator(mode="after")
@@ -143,8 +143,9 @@ class BodyTable(Table):
 class FlexureTable(Table):
     """``[[body]]`` on flexures: mass and stiffness, by what they make."""
 
-    resonance_Hz: Positive
-    damping_ratio: Positive
+    # as the steps of the plant's integration follow them
+    resonance_Hz: Annotated[float, Field(gt=0.0, le=1e5)]
+    damping_ratio: Annotated[float, Field(gt=0.0, le=3.0)]
 
 
 BodyEntry = Annotated[
@@ -172,7 +173,7 @@ class StackTable(Table):
     slope_m_per_V: Positive
     beta_per_V: Positive
     gamma_per_V: NotNegative
-    creep_times_s: list[Positive]
+    creep_times_s: list[Annotated[float, Field(ge=1e-4)]]  # as these steps follow them
     creep_shares: list[NotNegative]
 
     @model_validator(mode="after")

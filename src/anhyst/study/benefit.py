@@ -278,7 +278,7 @@ def _of_step(
         for name, pairs in runs.items()
     }
     probed = rig.settings.hall_probe is not None
-    return compare_cell(iron, height, values, still, probed)
+    return compare_cell(iron, height, values, still, probed, [metric.key for metric in OF_STEPS])
 
 
 def compare_cell(
@@ -287,9 +287,9 @@ def compare_cell(
     values: _Values,
     still: Mapping[MethodName, float],
     probed: bool,
+    keys: Sequence[str],
 ) -> MapCell:
-    """Return the cell of an iron from figures by method and key, one a seed."""
-    keys = dict.fromkeys(key for figures in values.values() for key in figures)
+    """Return the cell of an iron from figures by method and key, one a seed; by none if all were lost."""
 
     def against(*baselines: MethodName) -> dict[str, Comparison]:
         compared = {key: _compare(values, key, baselines) for key in keys}
@@ -394,7 +394,7 @@ def _map_plants(work: _PlantWork) -> tuple[list[MapCell], tuple[Metric, ...]]:
     held = {
         method: each for method, each in runs.items() if not any("lost_s" in run for run in each)
     }
-    cells = []
+    cells, keys = [], [figure.key for figure in plants.figures]
     for case, numbers in _cases(plants).items():
         values = {
             method: {
@@ -403,7 +403,7 @@ def _map_plants(work: _PlantWork) -> tuple[list[MapCell], tuple[Metric, ...]]:
             }
             for method, each in held.items()
         }
-        cells.append(compare_cell(iron, case, values, {}, "flux" in plants.methods))
+        cells.append(compare_cell(iron, case, values, {}, "flux" in plants.methods, keys))
     metrics = tuple(Metric(one.key, one.title, one.unit, one.factor) for one in plants.figures)
     return cells, metrics
 

@@ -53,8 +53,8 @@ static const char *tick(const void *tables, void *state, double *values, double 
 {
   state_of *now = (state_of *)state;
   double signals[4] = {0.0, values[DEMAND]};
-  if (!(values[GAP] > 0.0)) {
-    return "a gap must be above 0";
+  if (!(values[GAP] >= 1e-9 && values[GAP] <= 1.0)) { /* the iron would not come back from it */
+    return "a gap is from 1e-9 to 1 m";
   }
   anhyst_plant_held_tick(&force_held, &now->plant, values[COMMAND], values[GAP], values + NOISE,
                          values + CURRENT);

@@ -6,6 +6,7 @@ Everything is SI and the unit stands in the key. Every key is described in docs/
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -28,13 +29,14 @@ from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.measurement_table import Measured, MeasurementTable
+from anhyst.rig.old_files import rig_error
 from anhyst.rig.parts.iron import BY_FAMILY, CellSteel, DuhemSteel, PreisachSteel
 from anhyst.rig.parts.magnet import CircuitTable, FluxPath, iron_magnet, solenoid_magnet
 from anhyst.rig.sensor_table import NoisySensor, Sensors
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray, passed
-from anhyst.support.toml_file import BRANCH, Table, read_toml
+from anhyst.support.toml_file import BRANCH, FileFault, Table, read_toml
 
 READ = ("gap", "force", "current")
 """What sensors of the plant read, in the order of ``anhyst_plant/held.h``."""
@@ -164,10 +166,26 @@ class Rig:
         return self.instruments([0, *seed], sample)
 
 
+def _gap_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find gaps of cases that the gap sensor does not read: a controller ends in a fault there."""
+    sensor, held, moving = file.gap_sensor, file.held, file.moving
+    for case, keys, gap in (
+        *((held, ("gaps_m", number), gap) for number, gap in enumerate(held.gaps_m)),
+        (moving, ("low_m",), moving.low_m),
+        (moving, ("high_m",), moving.high_m),
+    ):
+        if not sensor.low_m <= gap <= sensor.high_m:
+            text = f"the gap sensor reads {sensor.low_m:g} to {sensor.high_m:g} m, not {gap:g} m; "
+            text += "move it or widen that"
+            yield FileFault(file.place(case, *keys), text, code="beyond-sensor")
+
+
 def read_rig(path: PathLike) -> Rig:
     """Read a rig file and the solenoid file it names."""
     file = Path(path)
     settings = read_rig_file(file, [FileKind.FORCE])
+    if faults := [*_gap_faults(settings)]:
+        raise rig_error(file, faults)
     if settings.solenoid is None:
         return Rig(file, settings, None)
     return Rig(file, settings, read_toml(file.parent / settings.solenoid.file, SolenoidFile))
