@@ -182,10 +182,10 @@ def find_inverses(rig: PiezoRig) -> dict[str, ForceController]:
     top = float(loops.loops[0].output.max())
     if target.max() > top:
         raise InputError(
-            f"{rig.path}: [reference]: reaches {1e6 * target.max():.3g} um, the stack "
+            f"{rig.path}: case: the triangle reaches {1e6 * target.max():.3g} um, the stack "
             f"{1e6 * top:.3g} um; lower low_m or stroke_m",
             code="reference-too-far",
-            key="reference",
+            key="case",
         )
     return {
         "none": _constant(loops, rig),
