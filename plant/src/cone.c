@@ -43,7 +43,8 @@ double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, doubl
   double step = HUGE_VAL;
   int i;
   for (i = 0; i < ITERATIONS && fabs(step) > TOLERANCE; i++) {
-    step = (flux - flux_at(at, mmf, slope)) / *slope;
+    const double reached = flux_at(at, mmf, slope);
+    step = (flux - reached) / *slope;
     mmf += step;
     if (flux < 0.0 ? mmf > 0.0 : mmf < 0.0) {
       mmf = 0.0;
