@@ -18,7 +18,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compilation.output import compile_model
 from anhyst.data import History, Loop, Loops
 from anhyst.data.speeds import slow_loops, speeds_of
-from anhyst.draft.drafting import init_force_control
+from anhyst.draft.drafting import init
 from anhyst.identification import identify
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.dynamics import Layers
@@ -336,7 +336,7 @@ def test_solid_iron_that_is_not_whole_is_refused(
 
 def drafted(folder: Path, loops: Loops) -> Any:
     loops.save(folder / "loops.csv")
-    made = init_force_control([folder / "loops.csv"], folder / "my")
+    made = init(folder / "my", [folder / "loops.csv"], force_control=True)
     return read_rig(folder / "my" / "rig.toml").settings, made.found
 
 

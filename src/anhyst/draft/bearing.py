@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from anhyst.data.surface import Tangent
 from anhyst.draft.magnet import Machine, MeasuredMagnet, Value
 from anhyst.draft.text import (
+    SEED,
     Draft,
     Entry,
     FileSection,
@@ -28,6 +29,7 @@ from anhyst.draft.text import (
     nearest,
     noise_entry,
     range_entries,
+    rig_entries,
     sensor_section,
     step_down,
     step_up,
@@ -166,13 +168,11 @@ def draft_bearing(
         f"A magnetic bearing with the magnet of {name}. Drafted by anhyst init: what is marked\n"
         "'guess' is one, the rest follows from the loops or was given. Write your own numbers\n"
         "over it. SI, the unit in the key; docs/rig-file.md says more about every key.",
-        [
-            Entry("format", "anhyst-rig", "what this file is"),
-            Entry("version", 2, "of the format"),
-            Entry("name", f"bearing with the magnet of {name}", "free text"),
-            Entry("seed", 1, "of all noise"),
+        rig_entries(
+            f"bearing with the magnet of {name}",
+            SEED,
             Entry("noise_seeds", 20, "runs with other noise"),
-        ],
+        ),
         [
             FileSection("timing", "when what happens", _timing(numbers)),
             loops_section(loops, reading),

@@ -244,10 +244,8 @@ def init(
         raise InputError(
             "nothing to begin with: name files with loops, or --example bearing", code="no-loops"
         )
-    if force_control:
-        return init_force_control(loops, out, options, progress)
-    if stage:
-        return init_stage(loops, out, wanted, options, progress)
+    if force_control or stage:
+        return init_rig(loops, out, options, progress, wanted if stage else None)
     return init_bearing(loops, out, wanted, options, progress)
 
 
@@ -298,43 +296,26 @@ def _init_piezo(loops: Loops, source: _Source, out: PathLike, wanted: Wanted) ->
     return _put(out, files, source, RUN_PIEZO, found_lines(stack))
 
 
-def init_force_control(
+def init_rig(
     paths: Sequence[PathLike],
     out: PathLike,
-    options: ReadOptions | None = None,
-    progress: Progress | None = None,
+    options: ReadOptions,
+    progress: Progress | None,
+    stage: Wanted | None = None,
 ) -> Drafted:
-    """Write the rig file of a magnet whose force is controlled, with its loops beside it."""
+    """Write the rig file of a stage between two magnets, or of one whose force is controlled."""
     check_new(out, [RIG, LOOPS])
-    options = options or ReadOptions()
     source = _Source(paths, options)
     loops = options.read(paths, progress)
     try:
         reach = reach_of(loops)
-        draft = draft_force_control(source.name, source.key, source.reading, reach)
+        of = source.name, source.key, source.reading, reach
+        draft = draft_force_control(*of) if stage is None else draft_stage(*of, stage)
     except InputError as error:
         raise error.at(source.text) from error
     lines = [line] if (line := rate_line(loops)) else []
-    return _put(out, {RIG: draft}, source, NEXT["solenoid"], (_magnet(reach), *lines))
-
-
-def init_stage(
-    paths: Sequence[PathLike],
-    out: PathLike,
-    wanted: Wanted,
-    options: ReadOptions | None = None,
-    progress: Progress | None = None,
-) -> Drafted:
-    """Write the rig file of a stage between two magnets, with the loops of one beside it."""
-    check_new(out, [RIG, LOOPS])
-    options = options or ReadOptions()
-    source = _Source(paths, options)
-    try:
-        reach = reach_of(options.read(paths, progress))
-        draft = draft_stage(source.name, source.key, source.reading, reach, wanted)
-    except InputError as error:
-        raise error.at(source.text) from error
-    return _put(out, {RIG: draft}, source, NEXT["stage"], (_magnet(reach),))
+    run = NEXT["solenoid" if stage is None else "stage"]
+    return _put(out, {RIG: draft}, source, run, (_magnet(reach), *lines))
 
 
 def init_example(name: str, out: PathLike) -> Drafted:

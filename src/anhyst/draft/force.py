@@ -8,6 +8,7 @@ import numpy as np
 
 from anhyst.draft.magnet import MeasuredMagnet
 from anhyst.draft.text import (
+    SEED,
     Draft,
     Entry,
     FileSection,
@@ -18,6 +19,7 @@ from anhyst.draft.text import (
     nearest,
     noise_entry,
     range_entries,
+    rig_entries,
     sensor_section,
     up,
 )
@@ -69,12 +71,7 @@ def draft_force_control(
         f"Force control of the magnet of {name}, open loop. Drafted by anhyst init: what is\n"
         "marked 'guess' is one, the rest follows from the loops. Write your own numbers over it.\n"
         "SI, the unit in the key; docs/force-control.md says more about every key.",
-        [
-            Entry("format", "anhyst-rig", "what this file is"),
-            Entry("version", 2, "of the format"),
-            Entry("name", f"force control of the magnet of {name}", "free text"),
-            Entry("seed", 1, "of all noise"),
-        ],
+        rig_entries(f"force control of the magnet of {name}", SEED),
         [
             FileSection(
                 "timing",

@@ -27,12 +27,12 @@ from anhyst.draft.text import (
     down,
     nearest,
     noise_entry,
+    rig_entries,
     sensor_section,
     step_down,
     up,
 )
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import RIG_FORMAT
 from anhyst.support.numeric import FloatArray
 
 CREEP = (1 / 100, 1 / 10, 1.0)
@@ -300,11 +300,7 @@ def draft_piezo(name: str, loops: Loops, stack: FittedStack) -> Draft:
         "marked 'guess' is one. Write your own numbers over it. SI, the unit in the key;\n"
         "docs/rig-file.md says more about every key."
     )
-    first = [
-        Entry("format", RIG_FORMAT, "what this file is"),
-        Entry("version", 2, "of the format"),
-        Entry("name", f"piezo stage with the stack of {name}", "free text"),
-    ]
+    first = rig_entries(f"piezo stage with the stack of {name}")
     return Draft(head, first, _sections(loops, stack))
 
 

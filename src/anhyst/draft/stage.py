@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from anhyst.draft.bearing import SUPPLIES, force_sensor, measurement, shunt
 from anhyst.draft.magnet import MeasuredMagnet, Value, Wanted
 from anhyst.draft.text import (
+    SEED,
     Draft,
     Entry,
     FileSection,
@@ -18,6 +19,7 @@ from anhyst.draft.text import (
     loops_section,
     magnet_section,
     nearest,
+    rig_entries,
     sensor_section,
     step_up,
     up,
@@ -71,13 +73,11 @@ def draft_stage(
         f"A stage of one axis between two of the magnet of {name}. Drafted by anhyst init: what is\n"
         "marked 'guess' is one, the rest follows from the loops or was given. Write your own\n"
         "numbers over it. SI, the unit in the key; docs/rig-file.md says more about every key.",
-        [
-            Entry("format", "anhyst-rig", "what this file is"),
-            Entry("version", 2, "of the format"),
-            Entry("name", f"stage with the magnet of {name}", "free text"),
-            Entry("seed", 1, "of all noise"),
+        rig_entries(
+            f"stage with the magnet of {name}",
+            SEED,
             Entry("noise_seeds", 10, "runs with other noise"),
-        ],
+        ),
         [
             FileSection("timing", "when what happens", _timing()),
             loops_section(loops, reading),

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from anhyst.support.kinds import RIG_FORMAT
 from anhyst.support.toml_text import toml_key, toml_value, with_comment
 
 SMALL = 1e-2
@@ -135,6 +136,19 @@ def step_down(value: float) -> float:
 def _shifted(value: float, digits: int, whole: Callable[[float], int], slack: float) -> float:
     decade = math.floor(math.log10(value)) - digits + 1
     return float(f"{whole(value / 10.0**decade * (1.0 + slack))}e{decade}")
+
+
+SEED = Entry("seed", 1, "of all noise")
+
+
+def rig_entries(name: str, *more: Entry) -> list[Entry]:
+    """Return what a rig file begins with."""
+    return [
+        Entry("format", RIG_FORMAT, "what this file is"),
+        Entry("version", 2, "of the format"),
+        Entry("name", name, "free text"),
+        *more,
+    ]
 
 
 def loops_section(
