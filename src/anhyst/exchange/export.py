@@ -194,8 +194,9 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
             FileKind.BEARING: bearing_part,
             FileKind.STAGE: stage_part,
             FileKind.FORCE: force_part,
+            FileKind.PIEZO: piezo_part,
         }
-        return parts.get(file, piezo_part)(model)
+        return parts[file](model)
     if of == "actuator":
         for name, value in (("--rate", rate), ("--kind", kind)):
             if value is not None:

@@ -29,7 +29,7 @@ from anhyst.rig.measuring import measure_loops
 from anhyst.rig.parts.iron import NamedCells
 from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.stage.loop import identify_stage
-from anhyst.study.bearing.operating import PATHOLOGICAL, find_operating_point
+from anhyst.study.bearing.operating import find_operating_point, label_of
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
 from anhyst.study.engine.monte_carlo import Plants
 from anhyst.study.engine.table import Interval, Metric, Quotient, mean_interval, quotient
@@ -384,7 +384,7 @@ def _map_plants(work: _PlantWork) -> tuple[list[MapCell], tuple[Metric, ...]]:
     """Run one iron behind every method."""
     loops, plants = _with_other_iron(work)
     share = reversal_share(loops)
-    label = "" if share is None else "pathological" if share < PATHOLOGICAL else "regular"
+    label = "" if share is None else label_of(share)
     width = judge(loops).width_relative
     iron = IronFigures(work.scale, work.fraction, width, share, None, label)
     runs = {
@@ -404,8 +404,7 @@ def _map_plants(work: _PlantWork) -> tuple[list[MapCell], tuple[Metric, ...]]:
             for method, each in held.items()
         }
         cells.append(compare_cell(iron, case, values, {}, "flux" in plants.methods, keys))
-    metrics = tuple(Metric(one.key, one.title, one.unit, one.factor) for one in plants.figures)
-    return cells, metrics
+    return cells, plants.figures
 
 
 def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
@@ -431,7 +430,8 @@ def _with_other_iron(work: _PlantWork) -> tuple[Loops, Plants]:
     if isinstance(rig, PiezoRig):
         slope = scale * rig.settings.stack.slope_m_per_V
         wider = replace(rig, settings=rig.settings.changed({"stack.slope_m_per_V": slope}))
-        return measure_stack(wider), piezo_plants(wider)
+        loops = measure_stack(wider)
+        return loops, piezo_plants(wider, loops)
     if isinstance(rig, Rig):
         other = drifted_rig(rig, Drift(pinning=scale - 1.0))
         loops = excite_specimen(force_specimen(other)).loops

@@ -170,13 +170,13 @@ def judged_from(rig: PiezoRig) -> int:
     return round(LEAD * rig.settings.timing.rate_Hz / rig.settings.moved.frequency_Hz)
 
 
-def find_inverses(rig: PiezoRig) -> dict[str, ForceController]:
-    """Measure the stage and make every way from displacement to voltage."""
+def find_inverses(rig: PiezoRig, loops: Loops | None = None) -> dict[str, ForceController]:
+    """Make every way from displacement to voltage, of loops of the stage or of some measured now."""
     try:
         notch_of(rig.settings)  # before the work
     except InputError as error:
         raise error.at(rig.path) from error
-    loops = measure(rig)
+    loops = loops or measure(rig)
     model = whole_search(identify(loops)).model
     target = reference(rig)
     top = float(loops.loops[0].output.max())

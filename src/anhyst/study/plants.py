@@ -234,9 +234,9 @@ METHODS: Mapping[MethodName, str] = {
 """Of the engine, and what a piezo stage calls them."""
 
 
-def piezo_plants(rig: PiezoRig) -> Plants:
+def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
     """Return what plants of a piezo stage are run with; its loops are those of the nominal one."""
-    inverses = find_inverses(rig)
+    inverses = find_inverses(rig, loops)
     return Plants(
         file=rig.settings,
         work=PiezoWork(rig, {name: inverses[way] for name, way in METHODS.items()}),

@@ -241,7 +241,12 @@ class Reversal:
     @property
     def label(self) -> Literal["regular", "pathological"]:
         """What that makes of the iron."""
-        return "pathological" if self.share < PATHOLOGICAL else "regular"
+        return label_of(self.share)
+
+
+def label_of(share: float) -> Literal["regular", "pathological"]:
+    """Return what an iron is called whose slope after a reversal is this part of the static one."""
+    return "pathological" if share < PATHOLOGICAL else "regular"
 
 
 def measure_reversal(

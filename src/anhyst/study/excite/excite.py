@@ -75,7 +75,8 @@ def read_specimen(path: PathLike) -> ReadSpecimen:
     files = [file for file in (file_path, bearing.model, bearing.flux_table) if file is not None]
     if bearing.settings.magnet.from_loops:
         files += bearing.measured.files
-        bearing = complete_rig(bearing, bearing.measured.read())
+        if bearing.fitted is None:  # a stage is whole already
+            bearing = complete_rig(bearing, bearing.measured.read())
     return ReadSpecimen(bearing_specimen(bearing), tuple(files), measure)
 
 
