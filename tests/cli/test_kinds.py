@@ -51,7 +51,7 @@ MEASURED, MODEL, STAGES = {"measurement"}, {"model"}, {"stage", "planar"}
 RIGS = {"bearing", *STAGES, "piezo", "force"}
 WORKS = {
     "inspect": MEASURED,
-    "convert": MEASURED | RIGS,
+    "convert": MEASURED,
     "identify": MEASURED,
     "fleet": MEASURED,
     "init": MEASURED,
@@ -165,8 +165,6 @@ def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
 ) -> None:
     path = written(kind, tmp_path)
     (tmp_path / "drive.csv").write_text("t_s,I_A,F_N,gap_m\n0,0,0,5e-4\n1,1,1,5e-4\n")
-    if verb == "convert" and kind in RIGS:
-        monkeypatch.setitem(OPTIONS, "convert", ["out.toml"])
     if (verb, kind) == ("export", "model"):
         monkeypatch.setitem(OPTIONS, "export", [*OPTIONS["export"], "--rate", "1000"])
     expected = spoil(path)
@@ -208,7 +206,7 @@ def test_the_page_says_which_rig_a_verb_takes() -> None:
         r"^\| `([\w-]+)` \|(.*)\|$", page.partition("### What a rig")[2].partition("\n## ")[0], re.M
     )
     columns = (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO, FileKind.FORCE)
-    verbs = {verb for verb, kinds in TAKES.items() if verb != "convert" and {*kinds} & {*columns}}
+    verbs = {verb for verb, kinds in TAKES.items() if {*kinds} & {*columns}}
     assert {verb for verb, _ in rows} == verbs
     for verb, cells in rows:
         taken = [cell.strip() == "yes" for cell in cells.split("|")]

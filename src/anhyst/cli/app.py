@@ -26,7 +26,6 @@ from anhyst.support.errors import (
     InputError,
     Interrupted,
     NegativeResult,
-    RenamedWarning,
 )
 
 BAD_INPUT = 2
@@ -127,8 +126,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         with warnings.catch_warnings():
             # Verbs say themselves what a user has to know; lines of libraries are for developers.
             warnings.simplefilter("ignore")
-            for own in (RenamedWarning, CreepWarning):
-                warnings.simplefilter("always", own)
+            warnings.simplefilter("always", CreepWarning)
             warnings.showwarning = lambda text, *_: warn(str(text))
             return int(
                 command_of(app)(args=arguments, prog_name="anhyst", standalone_mode=False) or 0

@@ -175,7 +175,7 @@ def convert(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="A measurement in any format that is read, or a rig file.",
+            help="A measurement in any format that can be read.",
             callback=of_its_kind,
         ),
     ],
@@ -183,12 +183,12 @@ def convert(
         Path,
         typer.Argument(
             metavar="OUT",
-            help="To write: .csv, .mat, .mf4, .tdms, .h5 or .parquet; .toml for a rig.",
+            help="File to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet.",
         ),
     ],
     as_json: AsJson = False,
 ) -> None:
-    """Write a measurement in another file format, or a rig file in the format of today.
+    """Write a measurement in another file format.
 
     Values stay bit for bit. Where a format cannot hold something, such as groups in a CSV, it is
     said; channels on several clocks are interpolated onto the finest for a CSV or Parquet file.
@@ -201,8 +201,6 @@ def convert(
         warn(text)
     if as_json:
         print_json(asdict(done))
-    elif not done.channels:
-        show(f"written: {done.out}")
     else:
         channels = "one channel" if done.channels == 1 else f"{done.channels} channels"
         show(f"{done.out}: {channels}, {done.samples} samples")

@@ -26,7 +26,6 @@ from anhyst.support.toml_file import (
     NotNegative,
     Number,
     Positive,
-    Renamed,
     Share,
     Table,
     faults_error,
@@ -37,12 +36,6 @@ from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import toml_value
 
 Ticks = Annotated[int, Field(ge=0, le=65535)]
-
-RENAMED = (
-    Renamed(("compensation",), "variant", {"ratio-chord": "secant", "static": "single-valued"}),
-    Renamed(("safety",), "patience_ticks", "max_missing_samples"),
-)
-"""What older files call otherwise."""
 
 RELEASE_S = 0.1
 """Time in which the largest current goes to zero when nothing is controlled, s."""
@@ -297,7 +290,7 @@ class ControllerFile:
 def read_controller(path: PathLike) -> ControllerFile:
     """Read a controller file."""
     file = Path(path)
-    settings = read_toml(file, ControllerTable, RENAMED, [FileKind.CONTROLLER])
+    settings = read_toml(file, ControllerTable, [FileKind.CONTROLLER])
     faults = _own_faults(settings)
     if faults:
         raise faults_error(file, faults)

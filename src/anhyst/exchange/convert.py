@@ -1,8 +1,7 @@
-"""The verb ``convert``: a measurement in another format, or a rig file in the format of today."""
+"""Write a measurement in another file format (the verb ``convert``)."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,12 +21,10 @@ from anhyst.data.formats.channels import (
     sections,
 )
 from anhyst.data.table import check_recording, read_columns, write_sections
-from anhyst.rig.kind_rules import read_rig_file
-from anhyst.rig.rewriting import rewrite_rig
 from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError, RenamedWarning
+from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.kinds import RIGS, FileKind, refuse_other
+from anhyst.support.kinds import TAKES, refuse_other
 from anhyst.support.units import split_header
 
 
@@ -42,31 +39,6 @@ class Conversion:
     channels: int
     samples: int
     notes: tuple[str, ...]
-
-
-def convert_measurement(
-    source: PathLike, out: PathLike, progress: Progress | None = None
-) -> Conversion:
-    """Write a measurement in the format that a file's name says."""
-    source, out = Path(source), Path(out)
-    check_recording(out, reads=[source])
-    opened = open_table(source, least=1)
-    file = opened.file if isinstance(opened, ChannelTable) else _file_of(source, progress)
-    notes = [*file.notes]
-    if out.suffix.lower() in ONE_TABLE:
-        parts, remarks = _one_table(ChannelTable(file))
-        notes += remarks
-    else:
-        parts = sections(file)
-    parts, left = _without_complex(parts)
-    lengths = [len(signal.values) for part in parts for signal in part.series]
-    if not lengths:
-        raise InputError(
-            f"{source}: holds nothing that can be written; {'; '.join(left)}",
-            code="nothing-to-write",
-        )
-    notes += [*left, *write_sections(out, parts)]
-    return Conversion(str(out), len(lengths), max(lengths), tuple(notes))
 
 
 def _file_of(source: Path, progress: Progress | None) -> ChannelFile:
@@ -126,36 +98,47 @@ def _without_complex(parts: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup],
 
 
 def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -> Conversion:
-    """Write a measurement in the format that a file's name says, or a rig file in that of today.
+    """Write a measurement in the format that the suffix of a file name states.
 
-    Values stay bit for bit. A format of one table gets channels of several clocks interpolated
-    onto the finest, and a note. Comments of a rig file stay beside their keys.
+    Values stay bit for bit. If the format holds a single table, channels on several clocks are
+    interpolated onto the finest clock, and a note says so.
 
     Parameters
     ----------
     source
-        A measurement in any format that is read, or a rig file of any age.
+        A measurement in any format that can be read.
     out
-        To write; one that exists is replaced.
+        File to write; an existing file is replaced.
     progress
-        Called with bytes read and file size, where the source is text.
+        Called with the bytes read and the file size, if the source is text.
 
     Returns
     -------
     Conversion
-        What was written; of a rig file no channels.
+        The number of channels and samples that were written.
 
     Raises
     ------
     InputError
-        The source cannot be read, the format cannot be written, or holds nothing of the source.
+        The source cannot be read, the format cannot be written, or it holds nothing of the source.
     """
-    if refuse_other(source, [FileKind.MEASUREMENT, *RIGS], "convert") not in RIGS:
-        return convert_measurement(source, out, progress)
-    if not str(out).lower().endswith(".toml"):
-        raise InputError(f"{out}: a rig file is TOML; name it .toml", code="unknown-format")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RenamedWarning)
-        read_rig_file(source, RIGS)  # what is wrong with it is said by its own lines
-    rewrite_rig(source, out)
-    return Conversion(str(out), 0, 0, ())
+    refuse_other(source, TAKES["convert"], "convert")
+    source, out = Path(source), Path(out)
+    check_recording(out, reads=[source])
+    opened = open_table(source, least=1)
+    file = opened.file if isinstance(opened, ChannelTable) else _file_of(source, progress)
+    notes = [*file.notes]
+    if out.suffix.lower() in ONE_TABLE:
+        parts, remarks = _one_table(ChannelTable(file))
+        notes += remarks
+    else:
+        parts = sections(file)
+    parts, left = _without_complex(parts)
+    lengths = [len(signal.values) for part in parts for signal in part.series]
+    if not lengths:
+        raise InputError(
+            f"{source}: holds nothing that can be written; {'; '.join(left)}",
+            code="nothing-to-write",
+        )
+    notes += [*left, *write_sections(out, parts)]
+    return Conversion(str(out), len(lengths), max(lengths), tuple(notes))

@@ -26,7 +26,6 @@ from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.magnet_table import LAW
 from anhyst.rig.measurement_table import Measured
-from anhyst.rig.old_files import rig_error
 from anhyst.rig.parts.magnet import (
     FluxTable,
     check_flux_range,
@@ -40,7 +39,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind, MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.toml_file import FileFault, Table
+from anhyst.support.toml_file import FileFault, Table, faults_error
 from anhyst.support.toml_text import Path as KeyPath
 
 LEAST_HOLD = 8
@@ -233,7 +232,7 @@ def read_bearing(path: PathLike) -> BodyRig:
     settings = read_rig_file(file, [FileKind.BEARING])
     faults = [*plant_faults(settings), *_case_faults(settings)]
     if faults:
-        raise rig_error(file, faults)
+        raise faults_error(file, faults)
     return BodyRig(file, settings)
 
 

@@ -21,7 +21,6 @@ from anhyst.rig.case_table import (
 from anhyst.rig.file import RigFile
 from anhyst.rig.magnet_table import CLOSES, FROM_LOOPS, OPENS, LikeTable, MagnetTable, SolenoidTable
 from anhyst.rig.measurement_table import identify_faults
-from anhyst.rig.old_files import modernise, rig_error
 from anhyst.rig.sensor_table import (
     CurrentSensorTable,
     FluxSensorTable,
@@ -42,7 +41,7 @@ from anhyst.rig.tables import (
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import NAMES, FileKind
-from anhyst.support.toml_file import FileFault, Table, read_toml
+from anhyst.support.toml_file import FileFault, Table, faults_error, read_toml
 
 ONE, SOME, ANY, MANY = (1, 1), (0, 1), (0, math.inf), (1, math.inf)
 """How many tables of a kind a rig has."""
@@ -352,11 +351,11 @@ def _opposite_faults(file: RigFile, path: Any, magnet: LikeTable) -> Iterator[Fi
 
 
 def read_rig_file(path: PathLike, kinds: Collection[FileKind]) -> RigFile:
-    """Read the rig file of one of some kinds; files of older formats are read with a warning."""
-    file = read_toml(path, RigFile, kinds=kinds, prepare=modernise)
+    """Read the rig file of one of the given kinds."""
+    file = read_toml(path, RigFile, kinds=kinds)
     faults = [*_count_faults(file), *_single_faults(file), *_key_faults(file), *_name_faults(file)]
     if file.given_loops is not None:
         faults += identify_faults(file.loops)
     if faults:
-        raise rig_error(path, faults)
+        raise faults_error(path, faults)
     return file

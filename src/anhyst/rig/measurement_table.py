@@ -19,12 +19,11 @@ from anhyst.identification.identify import check_wanted
 from anhyst.identification.run import IdentifyTable, whole_search
 from anhyst.laws import LAWS, OWN
 from anhyst.model.actuator import Model
-from anhyst.rig.old_files import rig_error
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.kept import kept
 from anhyst.support.numeric import FloatArray
-from anhyst.support.toml_file import FileFault, Name, NotNegative, Positive, Table
+from anhyst.support.toml_file import FileFault, Name, NotNegative, Positive, Table, faults_error
 from anhyst.support.units import QUANTITIES
 
 # ruff: noqa: N815 - keys of the file carry units
@@ -143,11 +142,13 @@ class Measured:
             if not path.exists():
                 key = (*_FILES, number) if len(self.places) > 1 else _FILES
                 text = f"{path}: no such file or folder; check the path"
-                raise rig_error(self.rig, [FileFault(key, text, code="no-such-file")])
+                raise faults_error(self.rig, [FileFault(key, text, code="no-such-file")])
         try:
             return files_read(self.places, self.options.reading(self.rig.parent).sidecar)
         except InputError as error:
-            raise rig_error(self.rig, [FileFault(_FILES, str(error), code=error.code)]) from error
+            raise faults_error(
+                self.rig, [FileFault(_FILES, str(error), code=error.code)]
+            ) from error
 
     def read(self) -> Loops:
         """Read and clean them."""

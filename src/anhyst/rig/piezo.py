@@ -21,12 +21,12 @@ from anhyst.control.position import Allocation
 from anhyst.rig.body import frequency_faults
 from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
-from anhyst.rig.old_files import rig_error
 from anhyst.rig.recording import Loss, SignalBound, find_loss
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray
+from anhyst.support.toml_file import faults_error
 
 STEP = 25e-6
 """Longest step of the integration, s: a fortieth of the period of 1 kHz."""
@@ -109,7 +109,7 @@ def read_piezo_rig(path: PathLike) -> PiezoRig:
     """Read and check the rig file of a piezo stage."""
     settings = read_rig_file(path, [FileKind.PIEZO])
     if faults := [*frequency_faults(settings, [settings.moved])]:
-        raise rig_error(path, faults)
+        raise faults_error(path, faults)
     return PiezoRig(Path(path), settings)
 
 

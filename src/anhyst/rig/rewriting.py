@@ -1,4 +1,4 @@
-"""A rig file of an older format as a file of today, comments kept where their keys went."""
+"""Write a rig file again with some keys changed; comments stay next to their keys."""
 
 from __future__ import annotations
 
@@ -8,28 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.rig.file import RigFile
-from anhyst.rig.old_files import modernise
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable, seen_from
 from anhyst.support.toml_file import TomlFile
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import parts_of, toml_key, toml_value, with_comment
 
 
-def rewrite_rig(
-    source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any] | None = None, note: str = ""
-) -> None:
-    """Write a rig file in the format of today, some keys changed, with a note before all others.
+def rewrite_rig(source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any], note: str) -> None:
+    """Write a rig file with some keys changed and a note at its head.
 
-    With changes it may lie in another folder: what it names is named as seen from there.
+    The paths in the file are adapted to the folder that the new file is in.
     """
     check_writable(out, [source])
     file = TomlFile(source)
     text = file.text.splitlines()
-    modernise(file, quiet=True)
     last = {line: key for key, line in file.lines.items()}  # on a line with an inline table
     notes = {key: parts_of(text[line - 1]) for line, key in last.items()}
     head = [line for line in _head(text) if line.startswith("#")]
-    values = {**_moved(file, Path(source), Path(out)), **changes} if changes else {}
+    values = {**_moved(file, Path(source), Path(out)), **changes}
     for path, value in values.items():
         file.content[str(path[0])][str(path[1])] = value
     head = [*(f"# {line}".rstrip() for line in [*note.splitlines(), ""] if note), *head]

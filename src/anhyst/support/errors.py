@@ -66,13 +66,6 @@ class Interrupted(RuntimeError):  # noqa: N818 - an end
     """
 
 
-class RenamedWarning(UserWarning):
-    """A file uses an old name; the text gives the line and the new name.
-
-    The command line prints it as ``anhyst: warning: ...``.
-    """
-
-
 class ImplausibleWarning(UserWarning):
     """A value so far from what a model knows that its unit is likely wrong.
 

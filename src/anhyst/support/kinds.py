@@ -47,7 +47,7 @@ RIGS = (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO, FileKind.FORCE)
 _MEASURED, _MODEL = (FileKind.MEASUREMENT,), (FileKind.MODEL,)
 TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "inspect": _MEASURED,
-    "convert": (*_MEASURED, *RIGS),
+    "convert": _MEASURED,
     "identify": _MEASURED,
     "fleet": _MEASURED,
     "init": _MEASURED,
@@ -86,11 +86,6 @@ MEASUREMENTS = frozenset(
 
 
 RIG_FORMAT = "anhyst-rig"
-_OLDER = {
-    "anhyst-bearing": FileKind.BEARING,
-    "anhyst-stage": FileKind.STAGE,
-    "anhyst-piezo-stage": FileKind.PIEZO,
-}
 
 
 def format_of(kind: FileKind) -> str:
@@ -102,15 +97,10 @@ def kind_in(content: Mapping[str, object]) -> FileKind:
     """Return the kind of a TOML file from its contents."""
     text, control = content.get("format"), content.get("control")
     if text == RIG_FORMAT:
-        if content.get("version") == 1:
-            return FileKind.FORCE
         word = control.get("kind") if isinstance(control, dict) else None
         return FileKind(word) if word in RIGS else FileKind.UNKNOWN
-    if not isinstance(text, str):
-        return FileKind.UNKNOWN
-    if text in (FileKind.MODEL, FileKind.CONTROLLER, FileKind.CALIBRATION):
-        return FileKind(text)
-    return _OLDER.get(text, FileKind.UNKNOWN)
+    known = (FileKind.MODEL, FileKind.CONTROLLER, FileKind.CALIBRATION)
+    return FileKind(text) if isinstance(text, str) and text in known else FileKind.UNKNOWN
 
 
 def kind_of(path: PathLike) -> FileKind:

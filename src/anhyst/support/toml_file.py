@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-import warnings
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from types import UnionType
@@ -16,7 +15,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import core_schema
 
 from anhyst.support.atomic import PathLike, read_error
-from anhyst.support.errors import InputError, RenamedWarning
+from anhyst.support.errors import InputError
 from anhyst.support.kinds import NAMES, RIG_FORMAT, FileKind, format_of, kind_in, refuse_other
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import key_lines
@@ -44,16 +43,6 @@ class Advice(NamedTuple):
 
     text: str
     code: str
-
-
-@dataclass(frozen=True, slots=True)
-class Renamed:
-    """A key of older files, or values of one."""
-
-    table: tuple[str, ...]  # path of the table that holds it
-    key: str  # as older files call it
-    # what the key is called now; or, where only its values changed, each old value's new one
-    new: str | Mapping[str, str]
 
 
 class Table(BaseModel):
@@ -173,17 +162,12 @@ class TomlFile:
 def read_toml(
     path: PathLike,
     schema: type[T],
-    renamed: Sequence[Renamed] = (),
     kinds: Collection[FileKind] = (),
-    prepare: Callable[[TomlFile], None] | None = None,
 ) -> T:
-    """Read a TOML file of one of some kinds, once it is prepared."""
+    """Read a TOML file of one of the given kinds."""
     file = TomlFile(path)
     if kinds:
         check_kind(file, kinds)
-    if prepare is not None:
-        prepare(file)
-    _rename(file, renamed)
     try:
         return schema.model_validate(file.content)
     except ValidationError as error:
@@ -212,30 +196,6 @@ def check_kind(file: TomlFile, taken: Collection[FileKind]) -> FileKind:
     return kind
 
 
-def _rename(file: TomlFile, renamed: Sequence[Renamed]) -> None:
-    """Bring older names up to date, in the content and in the lines of the keys."""
-    for key in renamed:
-        table: Any = file.content
-        for part in key.table:
-            table = table.get(part) if isinstance(table, dict) else None
-        if not isinstance(table, dict) or key.key not in table:
-            continue
-        old: KeyPath = (*key.table, key.key)
-        line, value = file.lines[old], table[key.key]
-        if isinstance(key.new, str):
-            if key.new in table:
-                continue
-            table[key.new] = table.pop(key.key)
-            file.lines[*key.table, key.new] = line
-            text = f"is now called {key.new}; write that"
-        elif isinstance(value, str) and value in key.new:
-            table[key.key] = key.new[value]
-            text = f'"{value}" is now called "{key.new[value]}"; write that'
-        else:
-            continue
-        warnings.warn(f"{file.path}:{line}: {dotted(old)}: {text}", RenamedWarning, stacklevel=4)
-
-
 def ordered(low_key: str, low: float, high_key: str, high: float) -> None:
     """Refuse a range that does not rise."""
     if not low < high:
@@ -253,13 +213,9 @@ def tag_by(key: str, default: str = "", **same: str) -> Callable[[Any], str]:
     return tag
 
 
-def faults_error(
-    path: PathLike, faults: Iterable[FileFault], prepare: Callable[[TomlFile], None] | None = None
-) -> TomlFileError:
-    """Say where in a file, once it is prepared, stands what its schema cannot see."""
+def faults_error(path: PathLike, faults: Iterable[FileFault]) -> TomlFileError:
+    """Return the error for faults that the schema of a file cannot see, with their lines."""
     file = TomlFile(path)
-    if prepare is not None:
-        prepare(file)
     for fault in faults:
         file.add(*fault)
     return file.error()

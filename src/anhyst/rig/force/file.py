@@ -29,14 +29,13 @@ from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.measurement_table import Measured, MeasurementTable
-from anhyst.rig.old_files import rig_error
 from anhyst.rig.parts.iron import BY_FAMILY, CellSteel, DuhemSteel, PreisachSteel
 from anhyst.rig.parts.magnet import CircuitTable, FluxPath, iron_magnet, solenoid_magnet
 from anhyst.rig.sensor_table import NoisySensor, Sensors
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray, passed
-from anhyst.support.toml_file import BRANCH, FileFault, Table, read_toml
+from anhyst.support.toml_file import BRANCH, FileFault, Table, faults_error, read_toml
 
 READ = ("gap", "force", "current")
 """What sensors of the plant read, in the order of ``anhyst_plant/held.h``."""
@@ -185,7 +184,7 @@ def read_rig(path: PathLike) -> Rig:
     file = Path(path)
     settings = read_rig_file(file, [FileKind.FORCE])
     if faults := [*_gap_faults(settings)]:
-        raise rig_error(file, faults)
+        raise faults_error(file, faults)
     if settings.solenoid is None:
         return Rig(file, settings, None)
     return Rig(file, settings, read_toml(file.parent / settings.solenoid.file, SolenoidFile))

@@ -25,7 +25,6 @@ from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.magnet_table import DIRECTION_ROUNDING
-from anhyst.rig.old_files import rig_error
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.tables import AXES
 from anhyst.support.atomic import PathLike
@@ -33,6 +32,7 @@ from anhyst.support.kinds import PROBED, FileKind
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import (
     FileFault,
+    faults_error,
 )
 
 _YIELDS = {"x": 1e-2, "y": 5e-3, "z": 1e-4, "rx": 3e-3, "ry": 3e-3, "rz": 1e-4}
@@ -62,7 +62,7 @@ def read_stage(path: PathLike) -> BodyRig:
     if settings.several and not faults:
         faults = list(_axes_faults(settings))
     if faults:
-        raise rig_error(place, faults)
+        raise faults_error(place, faults)
     rig = BodyRig(place, settings)
     return complete_rig(rig, rig.measured.read()) if settings.magnet.from_loops else rig
 

@@ -24,13 +24,12 @@ from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import HeldBearing
-from anhyst.rig.old_files import rig_error
 from anhyst.rig.plant import current_gains
 from anhyst.study.bearing import linear
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, spaced
-from anhyst.support.toml_file import FileFault
+from anhyst.support.toml_file import FileFault, faults_error
 
 _CURRENTS = 1200
 _GAP_STEP = 2e-6
@@ -69,7 +68,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     if not least < wanted < most:
         text = f"{wanted:g} N is not within what the magnet pulls at {gap:g} m"
         text += f", {least:.4g} to {most:.4g} N; correct it"
-        raise rig_error(rig.path, [FileFault(key, text, code="out-of-range")])
+        raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")])
     rising = float(np.interp(wanted, force[:_CURRENTS], up))
     falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
     current = 0.5 * (rising + falling)
@@ -78,7 +77,7 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
         slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
     except ValueError as error:
         text = f"at {wanted:g} N {error}; raise or lower it"
-        raise rig_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
+        raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
     around = 0.05 * high
     ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
     magnets = float(len(rig.settings.placed))
@@ -126,7 +125,7 @@ def check_load(rig: BodyRig, force_max: float) -> None:
             key = rig.settings.place(rig.settings.load_case, "forces_N", index)
             faults.append(FileFault(key, text, code="load-too-large"))
     if faults:
-        raise rig_error(rig.path, faults)
+        raise faults_error(rig.path, faults)
 
 
 def check_rate(rig: BodyRig, pole_Hz: float) -> None:
@@ -135,7 +134,7 @@ def check_rate(rig: BodyRig, pole_Hz: float) -> None:
     if rate < least:
         text = f"{rate:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"
         text += f"; use at least {TICKS_PER_POLE:g} times that, {math.ceil(least)} Hz"
-        raise rig_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
+        raise faults_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
 def _check_rest(rig: BodyRig) -> None:
@@ -146,7 +145,7 @@ def _check_rest(rig: BodyRig) -> None:
     if not rig.load < force:
         text = f"no current lifts {rig.load:.4g} N off the rest at {gap:g} m, the magnet reaches "
         text += f"{force:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
-        raise rig_error(rig.path, [FileFault(("load", "force_N"), text, code="load-too-large")])
+        raise faults_error(rig.path, [FileFault(("load", "force_N"), text, code="load-too-large")])
 
 
 def _check_probe(rig: BodyRig) -> None:
@@ -160,7 +159,7 @@ def _check_probe(rig: BodyRig) -> None:
     density = float(rig.static_map(up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
     if density > probe.range_T:
         text = f"the largest current makes {density:.4g} T at a gap of {gap:g} m; raise it"
-        raise rig_error(
+        raise faults_error(
             rig.path,
             [FileFault(rig.settings.place(probe, "range_T"), text, code="range-too-narrow")],
         )
