@@ -175,7 +175,7 @@ def convert(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="A measurement in any readable format, or a rig file.",
+            help="A measurement in any format that can be read.",
             callback=of_its_kind,
         ),
     ],
@@ -183,12 +183,12 @@ def convert(
         Path,
         typer.Argument(
             metavar="OUT",
-            help="Output file: .csv, .mat, .mf4, .tdms, .h5 or .parquet; .toml for a rig file.",
+            help="File to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet.",
         ),
     ],
     as_json: AsJson = False,
 ) -> None:
-    """Convert a measurement to another file format, or a rig file to the present format.
+    """Write a measurement in another file format.
 
     Values are kept bit for bit. If a format cannot store something, such as groups in CSV, a
     warning says so. For CSV and Parquet, channels with several clocks are interpolated to the
