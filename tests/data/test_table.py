@@ -78,11 +78,13 @@ def test_latin1_degree_sign_is_read(tmp_path: Path) -> None:
         ("I_A,F_N\n", "no-data"),
         ("1,2\n3,4\n", "no-header: line 1"),
         (GOOD.replace("2.5", "abc"), "text-in-numbers F_N: line 3; 'abc'"),
-        (GOOD.replace("2.5", ""), "text-in-numbers F_N: line 3"),
+        (GOOD.replace("2.5", ""), "not-finite F_N: line 3; 1 of 3 samples"),
         (GOOD.replace("2.5", "1_0"), "text-in-numbers F_N: line 3; '1_0'"),
-        (GOOD.replace("2.5", "NaN"), "text-in-numbers F_N: line 3"),
-        (GOOD.replace("2.5", "-inf"), "text-in-numbers F_N: line 3"),
-        (GOOD.replace("2.5", "1e999"), "text-in-numbers F_N: line 3; 1e999"),
+        (GOOD.replace("2.5", "NaN"), "not-finite F_N: line 3"),
+        (GOOD.replace("2.5", "-inf"), "not-finite F_N: line 3"),
+        (GOOD.replace("2.5", "1e999"), "not-finite F_N: line 3"),
+        (GOOD.replace("2.5", "OL"), "not-finite F_N: line 3"),
+        (GOOD.replace("2.5", "-9.9E37"), "not-finite F_N: line 3"),
         (GOOD.replace("1,2.5", "1"), "fields-missing: line 3"),
         (GOOD.replace("1,2.5", "1,2,3"), "fields-missing: line 3"),
         ("#a\n\n" + GOOD.replace("2.5", "x"), "text-in-numbers F_N: line 5; 'x'"),
@@ -98,7 +100,7 @@ def test_faults_are_one_line_with_file_and_line(
 ) -> None:
     path = file_of(tmp_path, content)
     with refused(words) as caught:
-        read_columns(path)
+        read_columns(path).need("force", "F_N")
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert message.isprintable()

@@ -93,7 +93,13 @@ def _reader(path: Path) -> Any:
         with MDF(path) as file:
             for channel in channels:
                 group, index = channel.key
-                signal = file.get(group=group, index=index, record_offset=0, record_count=count)
+                signal = file.get(
+                    group=group,
+                    index=index,
+                    record_offset=0,
+                    record_count=count,
+                    ignore_invalidation_bits=True,
+                )
                 values.append(_values(signal, channel))
         return values
 
@@ -111,6 +117,9 @@ def _values(signal: Any, channel: Channel) -> Values:
             for value in values.tolist()
         ]
         return np.array(texts, dtype=str)
+    invalid = signal.invalidation_bits
+    if invalid is not None and np.any(invalid):
+        values = np.where(invalid, np.nan, values)
     return values
 
 

@@ -20,7 +20,14 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.formats.channels import ChannelGroup, RawColumns, TextInNumbersError, Texts
+from anhyst.data.formats.channels import (
+    SCPI_MARKS,
+    ChannelGroup,
+    RawColumns,
+    TextInNumbersError,
+    Texts,
+    is_mark,
+)
 from anhyst.data.formats.layout import Layout, read_layout
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
@@ -375,13 +382,11 @@ class _Reader:
                 raise ValueError
             value = float(field.replace(",", ".", 1) if comma else field)
         except ValueError:
-            what = f"'{shown(field)}' is not a number" if field else "is empty"
-            text = f"{where}: {what}; correct or remove the line"
+            if is_mark(field):
+                return math.nan
+            text = f"{where}: '{shown(field)}' is not a number; correct or remove the line"
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
-        if not math.isfinite(value):
-            text = f"{where}: {field} is no measured value; remove the line"
-            raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key)
-        return value
+        return value if math.isfinite(value) and abs(value) not in SCPI_MARKS else math.nan
 
 
 def _find_fields(
@@ -414,11 +419,12 @@ def _cut(
 
 
 def _convert(text: bytes, sep: str, count: int) -> FloatArray | None:
-    """Convert separated numbers at once; ``None`` if one is missing, odd, NaN or Inf."""
+    """Convert separated numbers at once; ``None`` if one is missing, odd or no measured value."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # older NumPy warns, newer raises
         try:
             values: FloatArray = np.fromstring(text, np.float64, sep=sep)
         except ValueError:
             return None
-    return values if values.size == count and bool(np.isfinite(values).all()) else None
+    is_good = values.size == count and bool((np.abs(values) < SCPI_MARKS[0]).all())
+    return values if is_good else None
