@@ -193,8 +193,8 @@ def one_line_if_damaged(path: Path) -> Iterator[None]:
         text = " ".join(str(error).split())[:160]
         reason = f"{type(error).__name__}: {text}" if text else type(error).__name__
         raise InputError(
-            f"{path}: cannot be read as {path.suffix}, the file is damaged or of another kind "
-            f"({reason}); export it again",
+            f"{path}: cannot be read, because the file is damaged or of another kind ({reason}); "
+            "export it again",
             code="damaged-file",
         ) from None
     finally:
