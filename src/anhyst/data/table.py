@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -186,7 +187,26 @@ def map_headers(table: OpenTable, columns: Mapping[str, str]) -> tuple[Header, .
                 key=source,
             )
         headers[index] = _map_header(table.source_name, headers[index], target)
+    mapped = {table.find(source) for source in columns}
+    clocks = [n for n, header in enumerate(headers) if n not in mapped and _is_clock(header)]
+    if len(clocks) == 1 and all(_quantity(header) != "time" for header in headers):
+        unnamed = headers[clocks[0]]
+        headers[clocks[0]] = Header(unnamed.text, "t", QUANTITIES["time"], unnamed.unit)
     return tuple(headers)
+
+
+_CLOCK = re.compile(r"(time|zeit|temps|tiempo|tempo|tijd)\b", re.IGNORECASE)
+"""How the name of a clock begins; loggers add the rate or the number of a group to it."""
+
+
+def _is_clock(header: Header) -> bool:
+    """Whether a header is that of a clock whose name is longer than a word."""
+    has_unit = header.unit is not None and header.unit.dimension == "time"
+    return has_unit and not header.is_known and _CLOCK.match(header.text) is not None
+
+
+def _quantity(header: Header) -> str:
+    return header.quantity.name if header.quantity else ""
 
 
 def _map_header(file_name: str, own: Header, target: str) -> Header:
