@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from anhyst.data import read_loops
 from anhyst.data.table import list_channels
 from anhyst.support.errors import InputError
+from tests.conftest import NO_MEASUREMENTS
 from tests.data.logger_layouts import (
     CURRENT,
     FORCE,
@@ -118,3 +119,51 @@ def test_damaged_exports_are_read_or_refused(
         list_channels(path)
     with contextlib.suppress(InputError):
         read_loops(path, columns=export.columns)
+
+
+@pytest.mark.parametrize(
+    ("name", "columns"),
+    [
+        ("catman_names_above.txt", {"Strom [A]": "I_A", "Kraft U10 [N]": "F_N"}),
+        ("rigol_start_increment.csv", {"CH1": "I_A", "CH2": "F_N"}),
+        ("labview.lvm", {}),
+        ("scope_metadata_beside_data.csv", {"CH1": "I_A", "CH2": "F_N"}),
+        ("scope_time_ch1_ch2.csv", {"CH1": "I_A", "CH2": "F_N"}),
+        ("comsol_percent.csv", {"Current (A)": "I_A", "Electromagnetic force (N)": "F_N"}),
+        ("mdf4_named.mdf", {"I": "I_A", "F": "F_N"}),
+    ],
+)
+def test_files_of_real_loggers_hold_the_same_loop(
+    name: str, columns: dict[str, str], measurements: Path
+) -> None:
+    path = measurements.parent / "cases" / "files" / name
+    if not path.is_file():
+        pytest.skip(NO_MEASUREMENTS)
+    (loop,) = read_loops(path, columns=columns, history="settled").loops
+    assert loop.n == 1200
+    assert loop.input.max() == pytest.approx(3.0, rel=2e-3)
+    assert loop.output.max() == pytest.approx(18.33, rel=2e-3)
+    if name != "comsol_percent.csv":
+        assert loop.time is not None
+        assert np.diff(loop.time) == pytest.approx(1e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        (
+            "scope_overrange.csv",
+            "not-finite Channel A: line 194; 21 of 1200 samples; --drop invalid",
+        ),
+        ("invalid_samples.mf4", "not-finite I: sample 301; 25 of 1200 samples; --drop invalid"),
+    ],
+)
+def test_invalid_samples_of_real_loggers_are_counted(
+    name: str, words: str, measurements: Path
+) -> None:
+    path = measurements.parent / "cases" / "files" / name
+    if not path.is_file():
+        pytest.skip(NO_MEASUREMENTS)
+    columns = {"Channel A": "I_A", "Channel B": "F_N"} if name.endswith("csv") else {}
+    with refused(words):
+        read_loops(path, columns=columns)

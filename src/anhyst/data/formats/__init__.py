@@ -91,8 +91,15 @@ def open_table(path: PathLike, least: int = 2) -> OpenTable:
             head = file.read(4096)
     for signature, opener in SIGNATURES:
         if head.startswith(signature):
-            # Version 7.3 of a MAT file is HDF5; without its own signature only the name says so.
-            return (by_name if opener is open_hdf5 and by_name is open_mat else opener)(path, least)
+            # Version 7.3 of a MAT file is HDF5, and not every program begins it as MATLAB does.
+            is_mat = opener is open_hdf5 and by_name is open_mat and _is_of_matlab(path)
+            return (open_mat if is_mat else opener)(path, least)
     if head.startswith(b"PK") and is_workbook(path):
         return open_excel(path, least)
     return (open_text if head and is_text(head) else by_name)(path, least)
+
+
+def _is_of_matlab(path: Path) -> bool:
+    """Whether an HDF5 file has the attributes of a MAT file."""
+    with path.open("rb") as file:
+        return b"MATLAB_class" in file.read(1 << 20)
