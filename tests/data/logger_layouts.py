@@ -14,7 +14,7 @@ import numpy as np
 from anhyst.support.numeric import FloatArray
 
 N = 300
-TIMES: FloatArray = -0.1 + 1e-3 * np.arange(N)
+TIMES: FloatArray = np.linspace(-0.1, 0.199, N)
 CURRENT: FloatArray = 2.0 * np.sin(2.0 * np.pi * (TIMES + 0.1) / 0.15) + 1e-9
 FORCE: FloatArray = 3.0 * CURRENT + 0.4 * np.cos(2.0 * np.pi * (TIMES + 0.1) / 0.15)
 START, STEP = TIMES[0], 1e-3
@@ -151,7 +151,7 @@ def lecroy() -> Export:
     """WavePro with two traces in a file."""
     head = _lines("LECROYWP725Zi,44444,Waveform", "Segments,1,SegmentSize,300", "Segment,TrigTime,TimeSinceSegment1",
                   "#1,28-Nov-2026 10:00:00,0", "Time,Ampl C1,Ampl C2")  # fmt: skip
-    return Export("c1.csv", head + _rows(), {"Time": "t_s", "Ampl C1": "I_A", "Ampl C2": "F_N"})
+    return Export("c1.csv", head + _rows(), {"Ampl C1": "I_A", "Ampl C2": "F_N"})
 
 
 def catman() -> Export:

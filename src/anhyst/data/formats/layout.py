@@ -17,7 +17,6 @@ from anhyst.data.formats.encoding import (
 )
 from anhyst.data.formats.loggers import find_logger
 from anhyst.data.formats.preamble import (
-    STAMP,
     Column,
     HeadTooShortError,
     Lines,
@@ -27,6 +26,7 @@ from anhyst.data.formats.preamble import (
     split_line,
 )
 from anhyst.data.formats.sections import join_sections
+from anhyst.data.formats.stamps import STAMP
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.units import parse_header
@@ -152,23 +152,32 @@ _DECIMAL = re.compile(r"[+-]?\d*(?P<sign>[.,])\d+([eE][+-]?\d+)?")
 
 
 def _refuse_thousands(path: Path, table: TextColumns, rows: list[list[str]]) -> None:
-    """Refuse numbers such as 1,234 in a file whose other numbers have a decimal point."""
+    """Refuse numbers such as 1,234 whose sign separates thousands, or may do so.
+
+    Its sign may do so if it is not the decimal sign of the other numbers of the file, or if its
+    column has whole numbers of three digits and no other decimals.
+    """
     if table.delimiter == ",":
         return
     decimals: set[str] = set()
-    grouped: list[tuple[int, str, str]] = []
+    own_decimals: set[int] = set()
+    whole: set[int] = set()
+    grouped: list[tuple[int, int, str, str]] = []
     for number, row in enumerate(rows, start=table.first + 1):
-        for field in row:
+        for column, field in enumerate(row):
             if match := _GROUPED.fullmatch(field):
-                grouped.append((number, field, match["sign"]))
+                grouped.append((number, column, field, match["sign"]))
             elif match := _DECIMAL.fullmatch(field):
                 decimals.add(match["sign"])
-    for number, field, sign in grouped:
-        if decimals and sign not in decimals:
+                own_decimals.add(column)
+            elif re.fullmatch(r"[+-]?[1-9]\d\d", field):
+                whole.add(column)
+    for number, column, field, sign in grouped:
+        is_other = bool(decimals) and sign not in decimals
+        if is_other or (column in whole and column not in own_decimals):
             raise InputError(
-                f"{path}: line {number}: '{field}' is a number with a separator of thousands or "
-                "with a decimal sign that the other numbers do not have; export it without "
-                "separators of thousands",
+                f"{path}: line {number}: '{field}' may have a separator of thousands, because the "
+                "other numbers are written differently; export the numbers without it",
                 code="thousands-separator",
             )
 

@@ -11,11 +11,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from anhyst.data.formats.channels import is_number, is_value
-from anhyst.data.formats.preamble import Column, Lines, TextColumns, find_run, split_line
+from anhyst.data.formats.preamble import Column, Lines, TextColumns, find_run, split_line, unit_text
 from anhyst.support.errors import InputError
 
-_UNIT_WORDS = {"second": "s", "seconds": "s", "sec": "s", "volt": "V", "volts": "V", "ampere": "A"}
-"""Units in full words as oscilloscopes write them."""
 _SETTINGS = re.compile(
     r"(record length|sample interval|trigger (point|time)|vertical (units|scale|offset)|source"
     r"|horizontal (units|scale)|probe atten|proid)",
@@ -28,12 +26,6 @@ def find_logger(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Return the columns of the first recogniser that knows a file; ``first`` is no comment."""
     found = (recognise(path, lines, first) for recognise in _RECOGNISERS)
     return next((columns for columns in found if columns is not None), None)
-
-
-def unit_text(text: str) -> str:
-    """Return the symbol of a unit that may be in brackets or a full word."""
-    plain = text.strip(" \"[]()'")
-    return _UNIT_WORDS.get(plain.lower(), plain)
 
 
 def _number(text: str) -> float:
@@ -70,10 +62,13 @@ def _rigol(path: Path, lines: Lines, first: int) -> TextColumns | None:
     row = split_line(lines[data][0], ",")
     columns = [Column("t", "s", None)]
     for index, (field, word) in enumerate(zip(header, words, strict=True)):
-        if _START.fullmatch(field) or _STEP.fullmatch(field) or word in {"", "x", *timing}:
+        if _START.fullmatch(field) or _STEP.fullmatch(field) or word in {"", *timing}:
+            continue
+        if word == "x":
+            columns = [Column("t", "s", index, is_counter=True)]
             continue
         if word.startswith("time"):
-            columns = [column for column in columns if column.position is not None]
+            columns = []
         match = _CHANNEL.fullmatch(field)
         name, unit = (match[1], match[2] or "") if match else (field, "")
         columns.append(Column(name, unit_text(units[index]) if units else unit, index))
@@ -113,10 +108,24 @@ def _rohde_schwarz(path: Path, lines: Lines, first: int) -> TextColumns | None:
     return TextColumns(first + 1, ",", len(names), tuple(columns))
 
 
-_NAMES = {"tracename", "trace name", "labels", "channel name", "channel names", "channelname"}
+def _lecroy(path: Path, lines: Lines, first: int) -> TextColumns | None:
+    """Read LeCroy: its times are in s, and its header does not say so."""
+    if not lines[first][0].startswith("LECROY"):
+        return None
+    for index in range(first + 1, min(first + _MAX_SETTINGS, len(lines) - 1)):
+        names = split_line(lines[index][0], ",")
+        if names[0] == "Time" and len(names) > 1:
+            columns = [Column(name, "" if n else "s", n) for n, name in enumerate(names) if name]
+            return TextColumns(index + 1, ",", len(names), tuple(columns))
+    return None
+
+
+_NAMES = {"tracename", "trace name", "channel name", "channel names", "channelname"}
 _UNITS = {"vunit", "vertical units", "unit", "units", "y_unit_label", "yunits"}
 _TIME_UNITS = {"hunit", "horizontal units", "xunits"}
 _STEPS = {"hresolution", "sample interval", "xinc", "xincrement", "delta_x", "delta t"}
+_MAX_SETTINGS = 100
+"""Lines of settings above the data."""
 _STARTS = {"hoffset", "xorg", "xorigin", "x0"}
 
 
@@ -130,12 +139,16 @@ def _settings(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
 
 def _yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Read Yokogawa: names, units and the step of the time are rows of the settings above."""
-    run = find_run(lines, first, ",", 1)
-    if run is None or run.start == first:
-        return None
-    rows = [split_line(text, ",") for text, _ in lines[first : run.start]]
+    rows = [split_line(text, ",") for text, _ in lines[first : first + _MAX_SETTINGS]]
     names, steps = _settings(rows, _NAMES), _settings(rows, _STEPS)
     if not names or not steps or not all(map(is_number, steps)):
+        return None
+    run = find_run(lines, first, ",", 1)
+    while (
+        run is not None and (key := split_line(lines[run.start][0], ",")[0]) and not is_value(key)
+    ):
+        run = find_run(lines, run.start + 1, ",", 1)
+    if run is None:
         return None
     if len({_number(step) for step in steps}) > 1:
         raise InputError(
@@ -170,7 +183,8 @@ def _settings_beside_data(path: Path, lines: Lines, first: int) -> TextColumns |
     rows = [split_line(text, sign) for text, _ in lines[first:] if text.strip()]
     if sign is None or len(rows) < 8 or not _SETTINGS.match(rows[0][0]):
         return None
-    head = [row for row in rows[:60] if len(row) == len(rows[0])]
+    rows = [row for row in rows if len(row) == len(rows[0])]
+    head = rows[:60]
     numeric = [n for n in range(len(rows[0])) if all(is_value(row[n]) for row in head)]
     if len(head) < 8 or not numeric:
         return None
@@ -192,7 +206,7 @@ def _settings_beside_data(path: Path, lines: Lines, first: int) -> TextColumns |
             columns.append(
                 Column("t", unit_text(beside.get("horizontal units", "s")) or "s", block[0])
             )
-        elif [row[block[0]] for row in rows if len(row) == len(rows[0])] != clock[: len(rows)]:
+        elif [row[block[0]] for row in rows] != clock:
             raise InputError(
                 f"{path}: settings stand beside the data, and the {len(blocks)} channels have "
                 "different times; export them together, or each as a file",
@@ -214,6 +228,7 @@ _RECOGNISERS: tuple[Callable[[Path, Lines, int], TextColumns | None], ...] = (
     _rigol,
     _named_by_source,
     _rohde_schwarz,
+    _lecroy,
     _settings_beside_data,
     _yokogawa,
 )

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from anhyst.data.formats.channels import is_number, is_value
 from anhyst.data.formats.encoding import HEADER_ADVICE
+from anhyst.data.formats.stamps import STAMP
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header
 
@@ -22,15 +23,6 @@ _SIGNS = "#% ;/"
 """Signs with which comments begin, and the blanks after them."""
 
 
-STAMP = re.compile(
-    r"(?P<date>\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ]+)?"
-    r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}([.,:]\d+)?) ?(?P<half>[AP]M)?(Z|[+-]\d\d:?\d\d)?"
-    r"|\d{4}[-/]\d{2}[-/]\d{2}|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4}",
-    re.IGNORECASE,
-)
-"""A time of day with or without a date, or a date alone (its group ``h`` is empty)."""
-
-
 @dataclass(frozen=True, slots=True)
 class Column:
     """A column of a text file: its name, its unit, and the field of a line that holds it."""
@@ -38,6 +30,7 @@ class Column:
     name: str
     unit: str
     position: int | None  # None: the time, which the clock of the header gives
+    is_counter: bool = False  # whether the field counts the steps of that clock
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +41,19 @@ class TextColumns:
     delimiter: str | None
     width: int  # fields of a line
     columns: tuple[Column, ...]
-    clock: tuple[float, float] = (0.0, 0.0)  # first time and step of a column without position
+    clock: tuple[float, float] = (0.0, 0.0)  # time of the first sample, and its step
+
+
+_UNIT_WORDS = {"second": "s", "seconds": "s", "sec": "s", "volt": "V", "volts": "V",
+               "ampere": "A", "amperes": "A", "amp": "A", "amps": "A", "newton": "N",
+               "newtons": "N"}  # fmt: skip
+"""Units in full words as oscilloscopes write them."""
+
+
+def unit_text(text: str) -> str:
+    """Return the symbol of a unit that may be in brackets or a full word."""
+    plain = text.strip(" \"[]()'")
+    return _UNIT_WORDS.get(plain.lower(), plain)
 
 
 def is_comment(text: str) -> bool:

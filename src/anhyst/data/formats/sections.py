@@ -6,6 +6,7 @@ blank, and a row gets its time and the label of its table. Messages therefore na
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from dataclasses import dataclass, field
@@ -13,7 +14,8 @@ from pathlib import Path
 
 from anhyst.data.formats.channels import MOST_BYTES, is_number, is_value
 from anhyst.data.formats.encoding import encoding_of
-from anhyst.data.formats.preamble import STAMP, Column, TextColumns, split_line
+from anhyst.data.formats.preamble import Column, TextColumns, split_line, unit_text
+from anhyst.data.formats.stamps import second_of_day
 from anhyst.support.errors import InputError
 
 _LABVIEW = re.compile(rb"\s*LabVIEW Measurement", re.IGNORECASE)
@@ -75,9 +77,9 @@ def _tables(path: Path, lines: list[str]) -> list[_Section] | None:
             fields.pop()
         if match := _TABLE.fullmatch(text):
             label = match[2]
-        elif len(fields) > 1 and all(is_value(item) for item in fields):
-            if found and found[-1].label == label and len(fields) == len(found[-1].columns):
-                found[-1].rows[number] = fields
+        elif len(fields) > 1 and is_value(fields[0]):
+            if found and found[-1].label == label:
+                found[-1].rows[number] = _fitting(path, number, fields, len(found[-1].columns))
         elif len(fields) > 1 and "[" in text and not any(is_number(item) for item in fields):
             columns = [Column(name, "", position) for position, name in enumerate(fields)]
             found.append(_Section(label, columns))
@@ -91,6 +93,17 @@ def _tables(path: Path, lines: list[str]) -> list[_Section] | None:
         for number, section in enumerate(sections, start=1):
             section.label = str(number)
     return sections
+
+
+def _fitting(path: Path, number: int, fields: list[str], count: int) -> list[str]:
+    """Return the fields of a row, and refuse more or fewer than there are names."""
+    if len(fields) != count:
+        raise InputError(
+            f"{path}: line {number + 1}: has {len(fields)} fields where the header names {count} "
+            "columns; complete or remove the line",
+            code="fields-missing",
+        )
+    return fields
 
 
 def _labview_sections(path: Path, lines: list[str]) -> list[_Section]:
@@ -183,7 +196,7 @@ class _Segments:
         units = [*units, *[""] * len(channels)][: len(channels)]
         columns = [Column("t", "s", 0)]
         columns += [
-            Column(name, unit, position)
+            Column(name, unit_text(unit), position)
             for position, (name, unit) in enumerate(zip(channels, units, strict=True), start=1)
         ]
         self.found.append(_Section("", columns))
@@ -204,12 +217,8 @@ class _Segments:
 
     def _time_of_day(self) -> float:
         texts = self.settings.get("time", [])
-        match = STAMP.fullmatch(texts[0]) if texts else None
-        if match is None or match["h"] is None:
-            return 0.0
-        return (
-            3600.0 * int(match["h"]) + 60.0 * int(match["m"]) + float(match["s"].replace(",", "."))
-        )
+        seconds = second_of_day(texts[0]) if texts else math.nan
+        return 0.0 if math.isnan(seconds) else seconds
 
     def _add(self, number: int, fields: list[str]) -> None:
         if not self.found:
@@ -224,8 +233,11 @@ class _Segments:
                     f"({', '.join(times)}); export them with one clock, or with X_Columns = One",
                     code="different-times",
                 )
+        elif self.kind == "no" and fields[0]:  # without the blank field of the times
+            times, values = [""], _fitting(self.path, number, fields, count)
         else:
             times, values = fields[:1], fields[1 : 1 + count]
+            _fitting(self.path, number, values, count)
         section.rows[number] = [*times[:1], *values]
 
     def _times(self, index: int, section: _Section) -> list[float]:

@@ -29,9 +29,11 @@ from anhyst.data.formats.channels import (
     Texts,
     hash_of,
     is_mark,
+    is_number,
 )
 from anhyst.data.formats.layout import Layout, read_layout
-from anhyst.data.formats.preamble import STAMP, is_comment
+from anhyst.data.formats.preamble import is_comment
+from anhyst.data.formats.stamps import seconds_of
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -85,6 +87,9 @@ class TextTable:
             ]
             for n, row in enumerate(rows)
         ]
+        for n, column in enumerate(layout.table.columns):
+            for row in heads if column.is_counter else []:
+                row[n] = repr(start + step * float(row[n])) if is_number(row[n]) else row[n]
         if layout.stamp is not None:
             seconds = seconds_of(Texts.of([row[layout.stamp] for row in heads])).tolist()
             for row, time in zip(heads, seconds, strict=True):
@@ -201,35 +206,15 @@ def read_raw(
                 progress(layout.offset + done, layout.size)
     sha256 = digest.hexdigest() if layout.content is None else hash_of(layout.path)
     raw = reader.finish(sha256)
-    values = {n: raw.numbers[fields[n]] for n in wanted}
+    values: dict[int, FloatArray] = {n: raw.numbers[fields[n]] for n in wanted}
     words = {n: raw.texts[fields[n]] for n in labels}
     values |= {n: seconds_of(words[n]) for n in stamps if n is not None}
     start, step = layout.table.clock
     clock = start + step * np.arange(reader.rows)
-    values |= {n: clock.copy() for n in numbers if n not in fields}
+    values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
+    values |= {n: start + step * values[n] for n in wanted if columns[n].is_counter}
     words |= {n: Texts.of(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
     return RawColumns(sha256, values, words, raw.notes)
-
-
-def seconds_of(stamps: Texts) -> FloatArray:
-    """Return times of day in s since the first; a clock that starts again at midnight goes on."""
-    seconds = np.array([_second_of_day(text) for text in stamps.values])[stamps.codes]
-    midnights = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -0.5 * _DAY_S)
-    return np.asarray(seconds + _DAY_S * midnights - seconds[:1])
-
-
-_DAY_S = 86400.0
-
-
-def _second_of_day(text: str) -> float:
-    match = STAMP.fullmatch(text)
-    if match is None or match["h"] is None:
-        return math.nan
-    hour = int(match["h"])
-    if match["half"]:
-        hour = hour % 12 + 12 * (match["half"].upper() == "PM")
-    whole, _, fraction = match["s"].replace(",", ".").replace(":", ".").partition(".")
-    return 3600.0 * hour + 60.0 * int(match["m"]) + int(whole) + float(f"0.{fraction or 0}")
 
 
 def row_line(layout: Layout, row: int) -> int:
