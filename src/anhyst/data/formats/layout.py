@@ -157,14 +157,14 @@ def _refuse_thousands(path: Path, table: TextColumns, rows: list[list[str]]) -> 
     Its sign may do so if it is not the decimal sign of the other numbers of the file, or if its
     column has whole numbers of three digits and no other decimals.
     """
-    if table.delimiter == ",":
-        return
     decimals: set[str] = set()
     own_decimals: set[int] = set()
     whole: set[int] = set()
     grouped: list[tuple[int, int, str, str]] = []
     for number, row in enumerate(rows, start=table.first + 1):
         for column, field in enumerate(row):
+            if table.delimiter == "," and "," not in field:
+                continue  # a field with a comma is quoted, and such a comma is the question
             if match := _GROUPED.fullmatch(field):
                 grouped.append((number, column, field, match["sign"]))
             elif match := _DECIMAL.fullmatch(field):

@@ -149,9 +149,9 @@ def _rows_below(
         if begin == len(lines):
             break
         fields = split_line(lines[begin][0], delimiter)
-        if any(is_value(field) for field in fields) or _is_stamped(fields):
-            return remarks, begin, units
         found = unit_row(lines[begin][0], delimiter, names) if units is None else None
+        if not found and (any(is_value(field) for field in fields) or _is_stamped(fields)):
+            return remarks, begin, units
         remarks += [] if found else [lines[begin][0].strip()]
         units = units or found
         more, begin = skip_comments(lines, begin + 1)

@@ -173,6 +173,7 @@ Piece = tuple[FloatArray, list[Labels], int]
 """Numbers of shape (rows, columns), one list of texts a text column, and the count of lines."""
 
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}([ ',.\u00a0\u202f]\d{3})+([.,]\d*)?")
+_CLOCK = re.compile(r"\d+:\d+([.,]\d+)?")
 _CHUNK = 1 << 22
 _SHOWN = 30
 
@@ -418,7 +419,7 @@ class _Reader:
         return fields
 
     def _number(self, field: str, index: int, number: int) -> float:
-        comma = self.layout.delimiter != "," and "." not in field
+        comma = "." not in field
         key = self.names[index]
         where = f"{self.layout.path}: line {number}, column '{key}'"
         try:
@@ -433,6 +434,11 @@ class _Reader:
                 text = (
                     f"{where}: '{shown(field)}' has a separator of thousands; export the numbers "
                     "without it"
+                )
+            elif _CLOCK.fullmatch(field):
+                text = (
+                    f"{where}: '{shown(field)}' is a time without hours; export the times in s, "
+                    f'or leave them out: --columns "{key}="'
                 )
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
         return value if math.isfinite(value) and abs(value) not in SCPI_MARKS else math.nan
