@@ -8,6 +8,7 @@ from __future__ import annotations
 import codecs
 import io
 import os
+import re
 import stat
 from pathlib import Path
 from typing import BinaryIO
@@ -18,18 +19,21 @@ from anhyst.support.errors import InputError
 _READ_ADVICE = "check the path and its permissions"
 HEADER_ADVICE = "name the columns in the first line, such as 'I_A,F_N,gap_m'"
 _UNREAD = (
-    (b"PK", "is a zip archive", "unpack it, or export the table as CSV"),
-    (b"\x1f\x8b", "is a gzip archive", "unpack it"),
-    (b"\xd0\xcf\x11\xe0", "is an Excel workbook of the old kind (.xls)", "save it as .xlsx or CSV"),
-    (b"TDSh", "is the index of a TDMS file", "name the .tdms file next to it"),
-    (b"|CF,", "is a binary imc FAMOS file", "export it from FAMOS as ASCII, MAT or MDF 4"),
-    (b"WAVEDESC", "is a binary LeCroy trace", "save it on the oscilloscope as ASCII or MAT"),
-    (b":WFM#", "is a binary Tektronix waveform", "save it on the oscilloscope as CSV or MAT"),
-    (b"CURVE #", "is a binary Tektronix waveform", "save it on the oscilloscope as CSV or MAT"),
-    (b"AG10", "is a binary Keysight waveform", "save it on the oscilloscope as CSV"),
-    (b"AG01", "is a binary Keysight waveform", "save it on the oscilloscope as CSV"),
+    (rb"PK", "is a zip archive", "unpack it, or export the table as CSV"),
+    (rb"\x1f\x8b", "is a gzip archive", "unpack it"),
+    (
+        rb"\xd0\xcf\x11\xe0",
+        "is an Excel workbook of the old kind (.xls)",
+        "save it as .xlsx or CSV",
+    ),
+    (rb"TDSh", "is the index of a TDMS file", "name the .tdms file next to it"),
+    (rb"\|CF,", "is a binary imc FAMOS file", "export it from FAMOS as ASCII, MAT or MDF 4"),
+    (rb"[\s\S]{0,64}WAVEDESC", "is a binary LeCroy trace", "save it as ASCII or MAT"),
+    (rb"[\s\S]{0,1500}:CURV", "is a binary Tektronix waveform", "save it as CSV or MAT"),
+    (rb"[\s\S]{0,4}:WFM#", "is a binary Tektronix waveform", "save it as CSV or MAT"),
+    (rb"AG(01|03|10|30)", "is a binary Keysight waveform", "save it as CSV"),
 )
-"""Bytes near the beginning of known files that are not read, what they are, and what to do."""
+"""Beginnings of known files that are not read, what they are, and what to do."""
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -62,7 +66,7 @@ def refuse_binary(path: Path, head: bytes) -> None:
         "export it as CSV, MAT or MDF 4",
     )
     for sign, kind, advice in _UNREAD:
-        if sign in head[:64]:
+        if re.match(sign, head):
             fault, remedy = kind, advice
             break
     raise InputError(f"{path}: {fault}; {remedy}", code="not-a-text")
