@@ -79,7 +79,7 @@ def _anhyst(
     """Identify actuators with hysteresis from measured loops, and compensate them.
 
     Measurements are CSV files with units in their headers (I_A, F_N, gap_mm), or recordings (MAT,
-    MDF 4, TDMS, HDF5, Parquet, Excel). Models are TOML files. Exit codes: 0 for success, 1 for a
+    MDF, TDMS, HDF5, Parquet, Excel). Models are TOML files. Exit codes: 0 for success, 1 for a
     negative result, 2 for bad input, 70 for a fault of anhyst itself, 130 after Ctrl-C. NO_COLOR is
     respected.
     """
