@@ -27,7 +27,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from tests.data import recordings  # noqa: E402
+from tests.data import logger_layouts, recordings  # noqa: E402
 
 from anhyst.data.formats import WRITERS  # noqa: E402
 from anhyst.data.formats.channel_table import SECONDS, stay_in_bounds  # noqa: E402
@@ -62,7 +62,10 @@ def good_files(folder: Path) -> dict[str, list[bytes]]:
     rows = zip(times.tolist(), current.tolist(), force.tolist(), strict=True)
     table = [["t", "I", "F"], ["s", "A", "N"], *map(list, rows)]
     made[".xlsx"] = [recordings.workbook(folder / "good.xlsx", table)]
-    return {suffix: [path.read_bytes() for path in paths] for suffix, paths in made.items()}
+    contents = {suffix: [path.read_bytes() for path in paths] for suffix, paths in made.items()}
+    exports = [layout() for layout in logger_layouts.LAYOUTS]
+    contents[".csv"] = [export.text.encode(export.encoding) for export in exports]
+    return contents
 
 
 def damaged(content: bytes, chance: random.Random) -> bytes:

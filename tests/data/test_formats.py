@@ -251,3 +251,86 @@ def test_the_message_for_a_missing_package_names_the_extra(
     for suffix in (".mat", ".mf4", ".tdms", ".h5", ".parquet", ".xlsx"):
         with refused("not-installed"):
             FORMATS[suffix](tmp_path / f"run{suffix}", 2)
+
+
+@pytest.mark.parametrize(
+    ("version", "name"),
+    [
+        ("2.14", "run.mdf"),
+        ("3.30", "run.dat"),
+        ("4.11", "run.mdf"),
+        ("4.11", "run.csv"),
+        ("4.11", "run"),
+    ],
+)
+def test_an_mdf_file_is_read_whatever_its_version_and_name(
+    version: str, name: str, tmp_path: Path
+) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    signals = [
+        asammdf.Signal(values, TIMES, unit, channel)
+        for channel, unit, values in (("I", "A", CURRENT), ("F", "N", FORCE))
+    ]
+    with asammdf.MDF(version=version) as file:
+        file.append(signals)
+        saved = file.save(tmp_path / "saved.mdf", overwrite=True)
+    path = Path(saved).rename(tmp_path / name)
+    (measured,) = read_loops(path, history="settled").loops
+    assert np.array_equal(measured.input, CURRENT)
+    assert np.array_equal(measured.output, FORCE)
+    assert measured.time == pytest.approx(TIMES, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "name"),
+    [(".csv", "run.mf4"), (".mat", "run.dat"), (".mf4", "run.mat"), (".tdms", "run.txt"),
+     (".h5", "run.mat"), (".parquet", "run"), (".xlsx", "run.csv")],
+)  # fmt: skip
+def test_the_content_of_a_file_decides_and_not_its_name(
+    suffix: str, name: str, tmp_path: Path
+) -> None:
+    needs(suffix)
+    if suffix == ".xlsx":
+        rows = map(list, zip(TIMES.tolist(), CURRENT.tolist(), FORCE.tolist(), strict=True))
+        source = workbook(tmp_path / "source.xlsx", [["t_s", "I_A", "F_N"], *rows])
+    else:
+        series = (Series("I", "A", CURRENT), Series("F", "N", FORCE))
+        source = write(
+            tmp_path / f"source{suffix}", ChannelGroup("", Series("t", "s", TIMES), series)
+        )
+    (measured,) = read_loops(source.rename(tmp_path / name), history="settled").loops
+    assert np.array_equal(measured.input, CURRENT)
+    assert np.array_equal(measured.output, FORCE)
+
+
+def test_invalid_samples_of_mdf_are_counted_and_not_called_damage(tmp_path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    invalid = np.zeros(TIMES.size, bool)
+    invalid[40:47] = True
+    signals = [
+        asammdf.Signal(CURRENT, TIMES, "A", "I", invalidation_bits=invalid),
+        asammdf.Signal(FORCE, TIMES, "N", "F"),
+    ]
+    with asammdf.MDF(version="4.11") as file:
+        file.append(signals)
+        path = Path(file.save(tmp_path / "run.mf4"))
+    with refused(f"not-finite I: sample 41; 7 of {TIMES.size} samples; --drop invalid"):
+        read_loops(path)
+
+
+def test_labview_waveforms_that_start_apart_are_on_one_clock(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    start, late = np.datetime64("2026-11-28T10:00:00.000000"), 40
+    properties = {"wf_increment": TIMES[1] - TIMES[0], "wf_start_offset": 0.0}
+    delay = np.timedelta64(round(1e6 * late * properties["wf_increment"]), "us")
+    objects = [
+        nptdms.ChannelObject("daq", name, values, {"unit_string": unit, **properties, "wf_start_time": begin})
+        for name, unit, values, begin in (
+            ("I", "A", CURRENT, start), ("F", "N", FORCE[late:], start + delay))
+    ]  # fmt: skip
+    with nptdms.TdmsWriter(tmp_path / "run.tdms") as writer:
+        writer.write_segment(objects)
+    (measured,) = read_loops(tmp_path / "run.tdms", history="settled").loops
+    assert np.allclose(measured.input, CURRENT[-measured.n :], atol=1e-6)
+    assert np.allclose(measured.output, FORCE[-measured.n :], atol=1e-6)
+    assert measured.n >= TIMES.size - late - 1

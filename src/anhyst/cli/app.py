@@ -49,8 +49,8 @@ app = typer.Typer(
 _GROUPS: dict[str, tuple[Callable[..., None], ...]] = {
     "From measurements to a model": (inspect, convert, identify, fleet, report, diff),
     "Use a model": (predict, invert, compile_, verify, export),
-    "Rigs, virtual and real": (init, simulate, tune, calibrate, force_control, excite),
-    "While it runs": (live, watch, xcp),
+    "Rigs, simulated and real": (init, simulate, tune, calibrate, force_control, excite),
+    "During operation": (live, watch, xcp),
 }
 for _group, _verbs in _GROUPS.items():
     for _verb in _verbs:
@@ -75,11 +75,12 @@ def _anhyst(
         ),
     ] = False,
 ) -> None:
-    """From measured hysteresis loops to the model of an actuator, and back to its current.
+    """Identify actuators with hysteresis from measured loops, and compensate them.
 
-    Files are CSV with units in their headers (I_A, F_N, gap_mm), or recordings (MAT, MDF 4, TDMS,
-    HDF5, Parquet, Excel); models are TOML. Exit code 0 on success, 1 for a negative result, 2 on
-    bad input, 70 for a fault of anhyst itself, 130 after ctrl-C. NO_COLOR is honoured.
+    Measurements are CSV files with units in their headers (I_A, F_N, gap_mm), or recordings (MAT,
+    MDF, TDMS, HDF5, Parquet, Excel). Models are TOML files. Exit codes: 0 for success, 1 for a
+    negative result, 2 for bad input, 70 for a fault of anhyst itself, 130 after Ctrl-C. NO_COLOR is
+    respected.
     """
 
 

@@ -29,12 +29,13 @@ ModelOrRig = Annotated[
         callback=of_its_kind,
     ),
 ]
-OutFolder = Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write.")]
+OutFolder = Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Output folder.")]
 Rate = Annotated[
     float | None,
     typer.Option(
         metavar="HZ",
-        help="Ticks a second; may be left out with --controller or a rig, whose file has it.",
+        help="Control ticks per second. Not needed with --controller or a rig file, which "
+        "contain it.",
         min=1.0,
         show_default=False,
     ),
@@ -43,18 +44,18 @@ ControllerPath = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="A controller file: the folder also holds the position controller of a magnetic "
-        "bearing.",
+        help="Controller file of a magnetic bearing. Its position controller is added to the "
+        "folder.",
     ),
 ]
 Kind = Annotated[
     KindChoice,
     typer.Option(
         metavar="KIND",
-        help="'full': the law with its exact step; 'simplified': a straight anhysteretic curve "
-        "in closed form, less exact and faster; 'play': of a magnet, the best current without "
-        "memory and one play, fitted to the model's loops; 'single-valued': of a stage, the same "
-        "without the play.",
+        help="'full': the law with its exact step. 'simplified': a straight anhysteretic "
+        "curve in closed form, less accurate and faster. 'play' (magnets only): the "
+        "best single-valued current and one play, fitted to the loops of the model. "
+        "'single-valued' (stages only): the same without the play.",
     ),
 ]
 Io = Annotated[
@@ -62,8 +63,8 @@ Io = Annotated[
     typer.Option(
         metavar="FORMAT",
         help="Format of demand, gap and current: q15 (16 bits), q31, or f32 (single "
-        "precision throughout). A position controller needs q31; a stage is in f32, or in fixed "
-        "point throughout in q31. [default: q15; of a stage f32]",
+        "precision throughout). A position controller needs q31. A stage uses f32, or "
+        "with q31 fixed point throughout. [default: q15; for a stage f32]",
         show_default=False,
     ),
 ]
@@ -71,8 +72,9 @@ Accuracy = Annotated[
     float | None,
     typer.Option(
         metavar="PERCENT",
-        help="Largest deviation from the model, per cent of the largest output. [default: 0.1 "
-        "for number formats and tables; a simplified law's own deviation comes on top]",
+        help="Largest deviation from the model, in per cent of the largest output. [default: "
+        "0.1 for number formats and tables; the deviation of a simplified law is added "
+        "to it]",
         show_default=False,
     ),
 ]
@@ -80,8 +82,8 @@ ActuatorName = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help="What the actuator is called in the C: two of one program need two names. "
-        "[default: as the model]",
+        help="Name of the actuator in the C. Two actuators in one program need different "
+        "names. [default: as the model]",
         show_default=False,
     ),
 ]
@@ -98,13 +100,14 @@ def compile_(
     name: ActuatorName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compile a model, or the controller of a stage, into C in fixed point or single precision.
+    """Generate C from a model or from a stage, in fixed point or single precision.
 
-    The folder holds the sources of a compensator (wanted output in, current out), shared by all
-    actuators of a program, the parameters of this one, with --controller the position controller
-    around it, an example, fragments for make and CMake, golden vectors, an accuracy budget
-    measured against the model, and DROP_IN.md: how it goes into a project. Of a stage it holds the
-    whole controller, heads and gaps in, currents out, and a flight as golden vectors.
+    The folder contains the sources of a compensator, which computes the current for a demanded
+    output. All actuators of a program share these sources. The folder also contains the parameters
+    of this actuator, an example, fragments for make and CMake, golden vectors, and an accuracy
+    budget measured against the model. DROP_IN.md explains how to add the folder to a project. With
+    --controller, the position controller is included. For a stage, the folder contains the complete
+    controller, from sensor heads and gaps to currents. Its golden vectors are a simulated motion.
 
     Example: anhyst compile model.toml --kind full --io q15 --rate 10000 --out controller
     """
@@ -197,7 +200,7 @@ def verify(
     folder: Annotated[
         Path,
         typer.Argument(
-            metavar="DIR", help="A folder that 'anhyst compile' wrote.", callback=of_its_kind
+            metavar="DIR", help="A folder written by 'anhyst compile'.", callback=of_its_kind
         ),
     ],
     on: Annotated[
@@ -205,9 +208,9 @@ def verify(
         typer.Option(
             "--on",
             metavar="TARGETS",
-            help="Where to run, separated by commas: host, cortex-m0plus, cortex-m3, cortex-m4, "
-            "cortex-m33, cortex-m7, avr, msp430, cortex-m3-qemu (a whole firmware). [default: host,cortex-m4, "
-            "as far as there are tools]",
+            help="Targets, separated by commas: host, cortex-m0plus, cortex-m3, cortex-m4, "
+            "cortex-m33, cortex-m7, avr, msp430, cortex-m3-qemu (a complete firmware). "
+            "[default: host,cortex-m4, as far as their tools are installed]",
             show_default=False,
         ),
     ] = None,
@@ -215,11 +218,11 @@ def verify(
 ) -> None:
     """Run compiled C on real instruction sets and compare it bit for bit with the host.
 
-    Golden vectors and random steps (a million on the host, ten thousand on each other target);
-    instructions or cycles of a step, code size, memory and stack. Results are also written into
-    the folder: verify.json and verify.md. A difference anywhere ends with exit code 1. Where tools
-    are missing, what can run runs, and a table says what brings the rest; a target that was named
-    and did not run ends with exit code 2.
+    The command runs the golden vectors and random steps: a million on the host, ten thousand on
+    each other target. It counts instructions or cycles per step, code size, memory and stack. The
+    results are also written to verify.json and verify.md in the folder. If tools are missing, the
+    other targets run, and a table names the packages to install. Exit code 1 if any bit differs, 2
+    if a target of --on did not run.
 
     Example: anhyst verify controller --on host,cortex-m4,avr
     """

@@ -57,22 +57,25 @@ LawOption = Annotated[
     typer.Option(
         metavar="LAW",
         callback=_known,
-        help=f"The hysteresis law: {', '.join(LAWS)}, or auto, the one "
-        "that predicts best what is left out of its fit.",
+        help=f"Hysteresis law: {', '.join(LAWS)}, or auto: the law "
+        "that best predicts withheld data.",
     ),
 ]
 GapMapOption = Annotated[
     GapMapChoice,
     typer.Option(
         metavar="MAP",
-        help="How the gap enters: 'scaling' of the field (the paper), series 'reluctance', "
-        "'circuit' (all but the iron may vary), 'free' (anything may; fixed gaps only), or 'auto': "
-        "of scaling, reluctance and circuit the one that predicts left-out gaps best.",
+        help="What depends on the gap: 'scaling' of the field (as in the paper), "
+        "'reluctance' in series, 'circuit' (all parameters except those of the iron), "
+        "'free' (all parameters; for fixed gaps only), or 'auto': the one of scaling, "
+        "reluctance and circuit that best predicts withheld gaps.",
     ),
 ]
 SearchOption = Annotated[
     SearchChoice,
-    typer.Option(metavar="HOW", help="'default', or 'paper' to reproduce the paper's figures."),
+    typer.Option(
+        metavar="HOW", help="'default', or 'paper' to reproduce the figures of the paper."
+    ),
 ]
 Seed = Annotated[
     int, typer.Option(min=0, help="The same seed gives the same model on the same machine.")
@@ -81,21 +84,20 @@ WeightsOption = Annotated[
     Weights,
     typer.Option(
         metavar="WHAT",
-        help="What counts the same: 'loops', so that inner loops count; 'points'; or 'relative', "
-        "each loop by its own largest output.",
+        help="Equal weights for all loops ('loops', so that minor loops count), for all "
+        "samples ('points'), or for all loops relative to their own largest output "
+        "('relative').",
     ),
 ]
 Offsets = Annotated[
     bool,
-    typer.Option(
-        help="Take offsets of input and output where the loops demand them, or none at all."
-    ),
+    typer.Option(help="Use offsets of input and output if the loops require them, or no offsets."),
 ]
 DeadBand = Annotated[
     bool,
     typer.Option(
-        help="Give the law the widest dead band that the loops allow, so that small movements "
-        "leave no trace in its memory, or none."
+        help="Use the widest dead band that the loops allow, so that small movements do not "
+        "erase the history, or no dead band."
     ),
 ]
 
@@ -103,8 +105,8 @@ DeadBand = Annotated[
 Rate = Annotated[
     bool,
     typer.Option(
-        help="Where loops run at several speeds, fit how late solid iron answers, or take all of "
-        "them for loops at rest."
+        help="If the loops have several speeds, fit the eddy-current lag of solid iron, or "
+        "treat all loops as quasi-static."
     ),
 ]
 
@@ -135,8 +137,8 @@ def identify(
     range, fit figures, uncertainty and where it came from. A model whose force does not rise
     everywhere as the gap closes and as the current rises is written, but fails: exit code 1.
 
-    Ctrl-C writes the best model so far and ends with exit code 130. A search 'paper' that was
-    stopped or killed goes on where it was when it is started again.
+    Ctrl-C writes the best model found until then; the exit code is 130. If a search 'paper' was
+    stopped or killed, the same command continues it.
 
     Example: anhyst identify loops.csv --out model.toml --gap-map auto
     """

@@ -53,15 +53,15 @@ def inspect(
     clean: Clean = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show what was understood of measured loops, and whether a hysteresis model is worth it.
+    """Show how measured loops were read, and whether a hysteresis model is worth the effort.
 
-    Gaps, loops, ranges, sampling, offsets, drift, closure, noise, skew between the channels,
-    saturation, what was repaired; and the verdict: how wide the loops are, how far the best
-    single-valued curve is off, and so what a model can gain at most.
+    The command reports gaps, loops, ranges, sampling, offsets, drift, closure, noise, delay between
+    the channels, saturation and repairs. The verdict states the width of the loops, the error of
+    the best single-valued curve, and the largest possible gain of a model.
 
-    Columns are named with their unit: t_s, I_A, F_N, gap_m, H_A_per_m, B_T, psi_Wb, u_V, x_m, T_C,
-    loop; 'I [mA]', 'gap (mm)' and a row of units are understood as well. Of a recording (MAT, MDF 4,
-    TDMS, HDF5, Parquet, Excel) the channels are listed first, with what they may be.
+    Name the columns with their units: t_s, I_A, F_N, gap_m, H_A_per_m, B_T, psi_Wb, u_V, x_m, T_C,
+    loop. 'I [mA]', 'gap (mm)' and a row of units are understood, too. For a recording (MAT, MDF 4,
+    TDMS, HDF5, Parquet, Excel), the channels are listed first, with their probable meaning.
 
     Example: anhyst inspect loops.csv --plot loops.png
     """
@@ -190,8 +190,9 @@ def convert(
 ) -> None:
     """Write a measurement in another file format.
 
-    Values stay bit for bit. Where a format cannot hold something, such as groups in a CSV, it is
-    said; channels on several clocks are interpolated onto the finest for a CSV or Parquet file.
+    Values are kept bit for bit. If a format cannot store something, such as groups in CSV, a
+    warning says so. For CSV and Parquet, channels with several clocks are interpolated to the
+    finest clock.
 
     Example: anhyst convert recording.mf4 recording.csv
     """
@@ -218,49 +219,59 @@ def fleet(
         Path,
         typer.Argument(
             metavar="DIR",
-            help="Folder with a file of loops, or a folder of them, for each magnet.",
+            help="Folder that contains a file or a folder of loops for each magnet.",
             callback=of_its_kind,
         ),
     ],
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to; goes on there.")
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="DIR", help="Output folder. An unfinished run continues."
+        ),
     ],
     rate: Annotated[
-        float, typer.Option(metavar="HZ", help="Ticks a second of the controllers.", min=1.0)
+        float, typer.Option(metavar="HZ", help="Control ticks per second.", min=1.0)
     ] = 10_000.0,
     tolerance: Annotated[
         float,
         typer.Option(
             metavar="PERCENT",
-            help="Largest rms deviation of a good magnet from its loops, per cent of the largest "
-            "output.",
+            help="Largest rms deviation of a good magnet from its loops, in per cent of the "
+            "largest output.",
             min=1e-3,
         ),
     ] = 1.0,
     law: Annotated[
         str,
-        typer.Option(metavar="LAW", help="For all; 'auto': what most of the first magnets choose."),
+        typer.Option(
+            metavar="LAW",
+            help="Law for all magnets; 'auto': the one selected for most of the first magnets.",
+        ),
     ] = "auto",
     gap_map: Annotated[
-        str, typer.Option(metavar="MAP", help="For all; 'auto' as the law.")
+        str, typer.Option(metavar="MAP", help="Gap map for all magnets; 'auto' as for the law.")
     ] = "auto",
     kind: Annotated[FleetKind, typer.Option(help="Kind of compensator.")] = "full",
-    io: Annotated[IoChoice, typer.Option(help="Format of its signals.")] = "q31",
+    io: Annotated[IoChoice, typer.Option(help="Format of the signals.")] = "q31",
     on: Annotated[
-        str, typer.Option(metavar="TARGETS", help="Where the C is verified, as for 'verify'.")
+        str,
+        typer.Option(
+            metavar="TARGETS", help="Targets on which the C is verified, as for 'verify'."
+        ),
     ] = "host",
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of everything random.")] = 1,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of all random numbers.")] = 1,
     history: LoopHistory = None,
     scheduler: Scheduler = None,
     as_json: AsJson = False,
 ) -> None:
-    """Identify, compile, verify and judge many magnets of one type.
+    """Identify, compile, verify and evaluate many magnets of one type.
 
-    All get the same law and gap map, so that their parameters compare: mean and scatter of each
-    over the fleet are stated, magnets that do not belong are named, and how many keep a tolerance:
-    each with a controller of its own, and all with one model. A bad file stops nobody; a run that
-    was stopped goes on. Written are fleet.json, fleet.csv, report.html and a folder for each
-    magnet. Exit code 1 where not one magnet could be judged.
+    All magnets get the same law and gap map, so that their parameters can be compared. The result
+    contains the mean and the scatter of each parameter and names the outliers. It counts the
+    magnets within the tolerance, both with a controller for each magnet and with one model for all.
+    A bad file does not stop the run. The same command continues a stopped run. It writes
+    fleet.json, fleet.csv, report.html and a folder for each magnet. Exit code 1 if no magnet could
+    be evaluated.
 
     Example: anhyst fleet magnets --out fleet --tolerance 0.5
     """

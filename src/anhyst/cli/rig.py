@@ -41,43 +41,46 @@ _MOST_NAMED = 6
 
 
 def init(
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Output folder.")],
     loops: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[LOOPS]", help="CSV files, or folders of them.", callback=of_its_kind
+            metavar="[LOOPS]", help="Measurement files, or folders of them.", callback=of_its_kind
         ),
     ] = None,
     mass: Annotated[
         float | None,
-        typer.Option(metavar="KG", help="What moves. [default: the load is its weight]"),
+        typer.Option(
+            metavar="KG", help="Moving mass. [default: the load is the weight of the mass]"
+        ),
     ] = None,
     load: Annotated[
         float | None,
         typer.Option(
             metavar="N",
-            help="Force that pulls the gap open. [default: the weight of the mass, or half the "
-            "force at the largest gap]",
+            help="Force that opens the gap. [default: the weight of the mass, or half the force "
+            "at the largest gap]",
         ),
     ] = None,
     gap: Annotated[
         float | None,
-        typer.Option(metavar="M", help="Where it works. [default: the middle of the loops' gaps]"),
+        typer.Option(metavar="M", help="Operating gap. [default: the middle of the measured gaps]"),
     ] = None,
     force_control: Annotated[
-        bool, typer.Option("--force-control", help="Instead, a rig whose force is controlled.")
+        bool, typer.Option("--force-control", help="Create a rig for force control instead.")
     ] = False,
     stage: Annotated[
         bool,
         typer.Option(
-            "--stage", help="Instead, a stage that follows set-points between two such magnets."
+            "--stage",
+            help="Create a stage instead. It follows set-points between two such magnets.",
         ),
     ] = False,
     example: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Instead, copy an example that comes with anhyst: 'bearing', 'electromagnet', "
+            help="Copy a bundled example instead: 'bearing', 'electromagnet', "
             "'magnetostrictive', 'piezo', 'solenoid' or 'stage'.",
         ),
     ] = None,
@@ -90,12 +93,12 @@ def init(
     clean: Clean = None,
     as_json: AsJson = False,
 ) -> None:
-    """Begin: write a rig of your own from measured loops, ready to run.
+    """Create a rig from your measured loops, ready to run.
 
-    A folder with rig.toml, controller.toml and a copy of the loops comes out; it can be moved.
-    What the loops say is taken from them, the rest is guessed by rules, and every guess is marked
-    as one in the files. What is there already is not written over. Loops of displacement over
-    voltage give the rig.toml of a piezo stage.
+    The command writes a folder with rig.toml, controller.toml and a copy of the loops. The folder
+    can be moved. Values that the loops show are taken from them. All other values are guessed by
+    rules and marked as guesses in the files. Existing files are not overwritten. Loops of
+    displacement over voltage give the rig.toml of a piezo stage.
 
     Example: anhyst init loops.csv --mass 0.8 --load 60 --gap 0.45e-3 --out my
 
@@ -143,56 +146,63 @@ def excite(
         Path,
         typer.Argument(
             metavar="RIG",
-            help="Rig file of any kind; with --calibrate of a stage.",
+            help="Rig file of any kind; with --calibrate, the rig file of a stage.",
             callback=of_its_kind,
         ),
     ],
     out: Annotated[
         Path,
         typer.Option(
-            "--out", "-o", metavar="FILE", help="CSV to write; its sidecar is the .toml beside it."
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="CSV file to write, with a sidecar .toml of the same name.",
         ),
     ],
     calibrate: Annotated[
         bool,
         typer.Option(
             "--calibrate",
-            help="Instead, let a stage fly the shortest move that shows what its magnets are off "
-            "by; FILE is the recording that anhyst calibrate takes.",
+            help="Instead, run the shortest motion of a stage that shows the errors of its "
+            "magnets. FILE is the recording for anhyst calibrate.",
         ),
     ] = False,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Draw drive and loops, or the move (png, svg or pdf)."),
+        typer.Option(
+            metavar="FILE", help="Plot the drive and the loops, or the motion (png, svg or pdf)."
+        ),
     ] = None,
     folder: Annotated[
         Path | None,
         typer.Option(
             metavar="FOLDER",
-            help="With --xcp or --port: the compiled folder around which the firmware is built.",
+            help="With --xcp or --port: the compiled folder of the firmware.",
         ),
     ] = None,
     xcp: Annotated[
         str | None,
         typer.Option(
             metavar="HOST:PORT",
-            help="Measure through a controller of force that runs by itself and offers XCP there.",
+            help="Measure through a force controller that runs independently and offers XCP at "
+            "this address.",
         ),
     ] = None,
     port: Annotated[
-        str | None, typer.Option(metavar="PORT", help="The same on a serial port that carries XCP.")
+        str | None, typer.Option(metavar="PORT", help="The same through a serial port with XCP.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure loops: design a drive within the limits of a rig, run it, write what was read.
+    """Measure loops on a rig: design a drive within its limits, apply it and record the loops.
 
-    At every gap, armature held: nested major loops, first-order reversal curves, and inner loops
-    about the operating point, come to from below, from above and by a decaying sine. Every record
-    begins demagnetised, or conditioned where the amplifier does not drive below zero. Current, its
-    rate, force and I^2 t of the winding keep to the rig file; what had to be designed down is
-    said. Of a piezo stage the same records of displacement over voltage, and two fast cycles. The
-    rig is the virtual one, or with --xcp or --port a real one at the gap where its armature is
-    held: its controller drives the current, and is stopped again.
+    The armature is fixed at every gap. The drive consists of nested major loops, first-order
+    reversal curves, and minor loops around the operating point. The operating point is approached
+    from below, from above and with a decaying sine. Every record begins demagnetised, or
+    conditioned if the amplifier has no negative current. Current, its rate, force and I^2 t of the
+    winding stay within the limits of the rig file. The command reports where a limit reduced the
+    drive. For a piezo stage, it records displacement over voltage in the same way, and two fast
+    cycles. The rig is simulated. With --xcp or --port, it is a real rig whose armature is fixed at
+    one gap. Its controller drives the current and is stopped afterwards.
 
     Example: anhyst excite rig.toml --out loops.csv; anhyst identify loops.csv --out model.toml
 
@@ -281,7 +291,7 @@ def live(
         Path,
         typer.Argument(
             metavar="RIG",
-            help="Rig file, of any kind. With --xcp or --port the compiled folder around which the firmware is built.",
+            help="Rig file of any kind. With --xcp or --port, the compiled folder of the firmware.",
             callback=of_its_kind,
         ),
     ],
@@ -290,13 +300,14 @@ def live(
         str | None,
         typer.Option(
             metavar="HOST:PORT",
-            help="A controller that runs by itself and offers XCP there, in place of a virtual rig.",
+            help="Use a controller that runs independently and offers XCP at this address, "
+            "instead of a simulated rig.",
         ),
     ] = None,
     port: Annotated[
         str | None,
         typer.Option(
-            metavar="PORT", help="The same on a serial port that carries XCP, such as /dev/ttyACM0."
+            metavar="PORT", help="The same through a serial port with XCP, such as /dev/ttyACM0."
         ),
     ] = None,
     known: Annotated[
@@ -312,29 +323,32 @@ def live(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write every tick to a new .csv or .mf4 (MDF), from the first on. The page writes "
-            "its recordings beside it, or to the working folder.",
+            help="Write every tick from the first one to a new .csv or .mf4 (MDF) file. The page "
+            "writes its recordings to the same folder, or to the working folder.",
         ),
     ] = None,
     listen: Annotated[
         str,
         typer.Option(
             metavar="ADDRESS",
-            help="HOST:PORT in digits, or PORT on this machine. Beyond this machine with --token "
-            "only.",
+            help="HOST:PORT in digits, or PORT on this machine. Access from other machines "
+            "requires --token.",
         ),
     ] = "127.0.0.1:8642",
     token: Annotated[
         bool,
-        typer.Option("--token", help="Let in only browsers that show a token, which is printed."),
+        typer.Option(
+            "--token",
+            help="Accept only browsers that present a token. The command prints the token.",
+        ),
     ] = False,
 ) -> None:
-    """See, touch and record a rig in a browser while it runs.
+    """Show, operate and record a running rig in a browser.
 
-    The controller is compiled and built into the firmware, which levitates the virtual bearing, or
-    drives the virtual magnet, in real time; or it runs on a board already. A stage follows its
-    set-point, a piezo stage its triangle, without a firmware. The page shows its signals and
-    operates it. Ctrl-C ends it.
+    The controller is compiled and built into the firmware. The firmware levitates the simulated
+    bearing, or drives the simulated magnet, in real time. With --xcp or --port, it already runs on
+    a board. A stage follows its set-point and a piezo stage its triangle, without firmware. The
+    page shows the signals and operates the rig. Ctrl-C stops the command.
 
     Example: anhyst live examples/bearing/rig.toml
 
@@ -374,27 +388,29 @@ def watch(
     recording: Annotated[
         Path,
         typer.Argument(
-            metavar="RECORDING", help="CSV of one run: t_s, I_A, F_N and gap_m, which may move."
+            metavar="RECORDING",
+            help="CSV of one run with t_s, I_A, F_N and gap_m. The gap may move.",
         ),
     ],
     least: Annotated[
         float | None,
         typer.Option(
             metavar="N",
-            help="Smallest drift worth an alarm. [default: a thousandth of the model's largest "
-            "force]",
+            help="Smallest drift that matters. [default: a thousandth of the largest force of "
+            "the model]",
             show_default=False,
         ),
     ] = None,
     run_length: Annotated[
-        float, typer.Option(metavar="CYCLES", min=100, help="Mean run to a false alarm.")
+        float,
+        typer.Option(metavar="CYCLES", min=100, help="Mean number of cycles until a false alarm."),
     ] = 1e5,
     as_json: AsJson = False,
 ) -> None:
-    """Say whether a model still fits its magnet, or since when it has drifted and by how much.
+    """Check whether a model still fits its magnet, or since when and by how much it has drifted.
 
-    The first cycles of the current in the recording show what the model leaves while it fits; every
-    later cycle is held against them. Exit code 1 where the model has drifted.
+    The first cycles of the current in the recording show the residual of the model while it fits.
+    Every later cycle is compared with them. Exit code 1 if the model has drifted.
 
     Example: anhyst watch model.toml monday.csv
     """
@@ -424,14 +440,14 @@ def xcp(
             metavar="NUMBER",
             min=0,
             max=65535,
-            help="Port of this machine for the tool; 0 takes a free one.",
+            help="TCP port on this machine for the tool; 0 selects a free one.",
         ),
     ] = 5555,
 ) -> None:
-    """Offer XCP on TCP for a controller on a serial port, to CANape, INCA or pyxcp.
+    """Offer XCP over TCP for a controller on a serial port, for CANape, INCA or pyxcp.
 
-    XCP goes through the controller's own link, so that one cable is enough. One tool at a time; its
-    limits, its key and its heartbeat are the firmware's. Ctrl-C ends it.
+    XCP uses the link of the controller, so that one cable is enough. One tool can connect at a
+    time. The firmware sets the limits, the key and the heartbeat. Ctrl-C stops the command.
 
     Example: anhyst xcp /dev/ttyACM0
     """

@@ -48,7 +48,7 @@ LoopFiles = Annotated[
 ControllerPath = Annotated[
     Path | None,
     typer.Option(
-        metavar="FILE", help="Controller file; 'controller.toml' beside the rig file if left out."
+        metavar="FILE", help="Controller file. [default: 'controller.toml' next to the rig file]"
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
@@ -56,8 +56,9 @@ Scheduler = Annotated[
     str | None,
     typer.Option(
         metavar="ADDRESS",
-        help="Let the workers of a dask scheduler do the work, such as tcp://host:8786 (extra "
-        "'cluster'); they see the same files. [default: processes of this machine]",
+        help="Use the workers of a dask scheduler, such as tcp://host:8786 (extra "
+        "'cluster'). They must have access to the same files. [default: processes of "
+        "this machine]",
         show_default=False,
     ),
 ]
@@ -74,23 +75,23 @@ Sidecar = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="TOML that says what the headers do not (columns, history, ...). Without it, a .toml "
-        "of the same name beside each file is used.",
+        help="TOML file with information that is not in the headers (columns, history, ...). "
+        "[default: a .toml of the same name next to each file]",
     ),
 ]
 Schedule = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="The quantity or column that parameters run over."),
+    typer.Option(metavar="NAME", help="Quantity or column on which the parameters depend."),
 ]
 LoopColumn = Annotated[
     str | None,
-    typer.Option("--loop", metavar="COLUMN", help="The column that distinguishes loops."),
+    typer.Option("--loop", metavar="COLUMN", help="Column that distinguishes loops."),
 ]
 Constants = Annotated[
     str | None,
     typer.Option(
         metavar="OURS=VALUE,...",
-        help="What is the same throughout the file and in no column, such as 'gap_mm=0.4'.",
+        help="Constant values that are not in a column, such as 'gap_mm=0.4'.",
     ),
 ]
 Clean = Annotated[
@@ -106,9 +107,9 @@ LoopHistory = Annotated[
     str | None,
     typer.Option(
         metavar="HISTORY",
-        help="What happened before the first sample: 'demagnetised', 'settled' (a cycle that has "
-        "been repeated), or 'conditioned:0,2,0' (turning points of the input in SI units). "
-        "[default: as the sidecar says, or proposed from each record]",
+        help="What happened before the first sample: 'demagnetised', 'settled' (a cycle that "
+        "was repeated), or 'conditioned:0,2,0' (reversal points of the input in SI "
+        "units). [default: as in the sidecar, or proposed for each record]",
         show_default=False,
     ),
 ]
@@ -116,9 +117,9 @@ RunHistory = Annotated[
     str | None,
     typer.Option(
         metavar="HISTORY",
-        help="What happened before the first sample: 'demagnetised', 'settled' (the file is a "
-        "cycle, repeated until it closes), or 'conditioned:0,2,0' (turning points of the input in "
-        "SI units). [default: as the model says]",
+        help="What happened before the first sample: 'demagnetised', 'settled' (the file is "
+        "a cycle, repeated until it closes), or 'conditioned:0,2,0' (reversal points of "
+        "the input in SI units). [default: as in the model]",
         show_default=False,
     ),
 ]

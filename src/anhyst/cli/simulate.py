@@ -52,8 +52,8 @@ def simulate(
             "--out",
             "-o",
             metavar="FILE",
-            help="Recording to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet; of force control a "
-            "folder.",
+            help="Recording to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet; for force "
+            "control, a folder.",
         ),
     ],
     controller: ControllerPath = None,
@@ -62,41 +62,42 @@ def simulate(
         typer.Option(
             metavar="N",
             min=1,
-            help="Instead, run N plants that have drifted as [spread] of the rig file says; FILE "
-            "then ends in '.jsonl' and holds a line for each of them. The same command goes on "
-            "with what is there.",
+            help="Instead, run N plants with random drift, as defined in [spread] of the rig "
+            "file. FILE then ends in '.jsonl' and contains one line per plant. The same "
+            "command continues an unfinished run.",
         ),
     ] = None,
     benefit: Annotated[
         bool,
         typer.Option(
             "--benefit",
-            help="Instead, map what compensation gains over loop width and reversible part of the "
-            "iron, of a bearing over step height too; FILE then ends in '.json'.",
+            help="Instead, map the gain of compensation over the loop width and the reversible "
+            "part of the iron, for a bearing also over the step height. FILE then ends in "
+            "'.json'.",
         ),
     ] = False,
     board: Annotated[
         BoardChoice | None,
         typer.Option(
             metavar="BOARD",
-            help="Instead, run the firmware itself, built for 'library', within this process, "
-            "'host', a process of its own, or 'qemu-mps2', an emulated Cortex-M3, and break "
-            "everything while it levitates; FILE then ends in '.json'.",
+            help="Instead, run the firmware and inject faults while it levitates. The firmware "
+            "is built for 'library' (in this process), 'host' (in its own process) or "
+            "'qemu-mps2' (an emulated Cortex-M3). FILE then ends in '.json'.",
             show_default=False,
         ),
     ] = None,
     scheduler: Scheduler = None,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate a rig of any kind with and without compensation of its hysteresis.
+    """Simulate a rig of any kind, with and without compensation of its hysteresis.
 
-    The controller's own C runs in the loop, in its number format, against a magnet with hysteresis,
-    with delay, converters and noise. Beside the recording, figures.json and report.html are
-    written: step responses, standstill, loads, what goes wrong, sensitivity, for every kind of
-    compensation behind the same gains.
+    The C of the controller runs in the loop, in its number format, with a simulated magnet with
+    hysteresis, delay, converters and noise. In addition to the recording, the command writes
+    figures.json and report.html. They contain step responses, standstill, loads, faults and
+    sensitivity, for every kind of compensation with the same gains.
 
-    A stage follows set-points, a piezo stage a triangle; a rig of force control runs as with
-    anhyst force-control.
+    A stage follows set-points, and a piezo stage follows a triangle. A rig for force control runs
+    as with anhyst force-control.
 
     Example: anhyst simulate examples/bearing/rig.toml --out run/run.csv
 
@@ -234,23 +235,25 @@ def force_control(
         list[Path],
         typer.Argument(
             metavar="RIG|LOOPS",
-            help="Rig file of force control; or the loops of a magnet: CSV files, or folders of them.",
+            help="Rig file for force control, or the loops of a magnet: measurement files, or "
+            "folders of them.",
             callback=of_its_kind,
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Output folder.")],
     board: Annotated[
         BoardChoice,
         typer.Option(
             metavar="BOARD",
-            help="Where the firmware runs: 'library', within this process; 'host', a process of "
-            "its own; or 'qemu-mps2', an emulated Cortex-M3.",
+            help="Where the firmware runs: 'library' (in this process), 'host' (in its own "
+            "process) or 'qemu-mps2' (an emulated Cortex-M3).",
         ),
     ] = "library",
     demand: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="CSV with a demand (t_s, F_N), beside those of the rig file."
+            metavar="FILE",
+            help="CSV with a demand (t_s, F_N), in addition to those of the rig file.",
         ),
     ] = None,
     recordings: Annotated[
@@ -261,16 +264,16 @@ def force_control(
     ] = "csv",
     as_json: AsJson = False,
 ) -> None:
-    """Control the force of a magnet, open loop, with and without compensation.
+    """Control the force of a magnet in open loop, with and without compensation.
 
-    Models are identified from the loops of the rig, compiled, built into the firmware and run
-    over its serial link against the virtual magnet: at the stroke's end, at a row of
-    positions, and with the armature moving. Beside them: the simulated program, a constant ratio
-    of force and current, and the best curve without memory. Recordings, figures.json, the
-    paper's figures 6 to 8 and a page, report.html, are written.
+    Models are identified from the loops of the rig, compiled, and built into the firmware. The
+    firmware controls the simulated magnet over its serial link: at the end of the stroke, at
+    several positions, and with a moving armature. For comparison, the command runs the simulated
+    program, a constant ratio of force and current, and the best single-valued curve. It writes
+    recordings, figures.json, figures 6 to 8 of the paper, and report.html.
 
-    From loops a rig is drafted into the folder first, as anhyst init --force-control does, and the
-    compiled C of all gaps is verified in the end, as anhyst verify does.
+    If loops are given, the command first creates a rig in the folder, like anhyst init
+    --force-control. Finally, it verifies the compiled C of all gaps, like anhyst verify.
 
     Example: anhyst force-control examples/solenoid/rig.toml --out run
 

@@ -33,26 +33,26 @@ def tune(
             callback=of_its_kind,
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Output folder.")],
     controller: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Controller file of a bearing to begin with; 'controller.toml' beside the rig file "
-            "if left out.",
+            help="Initial controller file of a bearing. [default: 'controller.toml' next to the "
+            "rig file]",
         ),
     ] = None,
     all_variants: Annotated[
         bool,
         typer.Option(
-            "--all-variants", help="Tune every kind of compensation for itself, and compare."
+            "--all-variants", help="Tune every kind of compensation separately, and compare them."
         ),
     ] = False,
     overshoot: Annotated[
         float | None,
         typer.Option(
             metavar="PERCENT",
-            help="Largest overshoot of any step of a bearing; 2 if left out.",
+            help="Largest overshoot of any step of a bearing. [default: 2]",
         ),
     ] = None,
     peak: Annotated[
@@ -62,15 +62,15 @@ def tune(
         float | None,
         typer.Option(
             metavar="SECONDS",
-            help="Longest settling time, of a stage into 50 nm; of a bearing the least is sought "
-            "anyway.",
+            help="Longest settling time (for a stage, into 50 nm). For a bearing, it is "
+            "minimised in any case.",
         ),
     ] = None,
     average: Annotated[
         float | None,
         typer.Option(
             metavar="METRES",
-            help="Largest moving average of a stage; the least is sought anyway.",
+            help="Largest moving average of a stage. It is minimised in any case.",
         ),
     ] = None,
     error: Annotated[
@@ -81,7 +81,7 @@ def tune(
         float | None,
         typer.Option(
             metavar="METRES",
-            help="Largest rms at standstill, of the gap of a bearing, of the error of a stage.",
+            help="Largest rms at standstill: of the gap for a bearing, of the error for a stage.",
         ),
     ] = None,
     effort: Annotated[
@@ -92,32 +92,33 @@ def tune(
         float | None,
         typer.Option(
             metavar="HERTZ",
-            help="Highest crossover of a stage, below its resonances, which no virtual one has; a "
-            "twentieth of the controller's rate if left out.",
+            help="Highest crossover frequency of a stage, below its resonances. Simulated stages "
+            "have no resonances. [default: a twentieth of the control rate]",
         ),
     ] = None,
     budget: Annotated[
-        int, typer.Option(metavar="N", help="Sets of gains to try in the nonlinear loop.")
+        int, typer.Option(metavar="N", help="Number of gain sets to try in the nonlinear loop.")
     ] = 240,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of everything random.")] = 0,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of all random numbers.")] = 0,
     scheduler: Scheduler = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find the gains of a rig for stated aims, and say what limits them.
+    """Find the gains of a rig for stated requirements, and what limits them.
 
-    Of a bearing, all gaps and steps of the rig file are tried, with its load and two thirds of it,
-    at once: first in linear loops, then in the nonlinear one with hysteresis, noise, delay and
-    limits; the winner with every noise seed and a swept sine. What is made small is the settling
-    time. Written are the new controller file, tuning.json, tuning.md and pareto.png.
+    For a bearing, the settling time is minimised. Each set of gains must suit all gaps and steps of
+    the rig file, with its load and with two thirds of it. It is tested first in linear loops, then
+    in the nonlinear loop with hysteresis, noise, delay and limits. The best set is tested with
+    every noise seed and with a swept sine. The command writes the new controller file, tuning.json,
+    tuning.md and pareto.png.
 
-    Of a stage, the corners of its PID are found on the training set-point, so that the moving
-    average is least; the winner is judged on the test set-point and on plants drawn as [spread]
-    says. Written is a new rig file instead of a controller file.
+    For a stage, the command finds the corner frequencies of its PID that minimise the moving
+    average on the training set-point. It evaluates them on the test set-point and on random plants,
+    as defined in [spread]. It writes a new rig file instead of a controller file.
 
-    Of a piezo stage, the integrator and the notch filter are found on its triangle, on plants drawn
-    as [spread] says, so that the rms error is least.
+    For a piezo stage, the command finds the integrator and the notch filter that minimise the rms
+    error on its triangle, on random plants as defined in [spread].
 
-    Exit code 1 where no gains meet the aims. Ctrl-C keeps the best so far.
+    Exit code 1 if no gains fulfil the requirements. Ctrl-C keeps the best gains found until then.
 
     Example: anhyst tune examples/bearing/rig.toml --out tuned
 
@@ -195,27 +196,27 @@ def calibrate(
         ),
     ],
     recordings: Annotated[
-        list[Path], typer.Argument(metavar="RUNS", help="Recordings of its motion.")
+        list[Path], typer.Argument(metavar="RUNS", help="Recordings of the motion.")
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="FILE", help="Calibration to write, TOML."),
+        typer.Option("--out", "-o", metavar="FILE", help="Calibration file (TOML) to write."),
     ] = None,
     controller: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Controller file of a bearing; 'controller.toml' beside the rig file if left out.",
+            help="Controller file of a bearing. [default: 'controller.toml' next to the rig file]",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Learn from the motion of a stage or a bearing what its magnets are off by.
+    """Estimate the errors of the magnets of a stage or a bearing from its motion.
 
-    Mass times acceleration, of a bearing with its load, is held against the force that each method
-    expects of the currents. The mass of the rig file is trusted; [spread] says how far the other
-    numbers may be off. Name the file as control.calibration in the rig file, and the next simulate
-    uses it.
+    Mass times acceleration, for a bearing including its load, is compared with the force that each
+    method predicts from the currents. The mass in the rig file is assumed to be correct. [spread]
+    defines how large the errors of the other parameters may be. To use the calibration in the next
+    simulate, name the file as control.calibration in the rig file.
 
     Example: anhyst calibrate examples/stage/rig.toml run.csv --out calibration.toml
 

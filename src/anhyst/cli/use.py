@@ -42,12 +42,12 @@ def predict(
     history: RunHistory = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compute the output that a drive gives: current to force, as the model was identified.
+    """Compute the output for a given drive, such as the force for a current.
 
-    DRIVE holds the input of the model (I_A, H_A_per_m, u_V), the gap or whatever else the model
-    runs over (gap_m), if it has eddy currents the time (t_s), and perhaps loop labels (loop): each
-    loop is a run of its own. Units are converted. The file written repeats its columns and adds
-    the output (F_N) and 'valid': 1 inside the range in which the model was seen to hold, else 0.
+    DRIVE contains the input of the model (I_A, H_A_per_m, u_V) and the gap or other scheduled
+    quantity (gap_m). A model with eddy currents also needs the time (t_s). If there are loop labels
+    (loop), each loop is a separate run. Units are converted. The output file repeats the columns
+    and adds the output (F_N) and 'valid': 1 inside the valid range of the model, else 0.
 
     Example: anhyst predict model.toml drive.csv --out force.csv
     """
@@ -64,12 +64,12 @@ def invert(
     history: RunHistory = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compute the drive that a demanded output needs: force to current.
+    """Compute the drive for a demanded output, such as the current for a force.
 
-    DEMAND holds the output of the model (F_N, B_T, psi_Wb, x_m) and whatever 'predict' needs
-    beside the drive. Of the two currents that give a force, the positive one is taken. The file
-    written repeats its columns and adds the drive (I_A) and 'valid': 1 inside the range in which
-    the model was seen to hold, else 0.
+    DEMAND contains the output of the model (F_N, B_T, psi_Wb, x_m) and the other columns that
+    'predict' needs, without the drive. If two currents give the same force, the positive one is
+    used. The output file repeats the columns and adds the drive (I_A) and 'valid': 1 inside the
+    valid range of the model, else 0.
 
     Example: anhyst invert model.toml demand.csv --out current.csv
     """
@@ -123,10 +123,11 @@ def diff(
     ],
     as_json: AsJson = False,
 ) -> None:
-    """Show what two models have different, and by how much in newtons.
+    """Show the differences between two models, in their parameters and in newtons.
 
-    Compared are settled loops over the range of drive in which both models are valid, at the gaps
-    of both and half-way between. The difference is in units of the output (N for a force).
+    The command compares steady-state loops over the range of the drive in which both models are
+    valid, at the gaps of both models and half-way between. The difference is in the unit of the
+    output (N for a force).
 
     Example: anhyst diff old.toml new.toml
     """
@@ -192,12 +193,12 @@ def report(
     ] = Path("report.html"),
     as_json: AsJson = False,
 ) -> None:
-    """Write the report of a model: one HTML file that needs nothing else.
+    """Write the report of a model as one self-contained HTML file.
 
-    Measured against modelled loops at each gap, residuals, parameters over the gap, the cost of
-    each reduction, uncertainty, verdict and provenance. The measurements that the model was
-    identified from are read again; where they are missing or have changed, the report is written
-    from the model alone and says so.
+    The report shows measured and modelled loops at each gap, residuals, parameters over the gap,
+    the cost of each reduction, uncertainties, the verdict and the provenance. The command reads the
+    measurements of the model again. If they are missing or have changed, the report is made from
+    the model only and says so.
 
     Example: anhyst report model.toml --out report.html
     """
@@ -238,47 +239,50 @@ def export(
         ExportChoice,
         typer.Option(
             "--as",
-            help="'fmu': for co-simulation; 'simulink': a C S-function; 'lut': settled loops over "
-            "the gap as tables.",
+            help="'fmu': for co-simulation; 'simulink': a C S-function; 'lut': steady-state "
+            "loops over the gap as tables.",
         ),
     ] = "fmu",
     of: Annotated[
         OfChoice | None,
         typer.Option(
-            help="Of a model: 'compensator', demand in, current out; 'actuator', current in, force "
-            "out. [default: compensator]",
+            help="What to export of a model: 'compensator' (demand to current) or 'actuator' "
+            "(current to force). [default: compensator]",
             show_default=False,
         ),
     ] = None,
     rate: Annotated[
         float | None,
         typer.Option(
-            metavar="HZ", min=1.0, help="Of a compensator: ticks a second.", show_default=False
+            metavar="HZ",
+            min=1.0,
+            help="Control ticks per second of a compensator.",
+            show_default=False,
         ),
     ] = None,
     kind: Annotated[
         ExportKind | None,
-        typer.Option(help="Of a compensator. [default: full]", show_default=False),
+        typer.Option(help="Kind of compensator. [default: full]", show_default=False),
     ] = None,
-    fmi: Annotated[FmiChoice, typer.Option(help="Version of the standard.")] = "2.0",
+    fmi: Annotated[FmiChoice, typer.Option(help="Version of the FMI standard.")] = "2.0",
     platforms: Annotated[
         str | None,
         typer.Option(
             metavar="NAME,...",
-            help="Of an FMU: x86_64-linux, aarch64-linux, x86_64-windows, x86_64-darwin, "
-            "aarch64-darwin. [default: all]",
+            help="Platforms of an FMU: x86_64-linux, aarch64-linux, x86_64-windows, "
+            "x86_64-darwin, aarch64-darwin. [default: all]",
             show_default=False,
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Export a model for other tools: its compensator or the actuator as FMU or S-function; tables.
+    """Export a model or a rig for other tools, as FMU, S-function or tables.
 
-    A compensator computes what the compiled fixed-point C computes on a controller, an actuator
-    what the model does; the rig file of any kind gives plant and
-    controller in one. An FMU holds the sources, and binaries for Linux, Windows and macOS (extra
-    'verify'). Simulink, Amesim, Dymola, OpenModelica and fmpy read it. An S-function is C that
-    MATLAB compiles with the script beside it. For C alone: anhyst compile.
+    A compensator computes the same as the compiled fixed-point C on a controller, and an actuator
+    the same as the model. A rig file of any kind gives plant and controller in one FMU. An FMU
+    contains the sources, and binaries for Linux, Windows and macOS (extra 'verify'). Simulink,
+    Amesim, Dymola, OpenModelica and fmpy read it. An S-function is C that MATLAB compiles with the
+    script in the same folder. For C without a wrapper, use anhyst compile.
 
     Example: anhyst export model.toml --as fmu --rate 20000 --out magnet.fmu
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.formats import FORMATS, OpenTable, open_table
-from anhyst.data.formats.channels import Texts, is_number
+from anhyst.data.formats.channels import Texts, is_number, is_value
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, time_fault, value_fault
+from anhyst.data.path import History, refuse_missing, time_fault, value_fault
 from anhyst.data.roles import (
     SHORTEST,
     Roles,
@@ -160,7 +160,7 @@ def _read_table(
     source_name = table.source_name
     headers = map_headers(table, description.columns)
     head = table.first_rows(SHORTEST)
-    words = [index for row in head[:1] for index, field in enumerate(row) if not is_number(field)]
+    words = [index for row in head[:1] for index, field in enumerate(row) if not is_value(field)]
     roles = find_roles(source_name, headers, description, words)
     numbers = [roles.input, roles.output]
     numbers += [index for index in (roles.time, roles.schedule) if index is not None]
@@ -181,6 +181,9 @@ def _read_table(
         unit = headers[index].unit
         return column if unit is None else unit.to_si(column)
 
+    kept = slice(None) if keep is None else keep
+    held = [(headers[index].text, raw.numbers[index][kept]) for index in numbers]
+    refuse_missing(where, held, "leave them out: --drop invalid")
     drive, answer = values(roles.input), values(roles.output)
     assert drive is not None
     assert answer is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,12 +17,12 @@ from anhyst.data.formats.channels import (
     TextInNumbersError,
     Texts,
     is_finite,
-    is_number,
+    is_value,
     need_package,
 )
 from anhyst.data.formats.text import shown
 from anhyst.data.output_map import OUTPUT_MAPS
-from anhyst.data.path import time_fault
+from anhyst.data.path import refuse_missing, time_fault
 from anhyst.data.roles import likely, map_one, mapping
 from anhyst.support.atomic import PathLike, check_writable, write_error
 from anhyst.support.errors import InputError
@@ -89,6 +90,7 @@ class DataTable:
                 code="text-in-numbers",
                 key=header.text,
             )
+        refuse_missing(self.where, [(header.text, column)])
         values = header.unit.to_si(column) if header.unit else column
         values.flags.writeable = False
         if name == "time" and (back := time_fault(values)) is not None:
@@ -146,17 +148,21 @@ def read_columns(
     texts = {
         index
         for index, header in enumerate(headers)
-        if header.is_label or (index not in known and not is_number(first[index]))
+        if header.is_label or (index not in known and not is_value(first[index]))
     }
     while True:
         numbers = [index for index in range(len(headers)) if index not in texts]
         try:
             raw = opened.read(numbers, sorted(texts), progress)
-            break
         except TextInNumbersError as error:
             if error.column in known:
                 raise
             texts.add(error.column)  # a column nobody asked for may hold anything
+            continue
+        marked = {i for i in numbers if i not in known and not np.isfinite(raw.numbers[i]).all()}
+        if not marked:
+            break
+        texts |= marked
     held: list[FloatArray | Texts] = []
     for index in range(len(headers)):
         if index in texts:
@@ -181,7 +187,26 @@ def map_headers(table: OpenTable, columns: Mapping[str, str]) -> tuple[Header, .
                 key=source,
             )
         headers[index] = _map_header(table.source_name, headers[index], target)
+    mapped = {table.find(source) for source in columns}
+    clocks = [n for n, header in enumerate(headers) if n not in mapped and _is_clock(header)]
+    if len(clocks) == 1 and all(_quantity(header) != "time" for header in headers):
+        unnamed = headers[clocks[0]]
+        headers[clocks[0]] = Header(unnamed.text, "t", QUANTITIES["time"], unnamed.unit)
     return tuple(headers)
+
+
+_CLOCK = re.compile(r"(time|zeit|temps|tiempo|tempo|tijd)\b", re.IGNORECASE)
+"""How the name of a clock begins; loggers add the rate or the number of a group to it."""
+
+
+def _is_clock(header: Header) -> bool:
+    """Whether a header is that of a clock whose name is longer than a word."""
+    has_unit = header.unit is not None and header.unit.dimension == "time"
+    return has_unit and not header.is_known and _CLOCK.match(header.text) is not None
+
+
+def _quantity(header: Header) -> str:
+    return header.quantity.name if header.quantity else ""
 
 
 def _map_header(file_name: str, own: Header, target: str) -> Header:
@@ -275,7 +300,7 @@ def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> l
     table = open_table(path, least=1)
     headers = map_headers(table, columns or {})
     (first,) = table.first_rows(1) or [[""] * len(headers)]
-    texts = [column for column, field in enumerate(first) if not is_number(field)]
+    texts = [column for column, field in enumerate(first) if not is_value(field)]
     roles = _roles(headers, texts)
     units = table.units or [header.unit.symbol if header.unit else "" for header in headers]
     listed = []

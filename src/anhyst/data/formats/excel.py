@@ -10,6 +10,7 @@ each cell.
 from __future__ import annotations
 
 import datetime
+import math
 import re
 import zipfile
 import zlib
@@ -25,6 +26,7 @@ from anhyst.data.formats.channels import (
     ChannelFile,
     Values,
     clocks_by_name,
+    is_mark,
     need_package,
     one_line_if_damaged,
 )
@@ -40,6 +42,15 @@ _TAIL = 256
 _CELL = re.compile(rb'<c\b[^>]{0,200}?\br="([A-Z]{1,4})([0-9]{1,8})"')
 _ROW = re.compile(rb'<row\b[^>]{0,200}?\br="([0-9]{1,8})"')
 _SHARED = re.compile(rb't="s"')
+
+
+def is_workbook(path: Path) -> bool:
+    """Whether a zip archive holds a workbook."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return "xl/workbook.xml" in archive.namelist()
+    except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
+        return False
 
 
 def check_workbook(path: Path) -> None:
@@ -221,6 +232,9 @@ def _columns(path: Path, sheet: str, rows: Rows, start: int) -> list[Channel]:
 def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     """Values of a column, and whether it is dates or times of a day."""
     kinds = {type(cell) for cell in cells}
+    if str in kinds and kinds & {int, float}:  # marks such as OL among numbers
+        cells = [math.nan if isinstance(cell, str) and is_mark(cell) else cell for cell in cells]
+        kinds = {type(cell) for cell in cells}
     if kinds <= {int, float, bool}:
         return np.array(cells, dtype=np.float64), False
     if kinds == {datetime.datetime}:

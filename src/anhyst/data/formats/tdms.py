@@ -22,7 +22,9 @@ from anhyst.data.formats.channels import (
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
-_WAVEFORM = "wf_increment"
+_WAVEFORM, _START = "wf_increment", "wf_start_time"
+_EPOCH = np.datetime64("1910-01-01")
+"""LabVIEW writes its epoch of 1904 where no start time is known."""
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 _NO_GROUP = "channels"
 
@@ -30,8 +32,9 @@ _NO_GROUP = "channels"
 def open_tdms(path: Path, least: int) -> ChannelTable:
     """Look at a TDMS file.
 
-    Clocks are waveform properties (``wf_start_offset``, ``wf_increment``), or what is named a time
-    beside channels of its length; units are ``unit_string``.
+    Clocks are waveform properties (``wf_start_time``, ``wf_start_offset``, ``wf_increment``), or a
+    channel that is named as a time among channels of its length; units are ``unit_string``. Times
+    count from the earliest ``wf_start_time``; a channel without one starts there.
     """
     need_package(path, "nptdms")
     try_first(path, open_tdms)
@@ -47,16 +50,29 @@ def open_tdms(path: Path, least: int) -> ChannelTable:
             )
         size = path.stat().st_size
         clocks: dict[tuple[Any, ...], Channel] = {}
-        channels = [
-            _channel(path, size, channel, clocks)
+        items = [
+            channel
             for group in file.groups()
             for channel in group.channels()
             if len(channel) and channel.dtype.kind in "biufcMO"
         ]
+        starts = [start for item in items if (start := _start_time(item)) is not None]
+        origin = min(starts, default=None)
+        channels = [_channel(path, size, item, clocks, origin) for item in items]
     return open_channels(ChannelFile(path, clocks_by_name(channels), _reader(path)), least)
 
 
-def _channel(path: Path, size: int, item: Any, clocks: dict[tuple[Any, ...], Channel]) -> Channel:
+def _start_time(item: Any) -> Any:
+    """Return the absolute time at which a waveform starts, if it is stated."""
+    start = item.properties.get(_START)
+    if item.properties.get(_WAVEFORM) is None or not isinstance(start, np.datetime64):
+        return None
+    return None if np.isnat(start) or start < _EPOCH else start
+
+
+def _channel(
+    path: Path, size: int, item: Any, clocks: dict[tuple[Any, ...], Channel], origin: Any
+) -> Channel:
     count, width, group = len(item), max(1, item.dtype.itemsize), str(item.group_name)
     check_size(path, f"{group}/{item.name}", count, width)
     if (
@@ -71,6 +87,8 @@ def _channel(path: Path, size: int, item: Any, clocks: dict[tuple[Any, ...], Cha
     clock = None
     if (step := _number(item.properties.get(_WAVEFORM))) is not None and step > 0.0:
         start = _number(item.properties.get("wf_start_offset")) or 0.0
+        if (absolute := _start_time(item)) is not None:
+            start += float((absolute - origin) / np.timedelta64(1, "ns")) * 1e-9
         timing = (group, count, start, step)
         clock = clocks.setdefault(timing, Channel("t", count, (start, step), "s", group))
     unit = next((str(item.properties[key]) for key in _UNITS if item.properties.get(key)), "")
