@@ -25,7 +25,12 @@ _SETTINGS = re.compile(
 def find_logger(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Return the columns of the first recogniser that knows a file; ``first`` is no comment."""
     found = (recognise(path, lines, first) for recognise in _RECOGNISERS)
-    return next((columns for columns in found if columns is not None), None)
+    return next((table for table in found if table is not None and _has_channel(table)), None)
+
+
+def _has_channel(table: TextColumns) -> bool:
+    columns = table.columns
+    return any(column.position is not None and not column.is_counter for column in columns)
 
 
 def _number(text: str) -> float:
