@@ -195,7 +195,7 @@ _ROWS_ABOVE = 6
 """Rows above the data among which the names are: loggers put channels and rates below them."""
 
 
-def _names_row(lines: Lines, first: int, run: Run, sign: str | None) -> int | None:
+def _names_row(lines: Lines, first: int, run: NumberRun, sign: str | None) -> int | None:
     """Return the row above a run that names its columns best, the lowest of equal ones."""
     best, most = None, -2
     above = _text_above(lines, first, run.start)
@@ -249,7 +249,7 @@ def _text_above(lines: Lines, first: int, start: int) -> int | None:
 
 
 @dataclass(slots=True)
-class Run:
+class NumberRun:
     """Rows of as many fields, the same ones numbers; ``used`` counts columns to the last filled one."""
 
     start: int
@@ -259,9 +259,9 @@ class Run:
     rows: int = 0
 
 
-def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> Run | None:
+def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> NumberRun | None:
     """Find the first run of at least `_RUN` rows, else the longest of three or more."""
-    run, best = Run(first, 0, set()), None
+    run, best = NumberRun(first, 0, set()), None
     for line in range(first, len(lines)):
         text = lines[line][0]
         if not text.strip() or is_comment(text):
@@ -270,12 +270,12 @@ def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> Run
         numbers = _value_fields(fields)
         common = numbers & run.numbers if len(fields) == run.width else set()
         if not _are_enough(common, run.used, least):
-            run, common = Run(line, len(fields), numbers), numbers
+            run, common = NumberRun(line, len(fields), numbers), numbers
         run.numbers = common
         run.used = max(run.used, *(index + 1 for index, field in enumerate(fields) if field), 0)
         run.rows += 1
         if not _are_enough(run.numbers, run.used, least):
-            run = Run(line, 0, set())
+            run = NumberRun(line, 0, set())
         elif run.rows >= _RUN:
             return run
         elif run.rows >= 3 and (best is None or run.rows > best.rows):
