@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-LARGEST = 1e50
-"""Nothing measured is larger in any unit; squares and sums of such numbers stay finite."""
+LARGEST = 9e37
+"""Nothing measured is larger in any unit: instruments mark overrange by 9.9e37 and NaN by 9.91e37."""
 
 
 def turning_points(values: FloatArray, threshold: float) -> NDArray[np.intp]:
@@ -59,9 +59,15 @@ def crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bo
     return other[at] + share * (other[at + 1] - other[at])
 
 
+def is_measured(values: FloatArray) -> NDArray[np.bool_]:
+    """Whether each sample is a value that can be measured: not NaN, and at most `LARGEST`."""
+    good: NDArray[np.bool_] = np.abs(values) <= LARGEST
+    return good
+
+
 def value_fault(values: FloatArray) -> int | None:
     """Find the index of the first sample that nobody measured: NaN, Inf, or beyond `LARGEST`."""
-    good = np.abs(values) <= LARGEST
+    good = is_measured(values)
     return None if good.all() else int(np.argmin(good))
 
 

@@ -10,12 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.data.distinct import refuse_different_loops
+from anhyst.data.file_names import gap_note, gaps_of_names, with_file_name
 from anhyst.data.formats import FORMATS, OpenTable, open_table
 from anhyst.data.formats.channels import Texts, is_number
+from anhyst.data.formats.text import TextTable
+from anhyst.data.headers import map_headers
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, time_fault, value_fault
+from anhyst.data.path import History, is_measured, time_fault
+from anhyst.data.plateaus import find_plateaus
 from anhyst.data.roles import (
     SHORTEST,
     Roles,
@@ -23,11 +28,10 @@ from anhyst.data.roles import (
     find_label,
     find_roles,
     may_label,
-    with_file_name,
 )
 from anhyst.data.sidecar import FileDescription, is_sidecar
 from anhyst.data.start import propose_histories
-from anhyst.data.table import is_frame, map_headers, table_of
+from anhyst.data.table import find_clocks, is_frame, table_of
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -36,6 +40,9 @@ from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header
 
 Rows = NDArray[np.intp]
 
+_OUTPUTS_OF_GAPS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
+_MAX_HOLE = 0.05
+"""Part of a record that invalid samples may leave out in a row; a longer hole is remarked on."""
 _DWELL = 6
 """Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
 _MOST_LOOPS = 2000
@@ -52,6 +59,7 @@ class _Columns:
     output: FloatArray
     schedule: FloatArray | None
     time: FloatArray | None
+    has_times: bool  # whether the clock has a unit; else it says the order of the rows
     labels: Texts
     where: Callable[[int], str]
 
@@ -66,6 +74,9 @@ def read_loops(
     constants: Mapping[str, float | str] | None = None,
     select: Mapping[str, object] | None = None,
     file_name: str | None = None,
+    scale: Mapping[str, float | str] | None = None,
+    flip: Sequence[str] | str = (),
+    drop: str | None = None,
     sidecar: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Loops:
@@ -78,8 +89,15 @@ def read_loops(
         (pandas, polars, pyarrow, whatever has ``__dataframe__``) or a mapping of names to arrays;
         names are read as headers of a file.
     columns, history, schedule, loop, constants, select, file_name
-        What the headers do not say, as the keys of a sidecar (`Reading.from_toml`); goes before
-        what a sidecar says.
+        What the headers do not say, as the keys of a sidecar (`FileDescription.from_toml`). These
+        arguments take precedence over a sidecar.
+    scale
+        By column, the value in our unit per unit in the file: ``{"CH1": 10}`` for a probe of 10 A
+        per V.
+    flip
+        Columns whose sign is reversed.
+    drop
+        ``"invalid"`` leaves out samples without a measured value; a note states their number.
     sidecar
         TOML file that describes all the files. Without it, ``<stem>.toml`` beside each file is
         used where there is one.
@@ -99,6 +117,9 @@ def read_loops(
         constants=constants,
         select=select,
         file_name=file_name,
+        scale=scale,
+        flip=flip,
+        drop=drop,
     )
     beside = FileDescription.from_toml(sidecar) if sidecar is not None else None
     if is_frame(paths):
@@ -106,11 +127,41 @@ def read_loops(
         described = description if beside is None else description.over(beside)
         return join(_with_histories([_read_table(table, _ALONE, described, progress)]))
     files = _expand(paths)
+    descriptions = {
+        path: description.over(beside if beside is not None else _find_sidecar(path))
+        for path in files
+    }
+    tables = {path: open_table(path) for path in files}
+    gaps = _gaps_of_names(tables, descriptions)
     parts = []
-    for path in files:
-        reading = description.over(beside if beside is not None else _find_sidecar(path))
-        parts.append(_read_file(path, reading, progress, alone=len(files) == 1))
-    return join(_with_histories(parts))
+    for path, table in tables.items():
+        reading = with_file_name(path, descriptions[path])
+        if gaps:
+            reading = replace(reading, constants={**reading.constants, "gap_m": gaps[path]})
+        name = _ALONE if len(files) == 1 else path.stem
+        parts.append(_read_table(table, name, reading, progress))
+    loops = join(_with_histories(parts))
+    if gaps:
+        return replace(loops, notes=(gap_note(gaps), *loops.notes))
+    if loops.schedule is None and description.schedule is None:
+        refuse_different_loops(loops)
+    return loops
+
+
+def _gaps_of_names(
+    tables: Mapping[Path, OpenTable], descriptions: Mapping[Path, FileDescription]
+) -> dict[Path, float]:
+    """Return the gap of each file by its name, m; empty if the files or the user say another one."""
+    gaps = gaps_of_names(list(tables))
+    for path in gaps:
+        described, table = descriptions[path], tables[path]
+        if described.schedule not in (None, "gap") or described.constants or described.file_name:
+            return {}
+        headers = map_headers(table, described.columns, described.scale, described.flip)
+        names = {header.quantity.name for header in headers if header.quantity is not None}
+        if "gap" in names or "field" in names or names.isdisjoint(_OUTPUTS_OF_GAPS):
+            return {}
+    return gaps
 
 
 def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None) -> list[Path]:
@@ -146,22 +197,20 @@ def _find_sidecar(path: Path) -> FileDescription:
     return FileDescription.from_toml(sidecar) if beside else FileDescription()
 
 
-def _read_file(
-    path: Path, description: FileDescription, progress: Progress | None, *, alone: bool
-) -> LoopPart:
-    description = with_file_name(path, description)
-    return _read_table(open_table(path), _ALONE if alone else path.stem, description, progress)
-
-
 def _read_table(
     table: OpenTable, name: str, description: FileDescription, progress: Progress | None
 ) -> LoopPart:
     """Read a table; ``name`` labels its loop where the table has no label of its own."""
+    if isinstance(table, TextTable):
+        table = replace(table, is_lenient=True)
     source_name = table.source_name
-    headers = map_headers(table, description.columns)
+    headers = map_headers(table, description.columns, description.scale, description.flip)
     head = table.first_rows(SHORTEST)
     words = [index for row in head[:1] for index, field in enumerate(row) if not is_number(field)]
-    roles = find_roles(source_name, headers, description, words)
+    numbers = [index for index in range(len(headers)) if index not in words]
+    roles = find_roles(
+        source_name, headers, description, words, lambda: find_clocks(table, numbers)
+    )
     numbers = [roles.input, roles.output]
     numbers += [index for index in (roles.time, roles.schedule) if index is not None]
     chosen = {name: find_column(source_name, headers, name) for name in description.select}
@@ -170,6 +219,7 @@ def _read_table(
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
     raw = table.read(numbers, sorted(texts), progress)
     keep = _selection(source_name, description, {name: raw.texts[i] for name, i in chosen.items()})
+    keep, lost = _drop_invalid(table, headers, raw.numbers, keep, description.drop)
 
     def where(row: int) -> str:
         return table.where(row if keep is None else int(keep[row]))
@@ -178,12 +228,10 @@ def _read_table(
         if index is None:
             return None
         column = raw.numbers[index] if keep is None else raw.numbers[index][keep]
-        unit = headers[index].unit
-        return column if unit is None else unit.to_si(column)
+        return headers[index].to_si(column)
 
     drive, answer = values(roles.input), values(roles.output)
     assert drive is not None
-    assert answer is not None
     schedule = (
         np.full(drive.size, roles.fixed) if roles.fixed is not None else values(roles.schedule)
     )
@@ -192,6 +240,17 @@ def _read_table(
         column = raw.texts[index]
         return column if keep is None else Texts(column.values, column.codes[keep])
 
+    remarks = [*raw.notes, *lost]
+    if schedule is not None and roles.quantity is not None:
+        plateaus = find_plateaus(schedule, drive, roles.quantity)
+        if plateaus is not None:
+            # The rows between two plateaus belong to no loop.
+            keep = plateaus.rows if keep is None else keep[plateaus.rows]
+            drive, answer = values(roles.input), values(roles.output)
+            schedule = plateaus.values
+            remarks.append(plateaus.note)
+    assert drive is not None
+    assert answer is not None
     idle = {index: text(index) for index in asked}
     roles = roles.with_label(find_label(source_name, headers, idle, drive, answer, schedule))
     if roles.label is None:
@@ -201,9 +260,49 @@ def _read_table(
         labels = Texts((roles.fixed_label or own,), np.zeros(drive.size, np.int32))
     else:
         labels = text(roles.label)
-    columns = _Columns(source_name, drive, answer, schedule, values(roles.time), labels, where)
+    has_times = roles.time is not None and headers[roles.time].unit is not None
+    time = values(roles.time)
+    columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, where)
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
-    return _cut(columns, headers, roles, description, source, raw.notes)
+    return _cut(columns, headers, roles, description, source, remarks)
+
+
+def _drop_invalid(
+    table: OpenTable,
+    headers: Sequence[Header],
+    numbers: Mapping[int, FloatArray],
+    keep: Rows | None,
+    drop: str | None,
+) -> tuple[Rows | None, list[str]]:
+    """Leave out the rows without a measured value if that is asked for, else refuse the first."""
+    size = next(iter(numbers.values())).size
+    rows = np.arange(size) if keep is None else keep
+    good = {index: is_measured(values[rows]) for index, values in numbers.items()}
+    valid = np.logical_and.reduce(list(good.values()))
+    if valid.all():
+        return keep, []
+    count = rows.size - int(np.count_nonzero(valid))
+    index = next(index for index, column in good.items() if not column.all())
+    first = int(rows[int(np.argmin(good[index]))])
+    place, name = table.where(first), headers[index].text
+    if drop is None:
+        value = numbers[index][first]
+        raise InputError(
+            f"{place}, column '{name}': {value:g} is no measured value; correct the line, or leave "
+            f"out the invalid samples ({count} of {rows.size}): --drop invalid",
+            code="not-finite",
+            key=name,
+        )
+    columns = " and ".join(f"'{headers[i].text}'" for i, column in good.items() if not column.all())
+    edges = np.flatnonzero(np.diff(np.concatenate(([True], valid, [True])).astype(np.int8)))
+    longest = int(np.max(np.diff(edges)[::2]))
+    note = (
+        f"{count} of {rows.size} samples left out as invalid in {columns}, from {place}; longest "
+        f"hole: {longest} samples"
+    )
+    if longest > _MAX_HOLE * rows.size:
+        note += "; the history after such a hole is not known"
+    return rows[valid], [note]
 
 
 def _unlabelled(roles: Roles) -> tuple[int, ...]:
@@ -384,12 +483,6 @@ def _loop(columns: _Columns, rows: Rows) -> Loop:
         # Rows in one piece are a view: long records are not copied.
         taken = values[start:stop] if stop - start == rows.size else values[rows]
         taken.flags.writeable = False
-        if (odd := value_fault(taken)) is not None:
-            raise InputError(
-                f"{columns.where(int(rows[odd]))}: {taken[odd]:g} is no measured value; remove the "
-                "line",
-                code="not-finite",
-            )
         return taken
 
     time = part(columns.time)
@@ -402,6 +495,7 @@ def _loop(columns: _Columns, rows: Rows) -> Loop:
     drive, answer = part(columns.input), part(columns.output)
     assert drive is not None
     assert answer is not None
+    time = time if columns.has_times else None
     try:
         return Loop(label, drive, answer, part(columns.schedule), time, source=columns.source_name)
     except InputError as error:
