@@ -275,17 +275,6 @@ def is_number(text: str) -> bool:
     return "_" not in text
 
 
-_MARKS = frozenset(
-    ["∞", "inf", "infinity", "nan", "ind", "qnan", "snan", "ol", "ovl", "ovld", "over", "overl", "overload", "overflow", "overrange", "ovr", "under", "underflow", "underrange", "n/a", "na", "null", "none", "nodata", "invalid", "bad", "error", "#n/a", "#na", "#num!", "#value!", "#div/0!", "#inf", "#ind", "1.#inf", "1.#ind", "1.#qnan", "1.#nan"]
-)
-
-
-def is_mark(text: str) -> bool:
-    """Whether a recorder writes a field in place of a value: empty, overrange, not available."""
-    plain = "".join(text.casefold().split()).strip("-+*._<>()[]")
-    return not plain or plain in _MARKS
-
-
 def is_finite(text: str) -> bool:
     """Whether a field reads as a number that is neither NaN nor infinite."""
     return is_number(text) and math.isfinite(float(text.replace(",", ".", 1)))

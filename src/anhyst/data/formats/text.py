@@ -20,13 +20,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.formats.channels import (
-    ChannelGroup,
-    RawColumns,
-    TextInNumbersError,
-    Texts,
-    is_mark,
-)
+from anhyst.data.formats.channels import ChannelGroup, RawColumns, TextInNumbersError, Texts
 from anhyst.data.formats.layout import Layout, read_layout
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
@@ -44,7 +38,6 @@ class TextTable:
     """A text table whose layout is known."""
 
     layout: Layout
-    is_lenient: bool = False  # whether fields without a measured value are read as NaN
 
     @property
     def source_name(self) -> str:
@@ -80,7 +73,7 @@ class TextTable:
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
         """Read the wanted columns; the others are not even parsed."""
-        return read_raw(self.layout, numbers, texts, progress, is_lenient=self.is_lenient)
+        return read_raw(self.layout, numbers, texts, progress)
 
     def where(self, row: int) -> str:
         """Return the line of a row."""
@@ -161,11 +154,9 @@ def read_raw(
     numbers: Sequence[int],
     texts: Sequence[int] = (),
     progress: Progress | None = None,
-    *,
-    is_lenient: bool = False,
 ) -> RawColumns:
     """Read the wanted columns of a table, the others are not even parsed."""
-    reader = _Reader(layout, tuple(numbers), tuple(texts), is_lenient)
+    reader = _Reader(layout, tuple(numbers), tuple(texts))
     digest = hashlib.sha256()
     done = 0
     with layout.path.open("rb") as file:
@@ -231,11 +222,8 @@ def shown(field: str) -> str:
 class _Reader:
     """Collects the columns chunk by chunk."""
 
-    def __init__(
-        self, layout: Layout, numbers: tuple[int, ...], texts: tuple[int, ...], is_lenient: bool
-    ) -> None:
+    def __init__(self, layout: Layout, numbers: tuple[int, ...], texts: tuple[int, ...]) -> None:
         self.layout = layout
-        self.is_lenient = is_lenient
         self.numbers = numbers
         self.texts = texts
         self.line = layout.line
@@ -387,12 +375,10 @@ class _Reader:
                 raise ValueError
             value = float(field.replace(",", ".", 1) if comma else field)
         except ValueError:
-            if self.is_lenient and is_mark(field):
-                return math.nan
             what = f"'{shown(field)}' is not a number" if field else "is empty"
             text = f"{where}: {what}; correct or remove the line"
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
-        if not math.isfinite(value) and not self.is_lenient:
+        if not math.isfinite(value):
             text = f"{where}: {field} is no measured value; remove the line"
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key)
         return value
