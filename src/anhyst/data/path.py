@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Literal, cast
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-LARGEST = 9e37
-"""Nothing measured is larger in any unit: instruments mark overrange by 9.9e37 and NaN by 9.91e37."""
+LARGEST = 1e50
+"""Nothing measured is larger in any unit; squares and sums of such numbers stay finite."""
 
 
 def turning_points(values: FloatArray, threshold: float) -> NDArray[np.intp]:
@@ -59,16 +60,32 @@ def crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bo
     return other[at] + share * (other[at + 1] - other[at])
 
 
-def is_measured(values: FloatArray) -> NDArray[np.bool_]:
-    """Whether each sample is a value that can be measured: not NaN, and at most `LARGEST`."""
-    good: NDArray[np.bool_] = np.abs(values) <= LARGEST
-    return good
-
-
 def value_fault(values: FloatArray) -> int | None:
     """Find the index of the first sample that nobody measured: NaN, Inf, or beyond `LARGEST`."""
-    good = is_measured(values)
+    good = np.abs(values) <= LARGEST
     return None if good.all() else int(np.argmin(good))
+
+
+def refuse_missing(
+    where: Callable[[int], str],
+    columns: Sequence[tuple[str, FloatArray]],
+    remedy: str = "remove the lines",
+) -> None:
+    """Refuse columns, by their headers, that have a sample without a measured value.
+
+    Such a sample is not finite: every format reads overrange and invalid samples as NaN.
+    """
+    missing = [~np.isfinite(values) for _, values in columns]
+    for (name, _), is_missing in zip(columns, missing, strict=True):
+        if is_missing.any():
+            rows = np.logical_or.reduce(missing)
+            raise InputError(
+                f"{where(int(np.argmax(is_missing)))}, column '{name}': no measured value "
+                f"(overrange, invalid or empty), as in {np.count_nonzero(rows)} of {rows.size} "
+                f"samples; {remedy}",
+                code="not-finite",
+                key=name,
+            )
 
 
 def time_fault(time: FloatArray) -> int | None:

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from anhyst.data.distinct import refuse_different_loops
 from anhyst.data.file_names import gap_note, gaps_of_names, with_file_name
 from anhyst.data.formats import FORMATS, OpenTable, open_table
-from anhyst.data.formats.channels import Texts, is_number
-from anhyst.data.formats.text import TextTable
+from anhyst.data.formats.channels import Texts, is_number, is_value
 from anhyst.data.headers import map_headers
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, is_measured, time_fault
+from anhyst.data.path import History, refuse_missing, time_fault
 from anhyst.data.plateaus import find_plateaus
 from anhyst.data.roles import (
     SHORTEST,
@@ -201,12 +200,10 @@ def _read_table(
     table: OpenTable, name: str, description: FileDescription, progress: Progress | None
 ) -> LoopPart:
     """Read a table; ``name`` labels its loop where the table has no label of its own."""
-    if isinstance(table, TextTable):
-        table = replace(table, is_lenient=True)
     source_name = table.source_name
     headers = map_headers(table, description.columns, description.scale, description.flip)
     head = table.first_rows(SHORTEST)
-    words = [index for row in head[:1] for index, field in enumerate(row) if not is_number(field)]
+    words = [index for row in head[:1] for index, field in enumerate(row) if not is_value(field)]
     numbers = [index for index in range(len(headers)) if index not in words]
     roles = find_roles(
         source_name, headers, description, words, lambda: find_clocks(table, numbers)
@@ -219,10 +216,18 @@ def _read_table(
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
     raw = table.read(numbers, sorted(texts), progress)
     keep = _selection(source_name, description, {name: raw.texts[i] for name, i in chosen.items()})
-    keep, lost = _drop_invalid(table, headers, raw.numbers, keep, description.drop)
 
     def where(row: int) -> str:
         return table.where(row if keep is None else int(keep[row]))
+
+    kept = slice(None) if keep is None else keep
+    held = [(headers[index].text, raw.numbers[index][kept]) for index in numbers]
+    lost = []
+    if description.drop is None:
+        refuse_missing(where, held, "leave them out: --drop invalid")
+    else:
+        valid, lost = _find_valid(where, held)
+        keep = valid if keep is None else keep[valid]
 
     def values(index: int | None) -> FloatArray | None:
         if index is None:
@@ -267,42 +272,23 @@ def _read_table(
     return _cut(columns, headers, roles, description, source, remarks)
 
 
-def _drop_invalid(
-    table: OpenTable,
-    headers: Sequence[Header],
-    numbers: Mapping[int, FloatArray],
-    keep: Rows | None,
-    drop: str | None,
-) -> tuple[Rows | None, list[str]]:
-    """Leave out the rows without a measured value if that is asked for, else refuse the first."""
-    size = next(iter(numbers.values())).size
-    rows = np.arange(size) if keep is None else keep
-    good = {index: is_measured(values[rows]) for index, values in numbers.items()}
-    valid = np.logical_and.reduce(list(good.values()))
-    if valid.all():
-        return keep, []
-    count = rows.size - int(np.count_nonzero(valid))
-    index = next(index for index, column in good.items() if not column.all())
-    first = int(rows[int(np.argmin(good[index]))])
-    place, name = table.where(first), headers[index].text
-    if drop is None:
-        value = numbers[index][first]
-        raise InputError(
-            f"{place}, column '{name}': {value:g} is no measured value; correct the line, or leave "
-            f"out the invalid samples ({count} of {rows.size}): --drop invalid",
-            code="not-finite",
-            key=name,
-        )
-    columns = " and ".join(f"'{headers[i].text}'" for i, column in good.items() if not column.all())
-    edges = np.flatnonzero(np.diff(np.concatenate(([True], valid, [True])).astype(np.int8)))
-    longest = int(np.max(np.diff(edges)[::2]))
+def _find_valid(
+    where: Callable[[int], str], held: Sequence[tuple[str, FloatArray]]
+) -> tuple[Rows, list[str]]:
+    """Return the rows where all columns have a measured value, and a note on the other rows."""
+    is_valid = np.logical_and.reduce([np.isfinite(values) for _, values in held])
+    valid = np.flatnonzero(is_valid)
+    if valid.size == is_valid.size:
+        return valid, []
+    names = " and ".join(f"'{name}'" for name, column in held if not np.isfinite(column).all())
+    holes = np.diff(np.concatenate(([-1], valid, [is_valid.size]))) - 1
     note = (
-        f"{count} of {rows.size} samples left out as invalid in {columns}, from {place}; longest "
-        f"hole: {longest} samples"
+        f"{is_valid.size - valid.size} of {is_valid.size} samples left out as invalid in {names}, "
+        f"first in {where(int(np.argmin(is_valid)))}, at most {int(holes.max())} in a row"
     )
-    if longest > _MAX_HOLE * rows.size:
+    if holes.max() > _MAX_HOLE * is_valid.size:
         note += "; the history after such a hole is not known"
-    return rows[valid], [note]
+    return valid, [note]
 
 
 def _unlabelled(roles: Roles) -> tuple[int, ...]:

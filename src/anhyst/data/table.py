@@ -16,13 +16,13 @@ from anhyst.data.formats.channels import (
     TextInNumbersError,
     Texts,
     is_finite,
-    is_number,
+    is_value,
     need_package,
 )
 from anhyst.data.formats.text import shown
 from anhyst.data.headers import map_headers
 from anhyst.data.output_map import OUTPUT_MAPS
-from anhyst.data.path import time_fault
+from anhyst.data.path import refuse_missing, time_fault
 from anhyst.data.proposals import likely, map_one, mapping
 from anhyst.support.atomic import PathLike, check_writable, write_error
 from anhyst.support.errors import InputError
@@ -88,6 +88,7 @@ class DataTable:
                 code="text-in-numbers",
                 key=header.text,
             )
+        refuse_missing(self.where, [(header.text, column)])
         values = header.to_si(column)
         values.flags.writeable = False
         if name == "time" and (back := time_fault(values)) is not None:
@@ -145,17 +146,21 @@ def read_columns(
     texts = {
         index
         for index, header in enumerate(headers)
-        if header.is_label or (index not in known and not is_number(first[index]))
+        if header.is_label or (index not in known and not is_value(first[index]))
     }
     while True:
         numbers = [index for index in range(len(headers)) if index not in texts]
         try:
             raw = opened.read(numbers, sorted(texts), progress)
-            break
         except TextInNumbersError as error:
             if error.column in known:
                 raise
             texts.add(error.column)  # a column nobody asked for may hold anything
+            continue
+        marked = {i for i in numbers if i not in known and not np.isfinite(raw.numbers[i]).all()}
+        if not marked:
+            break
+        texts |= marked
     held: list[FloatArray | Texts] = []
     for index in range(len(headers)):
         if index in texts:
@@ -236,7 +241,7 @@ def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> l
     table = open_table(path, least=1)
     headers = map_headers(table, columns or {})
     (first,) = table.first_rows(1) or [[""] * len(headers)]
-    texts = [column for column, field in enumerate(first) if not is_number(field)]
+    texts = [column for column, field in enumerate(first) if not is_value(field)]
     roles = _roles(headers, texts)
     units = table.units or [header.unit.symbol if header.unit else "" for header in headers]
     listed = []
