@@ -115,7 +115,8 @@ def _levels(rests: list[_Rest]) -> list[float]:
     levels: list[float] = []
     for rest in rests:
         places = max(0, 1 - math.floor(math.log10(rest.sigma))) if rest.sigma > 0.0 else 12
-        near = [level for level in levels if abs(level - rest.mean) <= rest.sigma]
+        # Contact is 0, whatever the zero of the sensor makes of it.
+        near = [level for level in (*levels, 0.0) if abs(level - rest.mean) <= rest.sigma]
         levels.append(near[0] if near else round(rest.mean, places))
     return levels
 

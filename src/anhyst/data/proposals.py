@@ -55,7 +55,7 @@ def scale_advice(headers: Sequence[Header], unknown: dict[str, str]) -> str:
 
 
 def option(name: str, pairs: dict[str, str]) -> str:
-    """Return an option of the command line that takes pairs, quoted for a shell.
+    r"""Return an option of the command line that takes pairs, quoted for a shell.
 
     >>> option("columns", {"Current, coil (A)": "I_A"})
     '--columns \'"Current, coil (A)"=I_A\''
@@ -166,7 +166,9 @@ def _likeness(header: Header, name: str) -> int:
     like = named_quantities(header.name) | {
         key
         for key, words in _HINTS.items()
-        if any(word in (letters if len(word) == 1 else header.name.lower()) for word in words)
+        if any(
+            letters == [word] if len(word) == 1 else word in header.name.lower() for word in words
+        )
     }
     score = 2 if name in like else -2 if like else 0
     if header.unit is not None:

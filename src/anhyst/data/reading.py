@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from anhyst.data.distinct import refuse_different_loops
 from anhyst.data.file_names import gap_note, gaps_of_names, with_file_name
 from anhyst.data.formats import FORMATS, OpenTable, open_table
-from anhyst.data.formats.channels import Texts, is_number, is_value
+from anhyst.data.formats.channels import RawColumns, Texts, is_number, is_value
 from anhyst.data.headers import map_headers
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
@@ -196,6 +196,61 @@ def _find_sidecar(path: Path) -> FileDescription:
     return FileDescription.from_toml(sidecar) if beside else FileDescription()
 
 
+@dataclass(frozen=True, slots=True)
+class _UsedRows:
+    """The columns of a table that are read, at the rows that are used."""
+
+    table: OpenTable
+    headers: Sequence[Header]
+    raw: RawColumns
+    rows: Rows | None  # None: all
+
+    def where(self, row: int) -> str:
+        """Return the place of a used row."""
+        return self.table.where(row if self.rows is None else int(self.rows[row]))
+
+    def values(self, index: int) -> FloatArray:
+        """Return a column of numbers as it is in the table."""
+        column = self.raw.numbers[index]
+        return column if self.rows is None else column[self.rows]
+
+    def si(self, index: int | None) -> FloatArray | None:
+        """Return a column of numbers in SI units."""
+        return None if index is None else self.headers[index].to_si(self.values(index))
+
+    def texts(self, index: int) -> Texts:
+        """Return a column of texts."""
+        column = self.raw.texts[index]
+        return column if self.rows is None else Texts(column.values, column.codes[self.rows])
+
+    def at(self, rows: Rows) -> _UsedRows:
+        """Return the same columns at some of the used rows."""
+        return replace(self, rows=rows if self.rows is None else self.rows[rows])
+
+    def with_valid(self, drop: str | None) -> tuple[_UsedRows, list[str]]:
+        """Leave out rows without a measured value, with a note; refuse them if nobody asks for it."""
+        held = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
+        if drop is None:
+            refuse_missing(self.where, list(held.items()), "leave them out: --drop invalid")
+            return self, []
+        is_good = {name: np.isfinite(values) for name, values in held.items()}
+        is_valid = np.logical_and.reduce(list(is_good.values()))
+        valid = np.flatnonzero(is_valid)
+        if valid.size == is_valid.size:
+            return self, []
+        names = " and ".join(f"'{name}'" for name, good in is_good.items() if not good.all())
+        holes = np.diff(np.concatenate(([-1], valid, [is_valid.size]))) - 1
+        note = (
+            f"{is_valid.size - valid.size} of {is_valid.size} samples left out as invalid in "
+            f"{names}, at most {int(holes.max())} in a row"
+        )
+        if valid.size == 0:
+            raise InputError(f"{self.table.source_name}: {note}; none remains", code="no-data")
+        if holes.max() > _MAX_HOLE * is_valid.size:
+            note += "; the history after such a hole is not known"
+        return self.at(valid), [note]
+
+
 def _read_table(
     table: OpenTable, name: str, description: FileDescription, progress: Progress | None
 ) -> LoopPart:
@@ -204,59 +259,21 @@ def _read_table(
     headers = map_headers(table, description.columns, description.scale, description.flip)
     head = table.first_rows(SHORTEST)
     words = [index for row in head[:1] for index, field in enumerate(row) if not is_value(field)]
-    numbers = [index for index in range(len(headers)) if index not in words]
-    roles = find_roles(
-        source_name, headers, description, words, lambda: find_clocks(table, numbers)
-    )
-    numbers = [roles.input, roles.output]
-    numbers += [index for index in (roles.time, roles.schedule) if index is not None]
+    others = [index for index in range(len(headers)) if index not in words]
+    roles = find_roles(source_name, headers, description, words, lambda: find_clocks(table, others))
+    parts = (roles.input, roles.output, roles.time, roles.schedule)
     chosen = {name: find_column(source_name, headers, name) for name in description.select}
     asked = {index: [row[index] for row in head] for index in _unlabelled(roles)}
     asked = {index: first for index, first in asked.items() if may_label(headers[index], first)}
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
-    raw = table.read(numbers, sorted(texts), progress)
+    raw = table.read([index for index in parts if index is not None], sorted(texts), progress)
     keep = _selection(source_name, description, {name: raw.texts[i] for name, i in chosen.items()})
-
-    def where(row: int) -> str:
-        return table.where(row if keep is None else int(keep[row]))
-
-    kept = slice(None) if keep is None else keep
-    held = [(headers[index].text, raw.numbers[index][kept]) for index in numbers]
-    lost = []
-    if description.drop is None:
-        refuse_missing(where, held, "leave them out: --drop invalid")
-    else:
-        valid, lost = _find_valid(where, held)
-        keep = valid if keep is None else keep[valid]
-
-    def values(index: int | None) -> FloatArray | None:
-        if index is None:
-            return None
-        column = raw.numbers[index] if keep is None else raw.numbers[index][keep]
-        return headers[index].to_si(column)
-
-    drive, answer = values(roles.input), values(roles.output)
-    assert drive is not None
-    schedule = (
-        np.full(drive.size, roles.fixed) if roles.fixed is not None else values(roles.schedule)
-    )
-
-    def text(index: int) -> Texts:
-        column = raw.texts[index]
-        return column if keep is None else Texts(column.values, column.codes[keep])
-
-    remarks = [*raw.notes, *lost]
-    if schedule is not None and roles.quantity is not None:
-        plateaus = find_plateaus(schedule, drive, roles.quantity)
-        if plateaus is not None:
-            # The rows between two plateaus belong to no loop.
-            keep = plateaus.rows if keep is None else keep[plateaus.rows]
-            drive, answer = values(roles.input), values(roles.output)
-            schedule = plateaus.values
-            remarks.append(plateaus.note)
+    used, remarks = _UsedRows(table, headers, raw, keep).with_valid(description.drop)
+    used, schedule, found = _scheduled(used, roles)
+    drive, answer = used.si(roles.input), used.si(roles.output)
     assert drive is not None
     assert answer is not None
-    idle = {index: text(index) for index in asked}
+    idle = {index: used.texts(index) for index in asked}
     roles = roles.with_label(find_label(source_name, headers, idle, drive, answer, schedule))
     if roles.label is None:
         # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
@@ -264,31 +281,26 @@ def _read_table(
         own = _ALONE if roles.quantity is not None else name
         labels = Texts((roles.fixed_label or own,), np.zeros(drive.size, np.int32))
     else:
-        labels = text(roles.label)
+        labels = used.texts(roles.label)
     has_times = roles.time is not None and headers[roles.time].unit is not None
-    time = values(roles.time)
-    columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, where)
+    time = used.si(roles.time)
+    columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, used.where)
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
-    return _cut(columns, headers, roles, description, source, remarks)
+    return _cut(columns, headers, roles, description, source, [*raw.notes, *remarks, *found])
 
 
-def _find_valid(
-    where: Callable[[int], str], held: Sequence[tuple[str, FloatArray]]
-) -> tuple[Rows, list[str]]:
-    """Return the rows where all columns have a measured value, and a note on the other rows."""
-    is_valid = np.logical_and.reduce([np.isfinite(values) for _, values in held])
-    valid = np.flatnonzero(is_valid)
-    if valid.size == is_valid.size:
-        return valid, []
-    names = " and ".join(f"'{name}'" for name, column in held if not np.isfinite(column).all())
-    holes = np.diff(np.concatenate(([-1], valid, [is_valid.size]))) - 1
-    note = (
-        f"{is_valid.size - valid.size} of {is_valid.size} samples left out as invalid in {names}, "
-        f"first in {where(int(np.argmin(is_valid)))}, at most {int(holes.max())} in a row"
-    )
-    if holes.max() > _MAX_HOLE * is_valid.size:
-        note += "; the history after such a hole is not known"
-    return valid, [note]
+def _scheduled(used: _UsedRows, roles: Roles) -> tuple[_UsedRows, FloatArray | None, list[str]]:
+    """Return the scheduling variable in SI units; rows between its plateaus are left out."""
+    drive, schedule = used.si(roles.input), used.si(roles.schedule)
+    assert drive is not None
+    if roles.fixed is not None:
+        return used, np.full(drive.size, roles.fixed), []
+    if schedule is None or roles.quantity is None:
+        return used, schedule, []
+    plateaus = find_plateaus(schedule, drive, roles.quantity)
+    if plateaus is None:
+        return used, schedule, []
+    return used.at(plateaus.rows), plateaus.values, [plateaus.note]
 
 
 def _unlabelled(roles: Roles) -> tuple[int, ...]:

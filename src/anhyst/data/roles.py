@@ -131,6 +131,8 @@ def _describe(header: Header) -> list[str]:
 def _time(source: str, headers: Sequence[Header], texts: Collection[int]) -> int | None:
     """Find the clock; one without a unit says the order of the samples."""
     clocks = [i for i, header in enumerate(headers) if header.is_clock and i not in texts]
+    # A word such as 'tout' or 'Seconds' does not win over a column 'time'.
+    clocks = [i for i in clocks if not headers[i].is_by_word] or clocks
     has_units = [i for i in clocks if headers[i].unit is not None or headers[i].stated]
     if has_units or len(clocks) != 1:
         numbers = [header for i, header in enumerate(headers) if i in has_units]

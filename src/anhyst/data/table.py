@@ -62,6 +62,7 @@ class DataTable:
         """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent."""
         indices = [index for index, other in enumerate(self.names) if other == name]
         healthy = [index for index in indices if self.headers[index].problem is None]
+        healthy = [index for index in healthy if self.headers[index].is_certain] or healthy
         if len(healthy) > 1:
             texts = " and ".join(f"'{self.headers[index].text}'" for index in healthy)
             raise InputError(

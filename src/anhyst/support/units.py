@@ -234,6 +234,9 @@ _SYMBOLS = {quantity.symbol: name for name, quantity in QUANTITIES.items()} | {
 _WORDS = {name: name for name in QUANTITIES} | {"air_gap": "gap", "airgap": "gap"}
 _NEEDS_QUANTITY = frozenset({"in", "g", "h", "min", "ft"})
 """Units that end a name such as ``u_in`` or ``I_min`` only if the name is of their dimension."""
+_CHANNELS = frozenset({"channel", "chan", "ch", "kanal", "kanaal", "canal", "canale", "voie",
+                       "input", "eingang", "port", "analog", "sensor"})  # fmt: skip
+"""Names before a letter that counts and is not a unit, such as ``Channel A``."""
 _CLOCKS = MappingProxyType({"tout": "s"})
 """Names of clocks whose unit the recorder fixes: Simulink counts in s."""
 _ABSCISSAS = frozenset({"x", "x-axis", "x_axis", "xaxis"})
@@ -332,8 +335,11 @@ def parse_header(text: str, unit: str | None = None) -> Header:
     if problem is not None:
         return Header(text, name, known or Quantity(name, name, "1"), None, problem, stated)
     if known is None and not written:
-        name, written = _clock(name)
-        known = _known(name)
+        clock, written = _clock(name)
+        if clock != name:
+            unit_of_clock = find_unit(written)
+            problem = None if unit_of_clock else _unit_problem(QUANTITIES["time"], "", None)
+            return Header(text, clock, QUANTITIES["time"], unit_of_clock, problem, is_by_word=True)
     header_unit = find_unit(written) if written else None
     if known is not None and known.unit == "1" and not written:
         header_unit = UNITS["1"]
@@ -349,8 +355,7 @@ def parse_header(text: str, unit: str | None = None) -> Header:
 
 def _clock(name: str) -> tuple[str, str]:
     """Name a column that can only be a clock by its name ``t`` and its unit, if that is known."""
-    folded = name.lower()
-    unit = find_unit(name)
+    folded, unit = name.lower(), find_unit(name)
     if folded in _CLOCKS:
         return "t", _CLOCKS[folded]
     if unit is not None and unit.dimension == "time" and len(name) > len(unit.symbol):
@@ -433,6 +438,9 @@ def _split(text: str) -> tuple[str, str]:
 
 
 def _may_end(head: str, unit: Unit) -> bool:
+    """Whether the end of a name is its unit: not the A of 'Channel A', or the min of 'I_min'."""
+    if head.lower() in _CHANNELS:
+        return False
     if unit.symbol not in _NEEDS_QUANTITY:
         return True
     known = _known(head)
