@@ -11,7 +11,7 @@ import shlex
 from collections.abc import Collection, Sequence
 
 from anhyst.support.units import DIMENSIONS, QUANTITIES, Header
-from anhyst.support.vocabulary import named_quantities, words_of
+from anhyst.support.vocabulary import is_drive, named_quantities
 
 _HINTS = {
     "current": ("curr", "amp", "coil", "i"),
@@ -19,7 +19,7 @@ _HINTS = {
     "voltage": ("volt", "u", "v"),
     "force": ("f",),
     "flux_density": ("b",),
-    "displacement": ("displ", "pos", "x", "y"),
+    "displacement": ("displ", "pos"),
     "strain": ("eps", "epsilon"),
     "magnetostriction": ("magnetostriction", "lambda"),
     "gap": ("clearance", "distance", "dist"),
@@ -162,19 +162,20 @@ def _likeness(header: Header, name: str) -> int:
     """Return how much a column looks like a quantity: by its name, its unit, or what else it is."""
     if header.quantity is not None and header.quantity.name == name:
         return 2 * _FIT
-    letters = words_of(header.name)
+    plain = header.name.lower()
     like = named_quantities(header.name) | {
         key
         for key, words in _HINTS.items()
-        if any(
-            letters == [word] if len(word) == 1 else word in header.name.lower() for word in words
-        )
+        if any(plain == word if len(word) == 1 else word in plain for word in words)
     }
+    is_sensor = not is_drive(header.name)
+    if is_sensor:
+        like.discard("voltage")
     score = 2 if name in like else -2 if like else 0
     if header.unit is not None:
-        # Volts may be anything that a sensor gives.
-        is_sensor = header.unit.dimension == "voltage" and "voltage" not in like
-        score += -1 if is_sensor or not _fits(header, name) else _FIT
+        # Volts may be anything that a sensor gives, as a column without a unit may.
+        is_fit = _fits(header, name) and not (name == "voltage" and is_sensor)
+        score += _FIT if is_fit else 0
     return score
 
 

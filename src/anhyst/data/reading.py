@@ -122,9 +122,8 @@ def read_loops(
     )
     beside = FileDescription.from_toml(sidecar) if sidecar is not None else None
     if is_frame(paths):
-        table = table_of(paths)
         described = description if beside is None else description.over(beside)
-        return join(_with_histories([_read_table(table, _ALONE, described, progress)]))
+        return join(_with_histories([_read_table(table_of(paths), _ALONE, described, progress)]))
     files = _expand(paths)
     descriptions = {
         path: description.over(beside if beside is not None else _find_sidecar(path))

@@ -18,7 +18,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.vocabulary import (
     WORDS,
-    is_sensor,
+    is_drive,
     named_quantities,
     symbol_of_word,
     words_of,
@@ -372,8 +372,7 @@ def _said(name: str, unit: Unit | None) -> Quantity | None:
     fitting = [key for key in named if DIMENSIONS.get(key, key) == unit.dimension]
     if len(fitting) != 1:
         return None
-    # Volts of a sensor stand for what it measures.
-    if fitting == ["voltage"] and (is_sensor(name) or named - {"voltage", "force"}):
+    if fitting == ["voltage"] and not is_drive(name):
         return None
     return QUANTITIES[fitting[0]]
 

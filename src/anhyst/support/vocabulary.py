@@ -33,8 +33,10 @@ _COMPOUND = ("strom", "stroom", "spannung", "spanning", "kraft", "kracht", "spal
              "zeit", "tijd", "temperatur", "temperatuur", "weg", "feldstarke", "fluss")  # fmt: skip
 """Words that end German and Dutch compounds, such as *Spulenstrom*."""
 
-_SENSORS = frozenset({"sensor", "hall", "shunt", "cell", "probe", "monitor", "signal", "output"})
-"""Words of a voltage that stands for another quantity."""
+_DRIVEN = frozenset({"coil", "spule", "spulen", "bobine", "bobina", "spoel", "piezo", "actuator",
+                     "aktor", "magnet", "drive", "input", "applied", "excitation", "u", "v", "in",
+                     "of", "de", "la", "della", "del", "der"})  # fmt: skip
+"""Words beside a voltage that drives; any other word may name what a sensor measures."""
 
 _BASES = {
     "A": "amp amps ampere amperes",
@@ -122,6 +124,10 @@ def named_quantities(name: str) -> set[str]:
     return {quantity for quantity, listed in WORDS.items() if words & listed}
 
 
-def is_sensor(name: str) -> bool:
-    """Whether a name says that its voltage stands for another quantity."""
-    return not _SENSORS.isdisjoint(words_of(name))
+def is_drive(name: str) -> bool:
+    """Whether a name says that its voltage drives, and does not stand for another quantity."""
+    found = words_of(name)
+    words = [word for word in found if word not in WORDS["voltage"]]
+    heads = [next((word.removesuffix(end) for end in _COMPOUND if word.endswith(end)), word)
+             for word in words]  # fmt: skip
+    return bool(found) and _DRIVEN.issuperset(heads)
