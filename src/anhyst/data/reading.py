@@ -35,7 +35,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header
+from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, parse_header
 
 Rows = NDArray[np.intp]
 
@@ -122,40 +122,38 @@ def read_loops(
     )
     beside = FileDescription.from_toml(sidecar) if sidecar is not None else None
     if is_frame(paths):
-        described = description if beside is None else description.over(beside)
-        return join(_with_histories([_read_table(table_of(paths), _ALONE, described, progress)]))
+        reading = description if beside is None else description.over(beside)
+        return join(_with_histories([_read_table(table_of(paths), _ALONE, reading, progress)]))
     files = _expand(paths)
-    descriptions = {
+    described = {
         path: description.over(beside if beside is not None else _find_sidecar(path))
         for path in files
     }
-    tables = {path: open_table(path) for path in files}
-    gaps = _gaps_of_names(tables, descriptions)
+    gaps = _gaps_of_names(described)
     parts = []
-    for path, table in tables.items():
-        reading = with_file_name(path, descriptions[path])
+    for path in files:
+        reading = with_file_name(path, described[path])
         if gaps:
             reading = replace(reading, constants={**reading.constants, "gap_m": gaps[path]})
         name = _ALONE if len(files) == 1 else path.stem
-        parts.append(_read_table(table, name, reading, progress))
+        parts.append(_read_table(open_table(path), name, reading, progress))
     loops = join(_with_histories(parts))
     if gaps:
         return replace(loops, notes=(gap_note(gaps), *loops.notes))
-    if loops.schedule is None and description.schedule is None:
+    if all(one.schedule is None for one in described.values()):
         refuse_different_loops(loops)
     return loops
 
 
-def _gaps_of_names(
-    tables: Mapping[Path, OpenTable], descriptions: Mapping[Path, FileDescription]
-) -> dict[Path, float]:
+def _gaps_of_names(described: Mapping[Path, FileDescription]) -> dict[Path, float]:
     """Return the gap of each file by its name, m; empty if the files or the user say another one."""
-    gaps = gaps_of_names(list(tables))
+    gaps = gaps_of_names(list(described))
     for path in gaps:
-        described, table = descriptions[path], tables[path]
-        if described.schedule not in (None, "gap") or described.constants or described.file_name:
+        reading = described[path]
+        known = {header.quantity for header in map(parse_header, reading.constants)}
+        if reading.schedule not in (None, "gap") or reading.file_name or QUANTITIES["gap"] in known:
             return {}
-        headers = map_headers(table, described.columns, described.scale, described.flip)
+        headers = map_headers(open_table(path), reading.columns, reading.scale, reading.flip)
         names = {header.quantity.name for header in headers if header.quantity is not None}
         if "gap" in names or "field" in names or names.isdisjoint(_OUTPUTS_OF_GAPS):
             return {}
