@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -54,8 +53,8 @@ class Bench:
         columns = [values * size for values, size in zip(self.values, sizes, strict=True)]
         names = [f'"{name}"' if "," in name else name for name in self.headers]
         lines = [",".join(names[index] for index in self.order)]
-        for row in zip(*(columns[index] for index in self.order), strict=True):
-            lines.append(",".join(f"{value:.12g}" for value in row))
+        rows = zip(*(columns[index] for index in self.order), strict=True)
+        lines += [",".join(f"{value:.12g}" for value in row) for row in rows]
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         return path
 

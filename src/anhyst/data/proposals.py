@@ -73,7 +73,7 @@ def join_pair(name: str, value: object) -> str:
 
 def quote_name(name: str) -> str:
     """Write a name in double quotes if it cannot be a part of a list without them."""
-    if any(sign in name for sign in ',"') or name != name.strip():
+    if "," in name or name.startswith('"') or name != name.strip():
         return '"' + name.replace('"', '""') + '"'
     return name
 
