@@ -28,7 +28,12 @@ class Export:
     text: str
     columns: dict[str, str]
     encoding: str = "utf-8"
-    has_times: bool = True
+
+    @property
+    def reading(self) -> dict[str, dict[str, str] | dict[str, float]]:
+        """Return what a user must say: the channels, and that their volts are our units."""
+        scale = {name: 1.0 for name, target in self.columns.items() if target}
+        return {"columns": self.columns, "scale": scale}
 
 
 def _rows(sign: str = ",", comma: bool = False, tail: str = "", *, times: bool = True) -> str:
