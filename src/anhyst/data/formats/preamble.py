@@ -44,16 +44,11 @@ class TextColumns:
     clock: tuple[float, float] = (0.0, 0.0)  # time of the first sample, and its step
 
 
-_UNIT_WORDS = {"second": "s", "seconds": "s", "sec": "s", "volt": "V", "volts": "V",
-               "ampere": "A", "amperes": "A", "amp": "A", "amps": "A", "newton": "N",
-               "newtons": "N"}  # fmt: skip
-"""Units in full words as oscilloscopes write them."""
-
-
 def unit_text(text: str) -> str:
     """Return the symbol of a unit that may be in brackets or a full word."""
     plain = text.strip(" \"[]()'")
-    return _UNIT_WORDS.get(plain.lower(), plain)
+    unit = find_unit(plain)
+    return unit.symbol if unit else plain
 
 
 def is_comment(text: str) -> bool:
@@ -116,6 +111,10 @@ def find_header(
     if all(is_number(name) for name in names if name):
         names, data = header_from_comment(path, lines, row, names), row
     names = drop_empty_tail(names)
+    below = skip_comments(lines, data)[1]
+    if delimiter is None and below < len(lines):
+        wide = re.split(r"\s{2,}", lines[row][0].strip())  # names that hold single blanks
+        names = wide if len(wide) == len(lines[below][0].split()) else names
     if len(names) < least:
         raise InputError(
             f"{path}: line {row + 1}: one column only ('{short(names[0])}'); a loop needs an "
@@ -125,12 +124,12 @@ def find_header(
     comments, data, units = _rows_below(lines, data, delimiter, names)
     if units is None:
         units = _units_above(lines[first:row], delimiter, names)
-    below = [split_line(text, delimiter) for text, _ in lines[data : data + _RUN] if text.strip()]
+    rows = [split_line(text, delimiter) for text, _ in lines[data : data + _RUN] if text.strip()]
     columns = tuple(
         Column(" ".join(name.split()), unit, position)
         for position, (name, unit) in enumerate(zip(names, units or [""] * len(names), strict=True))
         # A blank column separates others, as oscilloscopes do.
-        if name or any(position < len(fields) and fields[position] for fields in below)
+        if name or any(position < len(fields) and fields[position] for fields in rows)
     )
     return TextColumns(data, delimiter, len(names), columns), remarks + comments
 
@@ -233,7 +232,7 @@ def _units_above(lines: Lines, delimiter: str | None, names: list[str]) -> tuple
     if values is None:
         return None
     first = times[1] if times and len(times) > 1 else "s"
-    return (first, *values[1 : len(names)])
+    return (first.lower(), *values[1 : len(names)])
 
 
 def _name_fields(text: str, delimiter: str | None) -> list[str] | None:
