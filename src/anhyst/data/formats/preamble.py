@@ -112,7 +112,7 @@ def find_header(
         names, data = header_from_comment(path, lines, row, names), row
     names = drop_empty_tail(names)
     below = skip_comments(lines, data)[1]
-    if delimiter is None and below < len(lines):
+    if delimiter is None and row < data <= below < len(lines):
         wide = re.split(r"\s{2,}", lines[row][0].strip())  # names that hold single blanks
         names = wide if len(wide) == len(lines[below][0].split()) else names
     if len(names) < least:
