@@ -53,7 +53,9 @@ def test_layout_is_read_as_it_was_recorded(layout: Callable[[], Export], tmp_pat
 
 def test_tables_and_segments_of_one_file_are_loops(tmp_path: Path) -> None:
     export = aixacct(tables=3)
+    export = replace(export, text=export.text + "Table 4\n\nCycles [1]\tPr [uC/cm2]\n1\t20\n")
     loops = read_loops(write(tmp_path, export), **export.reading, history="settled")
+    assert any("table 4 has other columns and is left out" in note for note in loops.notes)
     assert [loop.label for loop in loops.loops] == ["1", "2", "3"]
     for number, loop in enumerate(loops.loops, start=1):
         assert np.allclose(loop.input, number * CURRENT, atol=1e-5)

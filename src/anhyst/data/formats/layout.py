@@ -145,7 +145,7 @@ def _find_layout(
     _refuse_thousands(path, table, rows)
     table, stamp = _with_stamps(table, rows)
     offset = start + lines[table.first][1]
-    return Layout(path, size, encoding, eol, table, stamp, tuple(notes), offset, content)
+    return Layout(path, size, encoding, eol, table, stamp, (*notes, *table.notes), offset, content)
 
 
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?P<sign>[.,])\d{3}")

@@ -42,6 +42,7 @@ class TextColumns:
     width: int  # fields of a line
     columns: tuple[Column, ...]
     clock: tuple[float, float] = (0.0, 0.0)  # time of the first sample, and its step
+    notes: tuple[str, ...] = ()  # what is left out
 
 
 def unit_text(text: str) -> str:
@@ -190,7 +191,7 @@ def _skip_preamble(
     )
 
 
-_ROWS_ABOVE = 6
+_ROWS_ABOVE = 12
 """Rows above the data among which the names are: loggers put channels and rates below them."""
 
 
