@@ -26,6 +26,7 @@ _HINTS = {
 }
 """What columns are called beside the words of `named_quantities`; they propose, and never decide."""
 
+_MAX_CHOICES = 4
 _FIT = 4
 """Score of a unit that fits a quantity; names count half of it."""
 
@@ -37,12 +38,11 @@ def mapping(
     found = likely(headers, wanted, skip, least)
     if not found:
         return ""
-    others = [_equals(headers, column, name, found, skip) for column, name in found]
-    if len(found) == 1 and others[0]:
-        # Two columns in the unit that is missing: the choice is the user's.
-        name = found[0][1]
-        choices = [_pasted(headers, [(column, name)]) for column in (found[0][0], *others[0])]
-        return f"; or say which one it is: {' or '.join(choices)}"
+    for column, name in found:
+        if equals := _equals(headers, column, name, found, skip):
+            # Two columns in the unit that is missing: the choice is the user's, one at a time.
+            choices = [_pasted(headers, [(one, name)]) for one in (column, *equals)]
+            return f"; or say which one is the {name}: {' or '.join(choices[:_MAX_CHOICES])}"
     return f"; or map {'it' if len(found) == 1 else 'them'}: {_pasted(headers, found)}"
 
 
