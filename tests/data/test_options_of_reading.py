@@ -10,6 +10,7 @@ import pytest
 from anhyst.data.clean import ReadOptions
 from anhyst.data.file_names import gaps_of_names
 from anhyst.data.reading import read_loops
+from anhyst.identification.run import IdentifyTable
 from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 
@@ -74,6 +75,11 @@ def test_scale_and_flip_are_applied_noted_and_kept(tmp_path: Path) -> None:
         'flip = "F"\n[columns]\n"CH1 (V)" = "I_A"\n"CH2 (mV)" = "F_N"\n[scale]\nI = 10\nF = 50\n'
     )
     assert np.array_equal(read_loops(path).loops[0].output, loops.loops[0].output)
+
+
+def test_table_of_a_rig_takes_the_same_options() -> None:
+    texts = {"columns": "CH1=I_A", "scale": "CH1=10", "flip": "F_N", "drop": "invalid"}
+    assert IdentifyTable.model_validate(texts).reading() == ReadOptions.from_text(**texts)
 
 
 def test_volts_need_a_scale_to_be_a_force(tmp_path: Path) -> None:
@@ -172,7 +178,7 @@ def test_plateaus_of_a_noisy_gap_are_gaps(
     current = np.tile(cycles(), len(gaps))
     gap = np.repeat(gaps, PHASE.size)
     force = np.concatenate([force_of(cycles(), one) for one in gaps])
-    time = 1e-3 * np.arange(gap.size)
+    time = 1e-3 * np.arange(gap.size, dtype=np.float64)
     header = "t_s,I_A,F_N,gap_m"
     loops = read_loops(
         write(tmp_path / "a.csv", header, time, current, force, noisy_gap(gap, scatter))

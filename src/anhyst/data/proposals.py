@@ -187,8 +187,9 @@ def _fits(header: Header, name: str) -> bool:
 
 def _may_be(header: Header, name: str) -> bool:
     """Whether a column can hold a quantity: its unit fits, is not known, or is that of a sensor."""
-    is_bare = header.unit is None or header.unit.symbol == "-"
-    return is_bare or _fits(header, name) or header.unit.dimension == "voltage"
+    if header.unit is None or header.unit.symbol == "-":
+        return True
+    return _fits(header, name) or header.unit.dimension == "voltage"
 
 
 def _likeness(header: Header, name: str) -> int:
