@@ -148,7 +148,12 @@ def map_one(header: Header, headers: Sequence[Header] = ()) -> str:
     name = header.quantity.name if header.quantity else ""
     if name not in QUANTITIES or not _may_be(header, name):
         return ""
-    return f"; or map it: {_pasted([*headers, header], [(len(headers), name)])}"
+    return f"; or map it: {map_as(header, name, headers)}"
+
+
+def map_as(header: Header, name: str, headers: Sequence[Header]) -> str:
+    """Return the option that maps a column to a quantity."""
+    return _pasted([*headers, header], [(len(headers), name)])
 
 
 def choose_one(header: Header, headers: Sequence[Header]) -> str:
