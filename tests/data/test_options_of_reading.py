@@ -10,11 +10,19 @@ import pytest
 from anhyst.data.clean import ReadOptions
 from anhyst.data.file_names import gaps_of_names
 from anhyst.data.reading import read_loops
+from anhyst.identification.run import IdentifyTable
 from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 
-CASES = Path(__file__).resolve().parents[2].parent / "shared" / "cases" / "files"
-needs_cases = pytest.mark.skipif(not CASES.is_dir(), reason="the cases are not here")
+
+@pytest.fixture(scope="module")
+def cases(measurements: Path) -> Path:
+    """Folder of files that were read wrong once."""
+    folder = measurements.parent / "cases" / "files"
+    if not folder.is_dir():
+        pytest.skip("the cases are not here")
+    return folder
+
 
 PHASE = np.linspace(0.0, 6.0 * np.pi, 600)
 
@@ -67,6 +75,11 @@ def test_scale_and_flip_are_applied_noted_and_kept(tmp_path: Path) -> None:
         'flip = "F"\n[columns]\n"CH1 (V)" = "I_A"\n"CH2 (mV)" = "F_N"\n[scale]\nI = 10\nF = 50\n'
     )
     assert np.array_equal(read_loops(path).loops[0].output, loops.loops[0].output)
+
+
+def test_table_of_a_rig_takes_the_same_options() -> None:
+    texts = {"columns": "CH1=I_A", "scale": "CH1=10", "flip": "F_N", "drop": "invalid"}
+    assert IdentifyTable.model_validate(texts).reading() == ReadOptions.from_text(**texts)
 
 
 def test_volts_need_a_scale_to_be_a_force(tmp_path: Path) -> None:
@@ -124,7 +137,7 @@ def test_gaps_of_names(names: list[str], gaps: list[float]) -> None:
 def test_gap_column_goes_before_names(tmp_path: Path) -> None:
     for number, gap in enumerate((3e-4, 4e-4)):
         current = cycles()
-        columns = current, force_of(current, gap), np.full(current.size, gap)
+        columns = current, force_of(current, gap), np.full_like(current, gap)
         write(tmp_path / f"gap_{number + 1}mm.csv", "I_A,F_N,gap_m", *columns)
     assert read_loops(tmp_path).schedule_values == (3e-4, 4e-4)
 
@@ -165,7 +178,7 @@ def test_plateaus_of_a_noisy_gap_are_gaps(
     current = np.tile(cycles(), len(gaps))
     gap = np.repeat(gaps, PHASE.size)
     force = np.concatenate([force_of(cycles(), one) for one in gaps])
-    time = 1e-3 * np.arange(gap.size)
+    time = 1e-3 * np.arange(gap.size, dtype=np.float64)
     header = "t_s,I_A,F_N,gap_m"
     loops = read_loops(
         write(tmp_path / "a.csv", header, time, current, force, noisy_gap(gap, scatter))
@@ -184,46 +197,44 @@ def test_moving_gap_has_no_plateaus(tmp_path: Path) -> None:
     assert loop.schedule_value is None
 
 
-@needs_cases
-def test_cases_are_read_right() -> None:
-    german = read_loops(CASES / "german")
+def test_cases_are_read_right(cases: Path) -> None:
+    german = read_loops(cases / "german")
     assert german.schedule_values == pytest.approx((5e-4, 8e-4, 1.2e-3, 1.8e-3))
     assert german.notes[0] == "gap taken from the file names: 0.5 mm, 0.8 mm, 1.2 mm, 1.8 mm"
-    stepping = read_loops(CASES / "stepping.csv")
+    stepping = read_loops(cases / "stepping.csv")
     assert stepping.schedule_values == pytest.approx((5e-4, 8e-4, 1.2e-3, 1.8e-3), abs=3e-7)
-    kgf, kg = read_loops(CASES / "force_kgf.csv"), read_loops(CASES / "force_kg.csv")
+    kgf, kg = read_loops(cases / "force_kgf.csv"), read_loops(cases / "force_kg.csv")
     assert max(loop.output.max() for loop in kgf.loops) == pytest.approx(391.2, rel=1e-3)
     assert kg.loops[0].output.max() == pytest.approx(18.33 * 9.80665, rel=1e-3)
     assert "9.80665" in kg.notes[0]
-    comma = read_loops(CASES / "comma_in_header.csv")
+    comma = read_loops(cases / "comma_in_header.csv")
     assert comma.loops[0].output.max() == pytest.approx(18.33, rel=1e-3)
     mapped = ReadOptions.from_text(
         columns='"Current, coil (A)"=I_A,"Force, z component (N)"=F_N'
-    ).read([CASES / "comma_in_header.csv"])
+    ).read([cases / "comma_in_header.csv"])
     assert mapped.loops[0].output.max() == comma.loops[0].output.max()
 
 
-@needs_cases
-def test_cases_that_are_questions_propose_input_and_output() -> None:
+def test_cases_that_are_questions_propose_input_and_output(cases: Path) -> None:
     with refused('column-missing: --columns "CH1=I_A,CH2=F_N"; --scale "CH2=N_PER_V"'):
-        read_loops(CASES / "scope_time_ch1_ch2.csv")
+        read_loops(cases / "scope_time_ch1_ch2.csv")
     with refused('column-missing: --columns "CH1=I_A,CH2=F_N"'):
-        read_loops(CASES / "scope_metadata_beside_data.csv")
+        read_loops(cases / "scope_metadata_beside_data.csv")
     with refused('column-missing: --columns "yout_1=I_A,yout_2=F_N"'):
-        read_loops(CASES / "tout_yout.mat")
+        read_loops(cases / "tout_yout.mat")
     (simulink,) = read_loops(
-        CASES / "tout_yout.mat", columns={"yout_1": "I_A", "yout_2": "F_N"}
+        cases / "tout_yout.mat", columns={"yout_1": "I_A", "yout_2": "F_N"}
     ).loops
     assert simulink.time is not None
     assert simulink.time[-1] == pytest.approx(1.199)
     channels = {"Channel A": "I_A", "Channel B": "F_N"}
     scale = {"Channel A": 1.0, "Channel B": 0.01}
-    path = CASES / "scope_overrange.csv"
+    path = cases / "scope_overrange.csv"
     with refused("not-finite Channel A: line 194; 21 of 1200; --drop invalid"):
         read_loops(path, columns=channels, scale=scale)
     assert read_loops(path, columns=channels, scale=scale, drop="invalid").loops[0].n == 1179
     marked = read_loops(
-        CASES / "invalid_samples.mf4", columns={"I": "I_A", "F": "F_N"}, drop="invalid"
+        cases / "invalid_samples.mf4", columns={"I": "I_A", "F": "F_N"}, drop="invalid"
     )
     assert marked.loops[0].n == 1175
     assert "25 of 1200 samples left out" in marked.notes[0]

@@ -129,3 +129,43 @@ def test_proposal_gives_the_truth_or_a_question(seed: int, tmp_path: Path) -> No
     np.testing.assert_allclose(loop.output, bench.values[2], rtol=1e-9, err_msg=str(bench.headers))
     if loop.time is not None:
         np.testing.assert_allclose(loop.time, bench.values[0], rtol=1e-9)
+
+
+def test_two_columns_in_the_missing_unit_are_a_choice(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Strom [A],Fx [N],Fz [N]\n" + "0,1,2\n1,2,3\n" * 20)
+    with pytest.raises(InputError) as caught:
+        ReadOptions().read([path])
+    assert '--columns "Fx [N]=F_N" or --columns "Fz [N]=F_N"' in str(caught.value)
+
+
+def test_two_words_for_a_quantity_are_a_choice(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Strom Soll [A],Strom Ist [mA],Kraft [N]\n" + "0,1,2\n1,2,3\n" * 20)
+    with pytest.raises(InputError) as caught:
+        ReadOptions().read([path])
+    assert caught.value.code == "column-twice"
+    loops = ReadOptions.from_text(columns="Strom Ist [mA]=I").read([path])
+    assert loops.loops[0].input.max() == pytest.approx(2e-3)
+
+
+def test_word_of_another_unit_is_doubted(tmp_path: Path) -> None:
+    """A displacement is not taken for the output if a force is there, in volts of its sensor."""
+    path = tmp_path / "a.csv"
+    path.write_text("Strom [A],Kraft [V],Weg [mm]\n" + "0,1,2\n1,2,3\n" * 20)
+    with pytest.raises(InputError) as caught:
+        ReadOptions().read([path])
+    assert 'Kraft [V]=F_N" --scale "Kraft [V]=N_PER_V"' in str(caught.value)
+
+
+def test_names_with_commas_quotes_and_equals_signs_are_kept_by_the_provenance() -> None:
+    columns = {
+        "Current, coil (A)": "I_A",
+        'F "z", N': "F_N",
+        "a=b": "t_s",
+        '"q"': "",
+        'x "y"': "x_m",
+    }
+    options = ReadOptions(columns=columns, flip=("F, z",), scale={"a, b": "2"})
+    texts = {name.removeprefix("read_"): str(v) for name, v in options.as_settings().items()}
+    assert ReadOptions.from_text(**texts) == options

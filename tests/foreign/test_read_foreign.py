@@ -244,14 +244,14 @@ def test_cycles_of_one_record_stay_together(tmp_path: Path) -> None:
 
 
 def test_a_column_of_lengths_may_be_the_gap_and_is_asked_for(tmp_path: Path) -> None:
-    lines = ["spalt_mm,I_A,F_N"]
+    lines = ["shim_mm,I_A,F_N"]
     for label, gap, current, force in records("hard", once, run_in):
         if label.startswith("8"):
             rows = zip(current.tolist(), force.tolist(), strict=True)
             lines += [f"{1e3 * gap:.6g},{i:.9g},{f:.9g}" for i, f in rows]
     (tmp_path / "loops.csv").write_text("\n".join(lines) + "\n")
     complaint = refused("inspect", "loops.csv", cwd=tmp_path)
-    assert '--loop "spalt_mm"' in complaint
+    assert '--loop "shim_mm"' in complaint
     assert inspected(tmp_path / "loops.csv", *pasted(complaint))["schedule_values"] == [
         0.0002,
         0.00065,

@@ -26,6 +26,7 @@ _HINTS = {
 }
 """What columns are called beside the words of `named_quantities`; they propose, and never decide."""
 
+_MAX_CHOICES = 4
 _FIT = 4
 """Score of a unit that fits a quantity; names count half of it."""
 
@@ -34,14 +35,43 @@ def mapping(
     headers: Sequence[Header], *wanted: Sequence[str], skip: Collection[int] = (), least: int = -8
 ) -> str:
     """Advise how to map the likeliest columns to what is missing."""
-    found = [(headers[column], name) for column, name in likely(headers, wanted, skip, least)]
+    found = likely(headers, wanted, skip, least)
     if not found:
         return ""
+    for column, name in found:
+        if equals := _equals(headers, column, name, found, skip):
+            # Two columns in the unit that is missing: the choice is the user's, one at a time.
+            choices = [_pasted(headers, [(one, name)]) for one in (column, *equals)]
+            return f"; or say which one is the {name}: {' or '.join(choices[:_MAX_CHOICES])}"
+    return f"; or map {'it' if len(found) == 1 else 'them'}: {_pasted(headers, found)}"
+
+
+def _pasted(headers: Sequence[Header], found: Sequence[tuple[int, str]]) -> str:
+    """Return the options that map columns, with scales to complete."""
+    pairs = [(headers[column], name) for column, name in found]
     mapped = {header.text: header.target for header in headers if header.target is not None}
-    mapped |= {header.text: _target(header, name) for header, name in found}
-    advice = f"; or map {'it' if len(found) == 1 else 'them'}: {option('columns', mapped)}"
-    scales = {header.text: _unknown_scale(header, name) for header, name in found}
-    return advice + scale_advice(headers, {name: text for name, text in scales.items() if text})
+    mapped |= {header.text: _target(header, name) for header, name in pairs}
+    scales = {header.text: _unknown_scale(header, name) for header, name in pairs}
+    unknown = {name: text for name, text in scales.items() if text}
+    return option("columns", mapped) + scale_advice(headers, unknown)
+
+
+def _equals(
+    headers: Sequence[Header],
+    best: int,
+    name: str,
+    found: Sequence[tuple[int, str]],
+    skip: Collection[int],
+) -> list[int]:
+    """Return the other columns whose unit fits a quantity and that look as much like it."""
+    taken = {column for column, _ in found}
+    score = _likeness(headers[best], name)
+    return [
+        column
+        for column in _free(headers, skip)
+        if column not in taken and _fits(headers[column], name)
+        if _fits(headers[best], name) and _likeness(headers[column], name) >= score
+    ]
 
 
 def scale_advice(headers: Sequence[Header], unknown: dict[str, str]) -> str:
@@ -85,13 +115,7 @@ def likely(
     least: int = -8,
 ) -> list[tuple[int, str]]:
     """Find the likeliest columns for what is missing, as `mapping`: index and quantity."""
-    free = [
-        column
-        for column, header in enumerate(headers)
-        if header.text and not header.is_label and column not in skip
-        if header.target is None and not header.is_clock
-        if not header.is_known or header.problem
-    ]
+    free = _free(headers, skip)
     candidates = []
     for names in wanted:
         pool = [
@@ -108,16 +132,28 @@ def likely(
     return candidates
 
 
+def _free(headers: Sequence[Header], skip: Collection[int]) -> list[int]:
+    """Return the columns that nobody understands yet."""
+    return [
+        column
+        for column, header in enumerate(headers)
+        if header.text and not header.is_label and column not in skip
+        if header.target is None and not header.is_clock
+        if not header.is_known or header.problem
+    ]
+
+
 def map_one(header: Header, headers: Sequence[Header] = ()) -> str:
     """Advise how to map a column whose unit is the problem."""
     name = header.quantity.name if header.quantity else ""
     if name not in QUANTITIES or not _may_be(header, name):
         return ""
-    mapped = {other.text: other.target for other in headers if other.target is not None}
-    mapped[header.text] = _target(header, name)
-    unknown = _unknown_scale(header, name)
-    scales = {header.text: unknown} if unknown else {}
-    return f"; or map it: {option('columns', mapped)}{scale_advice(headers, scales)}"
+    return f"; or map it: {map_as(header, name, headers)}"
+
+
+def map_as(header: Header, name: str, headers: Sequence[Header]) -> str:
+    """Return the option that maps a column to a quantity."""
+    return _pasted([*headers, header], [(len(headers), name)])
 
 
 def choose_one(header: Header, headers: Sequence[Header]) -> str:
@@ -144,7 +180,8 @@ def unknown_scale(header: Header, unit: str) -> str:
 
 def _unknown_scale(header: Header, name: str) -> str:
     dimension = DIMENSIONS.get(name, name)
-    if _fits(header, name) or not (header.unit or needs_scale(header, dimension)):
+    is_bare = header.unit is None or header.unit.symbol == "-"
+    if _fits(header, name) or (is_bare and not needs_scale(header, dimension)):
         return ""
     return unknown_scale(header, QUANTITIES[name].unit)
 
@@ -155,7 +192,9 @@ def _fits(header: Header, name: str) -> bool:
 
 def _may_be(header: Header, name: str) -> bool:
     """Whether a column can hold a quantity: its unit fits, is not known, or is that of a sensor."""
-    return header.unit is None or _fits(header, name) or header.unit.dimension == "voltage"
+    if header.unit is None or header.unit.symbol == "-":
+        return True
+    return _fits(header, name) or header.unit.dimension == "voltage"
 
 
 def _likeness(header: Header, name: str) -> int:

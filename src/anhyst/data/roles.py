@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anhyst.data.formats.channels import Texts, is_number
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import reversal_count
-from anhyst.data.proposals import choose_one, map_one, mapping
+from anhyst.data.proposals import choose_one, map_as, map_one, mapping
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -345,7 +345,8 @@ def find_label(
         if loops is not None and _are_loops(loops, drive, answer):
             rows_of_label[index] = loops
     for index in rows_of_label:
-        _refuse_schedule(source, headers[index], scheduled=schedule is not None)
+        if schedule is None:
+            _refuse_schedule(source, headers[index], headers)
     if not rows_of_label:
         return None
     first = next(iter(rows_of_label))
@@ -394,15 +395,15 @@ def _are_loops(loops: list[Rows], drive: FloatArray, answer: FloatArray) -> bool
     return all(reversal_count(drive[rows], _REVERSAL * span) > 0 for rows, span in pairs)
 
 
-def _refuse_schedule(source: str, header: Header, *, scheduled: bool) -> None:
+def _refuse_schedule(source: str, header: Header, headers: Sequence[Header]) -> None:
     """Ask about a column in units of a gap or a temperature: a label would hide it."""
     kinds = {"length": "gap", "temperature": "temperature"}
     name = kinds.get(header.unit.dimension if header.unit else "")
-    if scheduled or name is None:
+    if name is None:
         return
     raise InputError(
         f"{source}: column '{header.text}' stays through each loop: is it the {name}, then map it: "
-        f'{mapping([header], [name]).partition(": ")[2]}, or a mere label: --loop "{header.text}"',
+        f'{map_as(header, name, headers)}, or a mere label: --loop "{header.text}"',
         code="label-or-schedule",
         key=header.text,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -137,11 +137,15 @@ class DataTable:
 
 
 def read_columns(
-    path: PathLike, columns: Mapping[str, str] | None = None, progress: Progress | None = None
+    path: PathLike,
+    columns: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+    scale: Mapping[str, float | str] | None = None,
+    flip: Collection[str] = (),
 ) -> DataTable:
     """Read every column of a table, such as a drive or a demand."""
     opened = open_table(path, least=1)
-    headers = map_headers(opened, columns or {})
+    headers = map_headers(opened, columns or {}, scale, flip)
     (first,) = opened.first_rows(1)
     known = {index for index, header in enumerate(headers) if header.is_known}
     texts = {

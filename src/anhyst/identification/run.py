@@ -206,7 +206,7 @@ class IdentifyTable(Table):
     history: Annotated[str, _readable("history")] | None = None
     clean: Annotated[str, _readable("clean")] | None = None
     scale: Annotated[str, _readable("scale")] | None = None
-    flip: str | None = None
+    flip: Annotated[str, _readable("flip")] | None = None
     drop: Literal["invalid"] | None = None
 
     def reading(self, folder: Path | None = None) -> ReadOptions:

@@ -114,7 +114,7 @@ _FAMILIES: tuple[tuple[str, str, tuple[tuple[str, float], ...]], ...] = (
     ("pressure", "Pa", (("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6), ("bar", 1e5))),
     ("frequency", "Hz", (("Hz", 1.0), ("kHz", 1e3))),
     ("angle", "rad", (("rad", 1.0), ("deg", math.pi / 180.0))),
-    ("number", "1", (("1", 1.0), ("-", 1.0), ("%", 0.01), ("ppm", 1e-6))),
+    ("number", "1", (("1", 1.0), ("-", 1.0), ("%", 0.01), ("ppm", 1e-6), ("um/m", 1e-6))),
 )
 
 _TEMPERATURES = (

@@ -33,7 +33,7 @@ _COMPOUND = ("strom", "stroom", "spannung", "spanning", "kraft", "kracht", "spal
              "zeit", "tijd", "temperatur", "temperatuur", "weg", "feldstarke", "fluss")  # fmt: skip
 """Words that end German and Dutch compounds, such as *Spulenstrom*."""
 
-_DRIVEN = frozenset({"coil", "spule", "spulen", "bobine", "bobina", "spoel", "piezo", "actuator",
+_DRIVEN = frozenset({"coil", "spule", "spulen", "bobine", "bobina", "spoel", "piezo", "actuator", "amplifier",
                      "aktor", "magnet", "drive", "input", "applied", "excitation", "u", "v", "in",
                      "of", "de", "la", "della", "del", "der"})  # fmt: skip
 """Words beside a voltage that drives; any other word may name what a sensor measures."""
