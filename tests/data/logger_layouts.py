@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from anhyst.support.numeric import FloatArray
 
 N = 300
-TIMES: FloatArray = np.linspace(-0.1, 0.199, N)
+TIMES: FloatArray = np.linspace(-0.1, 0.199, N, dtype=np.float64)
 CURRENT: FloatArray = 2.0 * np.sin(2.0 * np.pi * (TIMES + 0.1) / 0.15) + 1e-9
 FORCE: FloatArray = 3.0 * CURRENT + 0.4 * np.cos(2.0 * np.pi * (TIMES + 0.1) / 0.15)
 START, STEP = TIMES[0], 1e-3
@@ -28,7 +29,12 @@ class Export:
     text: str
     columns: dict[str, str]
     encoding: str = "utf-8"
-    has_times: bool = True
+
+    @property
+    def reading(self) -> dict[str, Any]:
+        """Return what a user must say: the channels, and that their volts are our units."""
+        scale = {name: 1.0 for name, target in self.columns.items() if target}
+        return {"columns": self.columns, "scale": scale}
 
 
 def _rows(sign: str = ",", comma: bool = False, tail: str = "", *, times: bool = True) -> str:

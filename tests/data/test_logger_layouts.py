@@ -43,7 +43,7 @@ def write(folder: Path, export: Export) -> Path:
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.__name__)
 def test_layout_is_read_as_it_was_recorded(layout: Callable[[], Export], tmp_path: Path) -> None:
     export = layout()
-    loops = read_loops(write(tmp_path, export), columns=export.columns, history="settled")
+    loops = read_loops(write(tmp_path, export), **export.reading, history="settled")
     (loop,) = loops.loops
     assert loop.time is not None
     assert np.allclose(loop.input, CURRENT, rtol=1e-5, atol=1e-5)
@@ -53,7 +53,9 @@ def test_layout_is_read_as_it_was_recorded(layout: Callable[[], Export], tmp_pat
 
 def test_tables_and_segments_of_one_file_are_loops(tmp_path: Path) -> None:
     export = aixacct(tables=3)
-    loops = read_loops(write(tmp_path, export), columns=export.columns, history="settled")
+    export = replace(export, text=export.text + "Table 4\n\nCycles [1]\tPr [uC/cm2]\n1\t20\n")
+    loops = read_loops(write(tmp_path, export), **export.reading, history="settled")
+    assert any("table 4 has other columns and is left out" in note for note in loops.notes)
     assert [loop.label for loop in loops.loops] == ["1", "2", "3"]
     for number, loop in enumerate(loops.loops, start=1):
         assert np.allclose(loop.input, number * CURRENT, atol=1e-5)
@@ -80,7 +82,7 @@ def test_channels_on_different_clocks_are_refused(
     text = export.text.replace(old, new, 1)
     assert text != export.text
     with refused(words):
-        read_loops(write(tmp_path, replace(export, text=text)), columns=export.columns)
+        read_loops(write(tmp_path, replace(export, text=text)), **export.reading)
 
 
 @pytest.mark.parametrize(
@@ -102,7 +104,7 @@ def test_marks_of_invalid_samples_are_counted(mark: str, tmp_path: Path) -> None
     path = tmp_path / "pico.csv"
     path.write_text("\n".join(lines))
     with refused("not-finite Channel A: line 21; 3 of 300 samples; --drop invalid"):
-        read_loops(path, columns=picoscope().columns)
+        read_loops(path, **picoscope().reading)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.__name__)
@@ -118,7 +120,15 @@ def test_damaged_exports_are_read_or_refused(
     with contextlib.suppress(InputError):
         list_channels(path)
     with contextlib.suppress(InputError):
-        read_loops(path, columns=export.columns)
+        read_loops(path, **export.reading)
+
+
+def case(measurements: Path, name: str) -> Path:
+    """Return a file of the collection that lies next to the measurements."""
+    path = measurements.parent / "cases" / "files" / name
+    if not path.is_file():
+        pytest.skip(NO_MEASUREMENTS)
+    return path
 
 
 @pytest.mark.parametrize(
@@ -136,10 +146,9 @@ def test_damaged_exports_are_read_or_refused(
 def test_files_of_real_loggers_hold_the_same_loop(
     name: str, columns: dict[str, str], measurements: Path
 ) -> None:
-    path = measurements.parent / "cases" / "files" / name
-    if not path.is_file():
-        pytest.skip(NO_MEASUREMENTS)
-    (loop,) = read_loops(path, columns=columns, history="settled").loops
+    path = case(measurements, name)
+    scale = dict.fromkeys(columns, 1.0)
+    (loop,) = read_loops(path, columns=columns, scale=scale, history="settled").loops
     assert loop.n == 1200
     assert loop.input.max() == pytest.approx(3.0, rel=2e-3)
     assert loop.output.max() == pytest.approx(18.33, rel=2e-3)
@@ -161,9 +170,7 @@ def test_files_of_real_loggers_hold_the_same_loop(
 def test_invalid_samples_of_real_loggers_are_counted(
     name: str, words: str, measurements: Path
 ) -> None:
-    path = measurements.parent / "cases" / "files" / name
-    if not path.is_file():
-        pytest.skip(NO_MEASUREMENTS)
     columns = {"Channel A": "I_A", "Channel B": "F_N"} if name.endswith("csv") else {}
+    scale = dict.fromkeys(columns, 1.0)
     with refused(words):
-        read_loops(path, columns=columns)
+        read_loops(case(measurements, name), columns=columns, scale=scale)

@@ -38,6 +38,36 @@ from tests.refusals import refused
         ("T_C", "temperature", 1.0),
         ("T [°C]", "temperature", 1.0),
         ("t_ms", "time", 1e-3),
+        ("gap_inch", "gap", 0.0254),
+        ('gap (")', "gap", 0.0254),
+        ("gap [thou]", "gap", 2.54e-5),
+        ("x [micron]", "displacement", 1e-6),
+        ("F_kgf", "force", 9.80665),
+        ("F [kg]", "force", 9.80665),
+        ("F (kp)", "force", 9.80665),
+        ("Force [lbf]", "force", 4.4482216152605),
+        ("F (Newtons)", "force", 1.0),
+        ("F [MN]", "force", 1e6),
+        ("F [mN]", "force", 1e-3),
+        ("B (Gauss)", "flux_density", 1e-4),
+        ("B_kilogauss", "flux_density", 0.1),
+        ("H [A m^-1]", "field", 1.0),
+        ("H (kA.m⁻¹)", "field", 1e3),
+        ("H_A_per_meter", "field", 1.0),
+        ("H (amperes per metre)", "field", 1.0),
+        ("psi [volt-seconds]", "flux_linkage", 1.0),
+        ("Zeit [ms]", "time", 1e-3),
+        ("tout", "time", 1.0),
+        ("Spulenstrom [mA]", "current", 1e-3),
+        ("Intensité (A)", "current", 1.0),
+        ("Corriente (A)", "current", 1.0),
+        ("Kracht [kN]", "force", 1e3),
+        ("Tension [N]", "force", 1.0),
+        ("Tension bobine (V)", "voltage", 1.0),
+        ("Luchtspleet [mm]", "gap", 1e-3),
+        ("Déplacement (µm)", "displacement", 1e-6),
+        ("Flussdichte [mT]", "flux_density", 1e-3),
+        ("Température (°C)", "temperature", 1.0),
     ],
 )
 def test_header_names_quantity_and_unit(text: str, quantity: str, one_in_si: float) -> None:
@@ -46,6 +76,21 @@ def test_header_names_quantity_and_unit(text: str, quantity: str, one_in_si: flo
     assert header.quantity == QUANTITIES[quantity]
     assert header.unit is not None
     assert header.unit.value_to_si(1.0) == pytest.approx(one_in_si, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["Hall voltage [V]", "Load cell (V)", "Spannung Kraftaufnehmer [mV]", "gap displacement [mm]",
+     "Feld [T]", "Strom", "coil current", "I_in [V]", "CH1 (V)", "Channel A", "speed [A/s]"],
+)  # fmt: skip
+def test_word_without_its_unit_is_not_read(text: str) -> None:
+    assert not (header := parse_header(text)).is_known or header.problem is not None
+
+
+def test_case_of_symbols_counts() -> None:
+    assert parse_header("I [ma]").problem is not None
+    assert parse_header("I [MA]").problem is not None
+    assert parse_header("I [MILLIAMPS]").unit == UNITS["mA"]
 
 
 def test_kelvin_becomes_degrees_celsius() -> None:
@@ -72,7 +117,7 @@ def test_gap_without_unit_is_reported_metres_or_millimetres() -> None:
     assert parse_header("gap").problem == "has no unit; call it 'gap_m' or 'gap_mm'"
 
 
-@pytest.mark.parametrize("text", ["I_foo", "I [foo]", "I (foo)", "gap_inch"])
+@pytest.mark.parametrize("text", ["I_foo", "I [foo]", "I (foo)", "gap_furlong"])
 def test_unknown_unit_is_named(text: str) -> None:
     problem = parse_header(text).problem
     assert problem is not None

@@ -12,8 +12,10 @@ import anhyst
 from anhyst.cli.shared import (
     AsJson,
     Columns,
+    Flip,
     ModelPath,
     RunHistory,
+    Scale,
     in_small_units,
     of_its_kind,
     print_json,
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from anhyst import Model, ModelDiff, RunSummary
+    from anhyst.data.clean import ReadOptions
 
 Out = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="CSV file to write.")]
 
@@ -39,6 +42,8 @@ def predict(
     ],
     out: Out,
     columns: Columns = None,
+    scale: Scale = None,
+    flip: Flip = None,
     history: RunHistory = None,
     as_json: AsJson = False,
 ) -> None:
@@ -51,7 +56,8 @@ def predict(
 
     Example: anhyst predict model.toml drive.csv --out force.csv
     """
-    _run(anhyst.predict, model, drive, out, columns, history, as_json)
+    reading = read_options(columns=columns, scale=scale, flip=flip)
+    _run(anhyst.predict, model, drive, out, reading, history, as_json)
 
 
 def invert(
@@ -61,6 +67,8 @@ def invert(
     ],
     out: Out,
     columns: Columns = None,
+    scale: Scale = None,
+    flip: Flip = None,
     history: RunHistory = None,
     as_json: AsJson = False,
 ) -> None:
@@ -73,7 +81,8 @@ def invert(
 
     Example: anhyst invert model.toml demand.csv --out current.csv
     """
-    _run(anhyst.invert, model, demand, out, columns, history, as_json)
+    reading = read_options(columns=columns, scale=scale, flip=flip)
+    _run(anhyst.invert, model, demand, out, reading, history, as_json)
 
 
 def _run(
@@ -81,13 +90,13 @@ def _run(
     model: Path,
     path: Path,
     out: Path,
-    columns: str | None,
+    reading: ReadOptions,
     history: str | None,
     as_json: bool,
 ) -> None:
-    mapping = read_options(columns=columns).columns
+    said = {"columns": reading.columns, "scale": reading.scale, "flip": reading.flip}
     with progress_bar(f"reading {path.name}") as progress:
-        summary = verb(model, path, out, columns=mapping, history=history, progress=progress)
+        summary = verb(model, path, out, **said, history=history, progress=progress)
     for text in summary.warnings:
         warn(text)
     if as_json:

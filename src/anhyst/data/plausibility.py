@@ -125,14 +125,14 @@ def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
         drive, what = loopset.input.name, f"{low:.4g} to {high:.4g} {loopset.output.unit}"
         if is_negative(loop.input):
             raise InputError(
-                f"{name}: the force is negative ({what}), and so is the {drive}; flip the signs of "
-                "both (attraction counts positive)",
+                f"{name}: the force is negative ({what}), and so is the {drive}; attraction counts "
+                f"positive: --flip {loopset.input.symbol},{loopset.output.symbol}",
                 code="force-negative",
                 key=name,
             )
         raise InputError(
-            f"{name}: the force is negative ({what}) and falls as the {drive} grows; flip its sign "
-            "(attraction counts positive)",
+            f"{name}: the force is negative ({what}) and falls as the {drive} grows; attraction "
+            f"counts positive: --flip {loopset.output.symbol}",
             code="force-negative",
             key=name,
         )
@@ -142,7 +142,8 @@ def _check_flux_sign(loopset: Loops, loop: Loop, name: str) -> None:
     if correlation(loop.input, loop.output) < -0.5:
         what = loopset.output.name.replace("_", " ")
         raise InputError(
-            f"{name}: the {what} falls as the {loopset.input.name} grows; flip the sign of one",
+            f"{name}: the {what} falls as the {loopset.input.name} grows; reverse the sign "
+            f"of one: --flip {loopset.output.symbol}",
             code="flux-falls",
             key=name,
         )

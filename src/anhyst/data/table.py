@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,10 @@ from anhyst.data.formats.channels import (
     need_package,
 )
 from anhyst.data.formats.text import shown
+from anhyst.data.headers import map_headers
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import refuse_missing, time_fault
-from anhyst.data.roles import likely, map_one, mapping
+from anhyst.data.proposals import likely, map_one, mapping
 from anhyst.support.atomic import PathLike, check_writable, write_error
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -33,8 +33,6 @@ from anhyst.support.units import (
     INPUTS,
     QUANTITIES,
     Header,
-    Quantity,
-    parse_header,
     split_header,
 )
 
@@ -64,6 +62,7 @@ class DataTable:
         """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent."""
         indices = [index for index, other in enumerate(self.names) if other == name]
         healthy = [index for index in indices if self.headers[index].problem is None]
+        healthy = [index for index in healthy if self.headers[index].is_certain] or healthy
         if len(healthy) > 1:
             texts = " and ".join(f"'{self.headers[index].text}'" for index in healthy)
             raise InputError(
@@ -77,7 +76,7 @@ class DataTable:
         header, column = self.headers[at], self.columns[at]
         if header.problem:
             raise InputError(
-                f"{self.path}: column '{header.text}': {header.problem}{map_one(header)}",
+                f"{self.path}: column '{header.text}': {header.problem}{map_one(header, self.headers)}",
                 code="bad-header",
                 key=header.text,
             )
@@ -91,7 +90,7 @@ class DataTable:
                 key=header.text,
             )
         refuse_missing(self.where, [(header.text, column)])
-        values = header.unit.to_si(column) if header.unit else column
+        values = header.to_si(column)
         values.flags.writeable = False
         if name == "time" and (back := time_fault(values)) is not None:
             raise InputError(
@@ -138,11 +137,15 @@ class DataTable:
 
 
 def read_columns(
-    path: PathLike, columns: Mapping[str, str] | None = None, progress: Progress | None = None
+    path: PathLike,
+    columns: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+    scale: Mapping[str, float | str] | None = None,
+    flip: Collection[str] = (),
 ) -> DataTable:
     """Read every column of a table, such as a drive or a demand."""
     opened = open_table(path, least=1)
-    headers = map_headers(opened, columns or {})
+    headers = map_headers(opened, columns or {}, scale, flip)
     (first,) = opened.first_rows(1)
     known = {index for index, header in enumerate(headers) if header.is_known}
     texts = {
@@ -171,65 +174,6 @@ def read_columns(
             raw.numbers[index].flags.writeable = False
             held.append(raw.numbers[index])
     return DataTable(opened.source_name, raw.sha256, headers, tuple(held), raw.notes, opened)
-
-
-def map_headers(table: OpenTable, columns: Mapping[str, str]) -> tuple[Header, ...]:
-    """Understand the headers of a table, as given by ``columns`` where it says something."""
-    rows = table.units or (None,) * len(table.header)
-    headers = [parse_header(text, unit) for text, unit in zip(table.header, rows, strict=True)]
-    for source, target in columns.items():
-        index = table.find(source)
-        if index is None:
-            have = ", ".join(table.header)
-            raise InputError(
-                f"{table.source_name}: has no column '{source}' to map (columns: {have})",
-                code="no-such-column",
-                key=source,
-            )
-        headers[index] = _map_header(table.source_name, headers[index], target)
-    mapped = {table.find(source) for source in columns}
-    clocks = [n for n, header in enumerate(headers) if n not in mapped and _is_clock(header)]
-    if len(clocks) == 1 and all(_quantity(header) != "time" for header in headers):
-        unnamed = headers[clocks[0]]
-        headers[clocks[0]] = Header(unnamed.text, "t", QUANTITIES["time"], unnamed.unit)
-    return tuple(headers)
-
-
-_CLOCK = re.compile(r"(time|zeit|temps|tiempo|tempo|tijd)\b", re.IGNORECASE)
-"""How the name of a clock begins; loggers add the rate or the number of a group to it."""
-
-
-def _is_clock(header: Header) -> bool:
-    """Whether a header is that of a clock whose name is longer than a word."""
-    has_unit = header.unit is not None and header.unit.dimension == "time"
-    return has_unit and not header.is_known and _CLOCK.match(header.text) is not None
-
-
-def _quantity(header: Header) -> str:
-    return header.quantity.name if header.quantity else ""
-
-
-def _map_header(file_name: str, own: Header, target: str) -> Header:
-    if not target.strip():
-        return Header(own.text, "", Quantity("", "", "1"), None)
-    meant = parse_header(target)
-    if meant.problem and own.unit and (with_own := parse_header(target, own.unit.symbol)).is_known:
-        meant = with_own
-    where = f"{file_name}: column '{own.text}' mapped to '{target}'"
-    if meant.problem:
-        raise InputError(
-            f"{where}: {own.problem if own.unit is None and own.problem else meant.problem}",
-            code="bad-header",
-        )
-    if meant.unit and own.unit and meant.unit.dimension == own.unit.dimension:
-        same = (meant.unit.scale, meant.unit.offset) == (own.unit.scale, own.unit.offset)
-        if not same:
-            raise InputError(
-                f"{where}: the file says {own.unit.symbol}, the mapping {meant.unit.symbol}; "
-                f"map it to '{meant.name}' to convert it",
-                code="units-differ",
-            )
-    return Header(own.text, meant.name, meant.quantity, meant.unit)
 
 
 IN_MEMORY = "data frame"
@@ -274,6 +218,8 @@ def _through_arrow(frame: Any) -> Any:
     return interchange.from_dataframe(frame)
 
 
+_MAX_JITTER = 0.5
+"""Steps of a column that is a clock agree within this part; rounding of the times counts."""
 _EVEN = 0.01
 """Steps of a clock that agree within this share are one rate."""
 
@@ -319,6 +265,20 @@ def _values(table: OpenTable, index: int) -> Any:
         return table.read([index]).numbers[index]
     except TextInNumbersError:
         return None
+
+
+def find_clocks(table: OpenTable, columns: Sequence[int]) -> set[int]:
+    """Return the columns that rise by equal steps throughout, as a clock does."""
+    clocks = set()
+    for index in columns:
+        try:
+            steps = np.diff(table.read([index]).numbers[index])
+        except InputError:
+            continue
+        usual = float(np.median(steps)) if steps.size else 0.0
+        if usual > 0.0 and bool(np.all(np.abs(steps - usual) <= _MAX_JITTER * usual)):
+            clocks.add(index)
+    return clocks
 
 
 def _pace(table: OpenTable, index: int) -> tuple[int | None, float | None]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -84,6 +84,8 @@ def predict(
     out: PathLike,
     *,
     columns: Mapping[str, str] | None = None,
+    scale: Mapping[str, float | str] | None = None,
+    flip: Collection[str] = (),
     history: str | None = None,
     progress: Progress | None = None,
 ) -> RunSummary:
@@ -98,6 +100,10 @@ def predict(
         write: its columns again, the output, and ``valid``, 1 inside the valid range, else 0.
     columns : mapping of str to str, optional
         What columns of the file are, where their headers do not say.
+    scale : mapping of str to float, optional
+        By column, the value in our unit per unit in the file.
+    flip : collection of str
+        Columns whose sign is reversed.
     history : str, optional
         What happened before each run, instead of what the model says.
     progress : callable, optional
@@ -112,7 +118,11 @@ def predict(
     InputError
         A file cannot be read or written, a column is missing, or a sample is refused.
     """
-    return _run(model, "predict", drive, out, columns, history, progress)
+
+    def read() -> DataTable:
+        return read_columns(drive, columns, progress, scale, flip)
+
+    return _run(model, "predict", drive, out, read, history)
 
 
 def invert(
@@ -121,6 +131,8 @@ def invert(
     out: PathLike,
     *,
     columns: Mapping[str, str] | None = None,
+    scale: Mapping[str, float | str] | None = None,
+    flip: Collection[str] = (),
     history: str | None = None,
     progress: Progress | None = None,
 ) -> RunSummary:
@@ -128,7 +140,7 @@ def invert(
 
     Parameters
     ----------
-    model, out, columns, history, progress
+    model, out, columns, scale, flip, history, progress
         As of `predict`.
     demand : path-like
         The file to read, with the demanded output and whatever the model runs over.
@@ -142,7 +154,11 @@ def invert(
     InputError
         As of `predict`.
     """
-    return _run(model, "invert", demand, out, columns, history, progress)
+
+    def read() -> DataTable:
+        return read_columns(demand, columns, progress, scale, flip)
+
+    return _run(model, "invert", demand, out, read, history)
 
 
 def _run(
@@ -150,9 +166,8 @@ def _run(
     direction: Direction,
     path: PathLike,
     out: PathLike,
-    columns: Mapping[str, str] | None,
+    read: Callable[[], DataTable],
     history: str | None,
-    progress: Progress | None,
 ) -> RunSummary:
     """Predict or invert a whole file.
 
@@ -165,7 +180,7 @@ def _run(
     reads = [path] if isinstance(model, Model) else [model, path]
     check_writable(out, reads=reads)
     model = model if isinstance(model, Model) else read_model(model)
-    table = read_columns(path, columns, progress)
+    table = read()
     past = history if history is not None else str(model.history)
     answers, valid, runs, warnings = _compute(model, direction, table, past)
     answer = model.output if direction == "predict" else model.input

@@ -139,12 +139,13 @@ def _find_layout(
         if not complete:
             raise HeadTooShortError
         raise InputError(f"{path}: has a header but no data; nothing to read", code="no-data")
-    table = replace(table, first=data)
+    needed = 1 + max((column.position or 0 for column in table.columns), default=0)
+    table = replace(table, first=data, width=max(table.width, needed))
     rows = [split_line(text, table.delimiter) for text, _ in lines[table.first :][:_ROWS_SEEN]]
     _refuse_thousands(path, table, rows)
     table, stamp = _with_stamps(table, rows)
     offset = start + lines[table.first][1]
-    return Layout(path, size, encoding, eol, table, stamp, tuple(notes), offset, content)
+    return Layout(path, size, encoding, eol, table, stamp, (*notes, *table.notes), offset, content)
 
 
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?P<sign>[.,])\d{3}")

@@ -25,7 +25,12 @@ _SETTINGS = re.compile(
 def find_logger(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Return the columns of the first recogniser that knows a file; ``first`` is no comment."""
     found = (recognise(path, lines, first) for recognise in _RECOGNISERS)
-    return next((columns for columns in found if columns is not None), None)
+    return next((table for table in found if table is not None and _has_channel(table)), None)
+
+
+def _has_channel(table: TextColumns) -> bool:
+    columns = table.columns
+    return any(column.position is not None and not column.is_counter for column in columns)
 
 
 def _number(text: str) -> float:
@@ -179,7 +184,7 @@ def _yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | None:
 def _settings_beside_data(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Read Tektronix TDS and its kin: settings in the first columns, time and values next to them."""
     text = lines[first][0]
-    sign = next((sign for sign in (",", ";", "\t") if sign in text), None)
+    sign = next((sign for sign in (";", "\t", ",") if sign in text), None)
     rows = [split_line(text, sign) for text, _ in lines[first:] if text.strip()]
     if sign is None or len(rows) < 8 or not _SETTINGS.match(rows[0][0]):
         return None
@@ -204,7 +209,7 @@ def _settings_beside_data(path: Path, lines: Lines, first: int) -> TextColumns |
         beside = {_plain(row[begin]): row[begin + 1] for row in head if begin < block[0] - 1}
         if number == 1:
             columns.append(
-                Column("t", unit_text(beside.get("horizontal units", "s")) or "s", block[0])
+                Column("t", unit_text(beside.get("horizontal units", "s").lower()) or "s", block[0])
             )
         elif [row[block[0]] for row in rows] != clock:
             raise InputError(

@@ -42,18 +42,14 @@ class TextColumns:
     width: int  # fields of a line
     columns: tuple[Column, ...]
     clock: tuple[float, float] = (0.0, 0.0)  # time of the first sample, and its step
-
-
-_UNIT_WORDS = {"second": "s", "seconds": "s", "sec": "s", "volt": "V", "volts": "V",
-               "ampere": "A", "amperes": "A", "amp": "A", "amps": "A", "newton": "N",
-               "newtons": "N"}  # fmt: skip
-"""Units in full words as oscilloscopes write them."""
+    notes: tuple[str, ...] = ()  # what is left out
 
 
 def unit_text(text: str) -> str:
     """Return the symbol of a unit that may be in brackets or a full word."""
     plain = text.strip(" \"[]()'")
-    return _UNIT_WORDS.get(plain.lower(), plain)
+    unit = find_unit(plain)
+    return unit.symbol if unit else plain
 
 
 def is_comment(text: str) -> bool:
@@ -116,6 +112,10 @@ def find_header(
     if all(is_number(name) for name in names if name):
         names, data = header_from_comment(path, lines, row, names), row
     names = drop_empty_tail(names)
+    below = skip_comments(lines, data)[1]
+    if delimiter is None and row < data <= below < len(lines):
+        wide = re.split(r"\s{2,}", lines[row][0].strip())  # names that hold single blanks
+        names = wide if len(wide) == len(lines[below][0].split()) else names
     if len(names) < least:
         raise InputError(
             f"{path}: line {row + 1}: one column only ('{short(names[0])}'); a loop needs an "
@@ -125,12 +125,12 @@ def find_header(
     comments, data, units = _rows_below(lines, data, delimiter, names)
     if units is None:
         units = _units_above(lines[first:row], delimiter, names)
-    below = [split_line(text, delimiter) for text, _ in lines[data : data + _RUN] if text.strip()]
+    rows = [split_line(text, delimiter) for text, _ in lines[data : data + _RUN] if text.strip()]
     columns = tuple(
         Column(" ".join(name.split()), unit, position)
         for position, (name, unit) in enumerate(zip(names, units or [""] * len(names), strict=True))
         # A blank column separates others, as oscilloscopes do.
-        if name or any(position < len(fields) and fields[position] for fields in below)
+        if name or any(position < len(fields) and fields[position] for fields in rows)
     )
     return TextColumns(data, delimiter, len(names), columns), remarks + comments
 
@@ -191,11 +191,11 @@ def _skip_preamble(
     )
 
 
-_ROWS_ABOVE = 6
+_ROWS_ABOVE = 12
 """Rows above the data among which the names are: loggers put channels and rates below them."""
 
 
-def _names_row(lines: Lines, first: int, run: Run, sign: str | None) -> int | None:
+def _names_row(lines: Lines, first: int, run: NumberRun, sign: str | None) -> int | None:
     """Return the row above a run that names its columns best, the lowest of equal ones."""
     best, most = None, -2
     above = _text_above(lines, first, run.start)
@@ -233,7 +233,7 @@ def _units_above(lines: Lines, delimiter: str | None, names: list[str]) -> tuple
     if values is None:
         return None
     first = times[1] if times and len(times) > 1 else "s"
-    return (first, *values[1 : len(names)])
+    return (first.lower(), *values[1 : len(names)])
 
 
 def _name_fields(text: str, delimiter: str | None) -> list[str] | None:
@@ -249,7 +249,7 @@ def _text_above(lines: Lines, first: int, start: int) -> int | None:
 
 
 @dataclass(slots=True)
-class Run:
+class NumberRun:
     """Rows of as many fields, the same ones numbers; ``used`` counts columns to the last filled one."""
 
     start: int
@@ -259,9 +259,9 @@ class Run:
     rows: int = 0
 
 
-def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> Run | None:
+def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> NumberRun | None:
     """Find the first run of at least `_RUN` rows, else the longest of three or more."""
-    run, best = Run(first, 0, set()), None
+    run, best = NumberRun(first, 0, set()), None
     for line in range(first, len(lines)):
         text = lines[line][0]
         if not text.strip() or is_comment(text):
@@ -270,12 +270,12 @@ def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> Run
         numbers = _value_fields(fields)
         common = numbers & run.numbers if len(fields) == run.width else set()
         if not _are_enough(common, run.used, least):
-            run, common = Run(line, len(fields), numbers), numbers
+            run, common = NumberRun(line, len(fields), numbers), numbers
         run.numbers = common
         run.used = max(run.used, *(index + 1 for index, field in enumerate(fields) if field), 0)
         run.rows += 1
         if not _are_enough(run.numbers, run.used, least):
-            run = Run(line, 0, set())
+            run = NumberRun(line, 0, set())
         elif run.rows >= _RUN:
             return run
         elif run.rows >= 3 and (best is None or run.rows > best.rows):

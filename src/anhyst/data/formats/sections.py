@@ -35,11 +35,16 @@ def join_sections(
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"{path}: is larger than {MOST_BYTES >> 30} GiB; cut it", code="too-large")
     whole = path.read_bytes() if content is None else content
-    lines = whole.decode(encoding_of(whole), "replace").splitlines()
-    sections = _labview_sections(path, lines) if is_labview else _tables(path, lines)
-    if sections is None:
+    lines = re.split(r"\r?\n", whole.decode(encoding_of(whole), "replace"))
+    left: list[_Section] = []
+    if is_labview:
+        sections = _labview_sections(path, lines)
+    else:
+        sections, left = _tables(path, lines)
+    if not sections:
         return content, None
-    rows, columns = _joined(sections, len(lines))
+    notes = [f"table {section.label} has other columns and is left out" for section in left]
+    rows, columns = _joined(sections, len(lines), notes)
     return ("\n".join(rows) + "\n").encode(), columns
 
 
@@ -52,7 +57,9 @@ class _Section:
     rows: dict[int, list[str]] = field(default_factory=dict)
 
 
-def _joined(sections: list[_Section], count: int) -> tuple[list[str], TextColumns]:
+def _joined(
+    sections: list[_Section], count: int, notes: list[str]
+) -> tuple[list[str], TextColumns]:
     """Put the rows of all tables into their lines; a column ``loop`` tells several tables apart."""
     text = [""] * count
     columns = sections[0].columns
@@ -64,11 +71,15 @@ def _joined(sections: list[_Section], count: int) -> tuple[list[str], TextColumn
         for line, fields in section.rows.items():
             text[line] = "\t".join([*fields[:width], *[""] * (width - len(fields)), *tail])
     first = min(min(section.rows) for section in sections)
-    return text, TextColumns(first, "\t", len(columns), tuple(columns))
+    table = TextColumns(first, "\t", len(columns), tuple(columns), notes=tuple(notes))
+    return text, table
 
 
-def _tables(path: Path, lines: list[str]) -> list[_Section] | None:
-    """Find the tables of aixACCT: ``Table 1``, settings, names with units, rows of numbers."""
+def _tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Section]]:
+    """Find the tables of aixACCT that have the usual columns, and the others.
+
+    Each is a line such as ``Table 1``, settings, names with units, and rows of numbers.
+    """
     found: list[_Section] = []
     label = ""
     for number, text in enumerate(lines):
@@ -85,14 +96,14 @@ def _tables(path: Path, lines: list[str]) -> list[_Section] | None:
             found.append(_Section(label, columns))
     found = [section for section in found if section.rows]
     if not found:
-        return None
+        return [], []
     names = [tuple(column.name for column in section.columns) for section in found]
     usual, _ = Counter(names).most_common(1)[0]
     sections = [section for section, own in zip(found, names, strict=True) if own == usual]
     if len({section.label for section in sections}) < len(sections):
         for number, section in enumerate(sections, start=1):
             section.label = str(number)
-    return sections
+    return sections, [section for section in found if section not in sections]
 
 
 def _fitting(path: Path, number: int, fields: list[str], count: int) -> list[str]:

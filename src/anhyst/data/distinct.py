@@ -1,0 +1,89 @@
+"""Do files without a gap hold the same loops? A gap that nobody states shows in the height.
+
+Minor loops, other speeds and repeated cycles lie within the branches of the largest loop. Loops at
+another gap lie outside them almost everywhere.
+"""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+
+import numpy as np
+
+from anhyst.data.loops import Loop, Loops
+from anhyst.data.path import crossings
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import QUANTITIES
+
+_LEVELS = np.linspace(0.4, 0.95, 12)
+"""Inputs at which two loops are compared, in parts of the smaller one's largest input."""
+_MIN_DIFFERENCE = 0.05
+"""Distance between the branches of two loops, in parts of the output, from which they differ."""
+_MIN_MIDDLE_DIFFERENCE = 0.08
+"""The same for the middles of the branches, of loops between the same inputs at the same speed."""
+_MAX_END_DIFFERENCE = 0.03
+_MAX_SPEED_RATIO = 1.5
+_OUTPUTS = ("force", "thrust", "flux_density", "flux_linkage")
+
+
+def refuse_different_loops(loopset: Loops) -> None:
+    """Ask for the gap if files without one hold loops that no hysteresis explains."""
+    sources = {loop.source for loop in loopset.loops}
+    if loopset.schedule == QUANTITIES["gap"] or loopset.input.name == "field" or len(sources) < 2:
+        return
+    if loopset.output.name not in _OUTPUTS:
+        return
+    largest: dict[float | None, Loop] = {}
+    for loop in sorted(loopset.loops, key=lambda loop: -float(np.max(np.abs(loop.input)))):
+        other = largest.setdefault(loop.schedule_value, loop)
+        if loop.source != other.source and _differ(loop, other):
+            names = " and ".join(PurePath(one.source).name for one in (other, loop))
+            raise InputError(
+                f"{loop.source}: the {len(sources)} files hold different loops of the same "
+                f"quantities without a gap ({names}); state the gap in the file names, such as "
+                "'loop_gap_0.5mm.csv', in a column 'gap_mm', or in a file of the same name, .toml: "
+                "constants = {gap_mm = 0.5}; if there is no gap: --schedule none",
+                code="gap-missing",
+                key="gap",
+            )
+
+
+def _differ(loop: Loop, larger: Loop) -> bool:
+    """Whether two loops lie apart almost everywhere, as no history and no speed explains."""
+    sign = 1.0 if float(loop.input.max()) >= -float(loop.input.min()) else -1.0
+    between, middles = [], []
+    for level in float((sign * loop.input).max()) * _LEVELS:
+        pair = [_outputs_at(one, sign, level) for one in (loop, larger)]
+        if pair[0].size == 0 or pair[1].size == 0:
+            continue
+        (low, high), (other_low, other_high) = [(float(p.min()), float(p.max())) for p in pair]
+        size = max(abs(low), abs(high), abs(other_low), abs(other_high)) or 1.0
+        between.append(max(0.0, low - other_high, other_low - high) / size)
+        middles.append(abs(low + high - other_low - other_high) / (2.0 * size))
+    if not between:
+        return False
+    if float(np.median(between)) > _MIN_DIFFERENCE:
+        return True
+    return _are_alike(loop, larger) and float(np.median(middles)) > _MIN_MIDDLE_DIFFERENCE
+
+
+def _are_alike(loop: Loop, other: Loop) -> bool:
+    """Whether two loops run between the same inputs at the same speed: then they are comparable."""
+    ends = [(float(one.input.min()), float(one.input.max())) for one in (loop, other)]
+    span = ends[1][1] - ends[1][0]
+    if max(abs(ends[0][0] - ends[1][0]), abs(ends[0][1] - ends[1][1])) > _MAX_END_DIFFERENCE * span:
+        return False
+    speeds = [
+        float(np.sum(np.abs(np.diff(one.input)))) / float(one.time[-1] - one.time[0])
+        for one in (loop, other)
+        if one.time is not None
+    ]
+    return len(speeds) < 2 or max(speeds) <= _MAX_SPEED_RATIO * min(speeds)
+
+
+def _outputs_at(loop: Loop, sign: float, level: float) -> FloatArray:
+    drive = sign * loop.input
+    return np.concatenate(
+        [crossings(drive, loop.output, level, rising=rising) for rising in (True, False)]
+    )
