@@ -15,9 +15,12 @@ from anhyst.cli.shared import (
     Clean,
     Columns,
     Constants,
+    Drop,
+    Flip,
     LoopColumn,
     LoopFiles,
     LoopHistory,
+    Scale,
     Schedule,
     Sidecar,
     print_json,
@@ -127,6 +130,9 @@ def identify(
     constants: Constants = None,
     history: LoopHistory = None,
     clean: Clean = None,
+    scale: Scale = None,
+    flip: Flip = None,
+    drop: Drop = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the model of an actuator from measured loops.
@@ -144,7 +150,9 @@ def identify(
     from anhyst.support.atomic import check_writable
 
     check_writable(out, reads=files_read(loops, sidecar))
-    options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
+    options = read_options(
+        columns, sidecar, schedule, loop, constants, history, clean, scale, flip, drop
+    )
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
     checkpoint = _checkpoint(out) if search == "paper" else None

@@ -15,9 +15,12 @@ from anhyst.cli.shared import (
     Clean,
     Columns,
     Constants,
+    Drop,
+    Flip,
     LoopColumn,
     LoopFiles,
     LoopHistory,
+    Scale,
     Schedule,
     Scheduler,
     Sidecar,
@@ -51,6 +54,9 @@ def inspect(
     constants: Constants = None,
     history: LoopHistory = None,
     clean: Clean = None,
+    scale: Scale = None,
+    flip: Flip = None,
+    drop: Drop = None,
     as_json: AsJson = False,
 ) -> None:
     """Show what was understood of measured loops, and whether a hysteresis model is worth it.
@@ -67,7 +73,9 @@ def inspect(
     """
     if plot is not None:
         check_picture(plot)
-    options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
+    options = read_options(
+        columns, sidecar, schedule, loop, constants, history, clean, scale, flip, drop
+    )
     # Thinning would hide noise and skew, which are what is looked for.
     options = replace(options, clean=tuple(step for step in options.clean if step != "thin"))
     listed = _list(loops) if columns is None else []

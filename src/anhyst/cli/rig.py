@@ -18,9 +18,12 @@ from anhyst.cli.shared import (
     Columns,
     Constants,
     ControllerPath,
+    Drop,
+    Flip,
     LoopColumn,
     LoopHistory,
     ModelPath,
+    Scale,
     Schedule,
     Sidecar,
     of_its_kind,
@@ -88,6 +91,9 @@ def init(
     constants: Constants = None,
     history: LoopHistory = None,
     clean: Clean = None,
+    scale: Scale = None,
+    flip: Flip = None,
+    drop: Drop = None,
     as_json: AsJson = False,
 ) -> None:
     """Begin: write a rig of your own from measured loops, ready to run.
@@ -105,7 +111,9 @@ def init(
 
     Example: anhyst init --example bearing --out my
     """
-    options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
+    options = read_options(
+        columns, sidecar, schedule, loop, constants, history, clean, scale, flip, drop
+    )
     with progress_bar("reading") as progress:
         drafted = anhyst.init(
             out,

@@ -67,7 +67,27 @@ Columns = Annotated[
     typer.Option(
         metavar="FILE=OURS,...",
         help="What columns of the file are, where their headers do not say, such as "
-        "'I_A_scaled=I_A,U_M_V=psi_Wb'. An empty right side leaves a column out.",
+        "'I_A_scaled=I_A,U_M_V=psi_Wb'. An empty right side leaves a column out. A name with a "
+        "comma needs double quotes: '\"Current, coil (A)\"=I_A'.",
+    ),
+]
+Scale = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME=FACTOR,...",
+        help="Value in our unit per unit in the file, such as 'CH1=10' for a probe of 10 A per V.",
+    ),
+]
+Flip = Annotated[
+    str | None,
+    typer.Option(metavar="NAME,...", help="Columns whose sign is reversed, such as 'F_N'."),
+]
+Drop = Annotated[
+    str | None,
+    typer.Option(
+        metavar="invalid",
+        help="Leave out samples without a measured value: NaN, infinity, overrange marks, and "
+        "samples that the recorder marks as invalid. Their number is reported.",
     ),
 ]
 Sidecar = Annotated[
@@ -135,6 +155,9 @@ def read_options(
     constants: str | None = None,
     history: str | None = None,
     clean: str | None = None,
+    scale: str | None = None,
+    flip: str | None = None,
+    drop: str | None = None,
 ) -> ReadOptions:
     """Collect what the options say about reading measurements."""
     from anhyst.data.clean import ReadOptions
@@ -147,6 +170,9 @@ def read_options(
         constants=constants,
         history=history,
         clean=clean,
+        scale=scale,
+        flip=flip,
+        drop=drop,
     )
 
 

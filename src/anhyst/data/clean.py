@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
@@ -14,6 +15,7 @@ from anhyst.data.estimates import noise as noise_of
 from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.output_map import output_map
 from anhyst.data.path import branches, turning_points
+from anhyst.data.proposals import join_pair, quote_name
 from anhyst.data.reading import read_loops
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -276,6 +278,11 @@ class ReadOptions:
     history: str | None = None  # what happened before the first sample
     sidecar: str | None = None  # TOML file that describes all the files
     clean: tuple[str, ...] = DEFAULT_STEPS  # cleaning steps, in their order
+    scale: Mapping[str, str] = field(
+        default_factory=dict
+    )  # column to our unit per unit of the file
+    flip: tuple[str, ...] = ()  # columns whose sign is reversed
+    drop: str | None = None  # "invalid": samples without a measured value are left out
 
     @classmethod
     def from_text(cls, **texts: str | None) -> ReadOptions:
@@ -284,10 +291,14 @@ class ReadOptions:
         columns = _pairs(options.pop("columns", ""), "columns")
         constants = _pairs(options.pop("constants", ""), "constants")
         steps = options.pop("clean", ",".join(DEFAULT_STEPS))
+        scale = _pairs(options.pop("scale", ""), "scale")
+        flip = tuple(_parts(options.pop("flip", "")))
         return cls(
             columns=columns,
             constants={name: _number_or_text(text) for name, text in constants.items()},
             clean=() if steps.strip() == "none" else tuple(_parts(steps)),
+            scale=scale,
+            flip=flip,
             **options,
         )
 
@@ -299,9 +310,9 @@ class ReadOptions:
             if value == getattr(ReadOptions(), item.name):
                 continue
             if isinstance(value, Mapping):
-                value = ",".join(f"{name}={text}" for name, text in value.items())
+                value = ",".join(join_pair(name, text) for name, text in value.items())
             elif isinstance(value, tuple):
-                value = ",".join(value) or "none"
+                value = ",".join(quote_name(name) for name in value) or "none"
             settings[PREFIX + item.name] = value
         return settings
 
@@ -316,13 +327,18 @@ class ReadOptions:
             loop=self.loop,
             constants=self.constants,
             sidecar=self.sidecar,
+            scale=self.scale,
+            flip=self.flip,
+            drop=self.drop,
             progress=progress,
         )
         return clean(loops, clean_steps)
 
 
 def _parts(text: str) -> list[str]:
-    return [part for part in (piece.strip() for piece in text.split(",")) if part]
+    """Split at commas; a field that begins with a double quote may hold some."""
+    rows = csv.reader([text], skipinitialspace=True)
+    return [part for row in rows for piece in row if (part := piece.strip())]
 
 
 def _pairs(text: str, what: str) -> dict[str, str]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Literal, cast
@@ -63,6 +64,28 @@ def value_fault(values: FloatArray) -> int | None:
     """Find the index of the first sample that nobody measured: NaN, Inf, or beyond `LARGEST`."""
     good = np.abs(values) <= LARGEST
     return None if good.all() else int(np.argmin(good))
+
+
+def refuse_missing(
+    where: Callable[[int], str],
+    columns: Sequence[tuple[str, FloatArray]],
+    remedy: str = "remove the lines",
+) -> None:
+    """Refuse columns, by their headers, that have a sample without a measured value.
+
+    Such a sample is not finite: every format reads overrange and invalid samples as NaN.
+    """
+    missing = [~np.isfinite(values) for _, values in columns]
+    for (name, _), is_missing in zip(columns, missing, strict=True):
+        if is_missing.any():
+            rows = np.logical_or.reduce(missing)
+            raise InputError(
+                f"{where(int(np.argmax(is_missing)))}, column '{name}': no measured value "
+                f"(overrange, invalid or empty), as in {np.count_nonzero(rows)} of {rows.size} "
+                f"samples; {remedy}",
+                code="not-finite",
+                key=name,
+            )
 
 
 def time_fault(time: FloatArray) -> int | None:

@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.data.distinct import refuse_different_loops
+from anhyst.data.file_names import gap_note, gaps_of_names, with_file_name
 from anhyst.data.formats import FORMATS, OpenTable, open_table
-from anhyst.data.formats.channels import Texts, is_number
+from anhyst.data.formats.channels import RawColumns, Texts, is_number, is_value
+from anhyst.data.headers import map_headers
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, time_fault, value_fault
+from anhyst.data.path import History, refuse_missing, time_fault
+from anhyst.data.plateaus import find_plateaus
 from anhyst.data.roles import (
     SHORTEST,
     Roles,
@@ -23,11 +27,10 @@ from anhyst.data.roles import (
     find_label,
     find_roles,
     may_label,
-    with_file_name,
 )
 from anhyst.data.sidecar import FileDescription, is_sidecar
 from anhyst.data.start import propose_histories
-from anhyst.data.table import is_frame, map_headers, table_of
+from anhyst.data.table import find_clocks, is_frame, table_of
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -36,6 +39,9 @@ from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header
 
 Rows = NDArray[np.intp]
 
+_OUTPUTS_OF_GAPS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
+_MAX_HOLE = 0.05
+"""Part of a record that invalid samples may leave out in a row; a longer hole is remarked on."""
 _DWELL = 6
 """Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
 _MOST_LOOPS = 2000
@@ -52,6 +58,7 @@ class _Columns:
     output: FloatArray
     schedule: FloatArray | None
     time: FloatArray | None
+    has_times: bool  # whether the clock has a unit; else it says the order of the rows
     labels: Texts
     where: Callable[[int], str]
 
@@ -66,6 +73,9 @@ def read_loops(
     constants: Mapping[str, float | str] | None = None,
     select: Mapping[str, object] | None = None,
     file_name: str | None = None,
+    scale: Mapping[str, float | str] | None = None,
+    flip: Sequence[str] | str = (),
+    drop: str | None = None,
     sidecar: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Loops:
@@ -78,8 +88,15 @@ def read_loops(
         (pandas, polars, pyarrow, whatever has ``__dataframe__``) or a mapping of names to arrays;
         names are read as headers of a file.
     columns, history, schedule, loop, constants, select, file_name
-        What the headers do not say, as the keys of a sidecar (`Reading.from_toml`); goes before
-        what a sidecar says.
+        What the headers do not say, as the keys of a sidecar (`FileDescription.from_toml`). These
+        arguments take precedence over a sidecar.
+    scale
+        By column, the value in our unit per unit in the file: ``{"CH1": 10}`` for a probe of 10 A
+        per V.
+    flip
+        Columns whose sign is reversed.
+    drop
+        ``"invalid"`` leaves out samples without a measured value; a note states their number.
     sidecar
         TOML file that describes all the files. Without it, ``<stem>.toml`` beside each file is
         used where there is one.
@@ -99,18 +116,50 @@ def read_loops(
         constants=constants,
         select=select,
         file_name=file_name,
+        scale=scale,
+        flip=flip,
+        drop=drop,
     )
     beside = FileDescription.from_toml(sidecar) if sidecar is not None else None
     if is_frame(paths):
-        table = table_of(paths)
         described = description if beside is None else description.over(beside)
-        return join(_with_histories([_read_table(table, _ALONE, described, progress)]))
+        return join(_with_histories([_read_table(table_of(paths), _ALONE, described, progress)]))
     files = _expand(paths)
+    descriptions = {
+        path: description.over(beside if beside is not None else _find_sidecar(path))
+        for path in files
+    }
+    tables = {path: open_table(path) for path in files}
+    gaps = _gaps_of_names(tables, descriptions)
     parts = []
-    for path in files:
-        reading = description.over(beside if beside is not None else _find_sidecar(path))
-        parts.append(_read_file(path, reading, progress, alone=len(files) == 1))
-    return join(_with_histories(parts))
+    for path, table in tables.items():
+        reading = with_file_name(path, descriptions[path])
+        if gaps:
+            reading = replace(reading, constants={**reading.constants, "gap_m": gaps[path]})
+        name = _ALONE if len(files) == 1 else path.stem
+        parts.append(_read_table(table, name, reading, progress))
+    loops = join(_with_histories(parts))
+    if gaps:
+        return replace(loops, notes=(gap_note(gaps), *loops.notes))
+    if loops.schedule is None and description.schedule is None:
+        refuse_different_loops(loops)
+    return loops
+
+
+def _gaps_of_names(
+    tables: Mapping[Path, OpenTable], descriptions: Mapping[Path, FileDescription]
+) -> dict[Path, float]:
+    """Return the gap of each file by its name, m; empty if the files or the user say another one."""
+    gaps = gaps_of_names(list(tables))
+    for path in gaps:
+        described, table = descriptions[path], tables[path]
+        if described.schedule not in (None, "gap") or described.constants or described.file_name:
+            return {}
+        headers = map_headers(table, described.columns, described.scale, described.flip)
+        names = {header.quantity.name for header in headers if header.quantity is not None}
+        if "gap" in names or "field" in names or names.isdisjoint(_OUTPUTS_OF_GAPS):
+            return {}
+    return gaps
 
 
 def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None) -> list[Path]:
@@ -146,11 +195,59 @@ def _find_sidecar(path: Path) -> FileDescription:
     return FileDescription.from_toml(sidecar) if beside else FileDescription()
 
 
-def _read_file(
-    path: Path, description: FileDescription, progress: Progress | None, *, alone: bool
-) -> LoopPart:
-    description = with_file_name(path, description)
-    return _read_table(open_table(path), _ALONE if alone else path.stem, description, progress)
+@dataclass(frozen=True, slots=True)
+class _UsedRows:
+    """The columns of a table that are read, at the rows that are used."""
+
+    table: OpenTable
+    headers: Sequence[Header]
+    raw: RawColumns
+    rows: Rows | None  # None: all
+
+    def where(self, row: int) -> str:
+        """Return the place of a used row."""
+        return self.table.where(row if self.rows is None else int(self.rows[row]))
+
+    def values(self, index: int) -> FloatArray:
+        """Return a column of numbers as it is in the table."""
+        column = self.raw.numbers[index]
+        return column if self.rows is None else column[self.rows]
+
+    def si(self, index: int | None) -> FloatArray | None:
+        """Return a column of numbers in SI units."""
+        return None if index is None else self.headers[index].to_si(self.values(index))
+
+    def texts(self, index: int) -> Texts:
+        """Return a column of texts."""
+        column = self.raw.texts[index]
+        return column if self.rows is None else Texts(column.values, column.codes[self.rows])
+
+    def at(self, rows: Rows) -> _UsedRows:
+        """Return the same columns at some of the used rows."""
+        return replace(self, rows=rows if self.rows is None else self.rows[rows])
+
+    def with_valid(self, drop: str | None) -> tuple[_UsedRows, list[str]]:
+        """Leave out rows without a measured value, with a note; refuse them if nobody asks for it."""
+        held = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
+        if drop is None:
+            refuse_missing(self.where, list(held.items()), "leave them out: --drop invalid")
+            return self, []
+        is_good = {name: np.isfinite(values) for name, values in held.items()}
+        is_valid = np.logical_and.reduce(list(is_good.values()))
+        valid = np.flatnonzero(is_valid)
+        if valid.size == is_valid.size:
+            return self, []
+        names = " and ".join(f"'{name}'" for name, good in is_good.items() if not good.all())
+        holes = np.diff(np.concatenate(([-1], valid, [is_valid.size]))) - 1
+        note = (
+            f"{is_valid.size - valid.size} of {is_valid.size} samples left out as invalid in "
+            f"{names}, at most {int(holes.max())} in a row"
+        )
+        if valid.size == 0:
+            raise InputError(f"{self.table.source_name}: {note}; none remains", code="no-data")
+        if holes.max() > _MAX_HOLE * is_valid.size:
+            note += "; the history after such a hole is not known"
+        return self.at(valid), [note]
 
 
 def _read_table(
@@ -158,41 +255,24 @@ def _read_table(
 ) -> LoopPart:
     """Read a table; ``name`` labels its loop where the table has no label of its own."""
     source_name = table.source_name
-    headers = map_headers(table, description.columns)
+    headers = map_headers(table, description.columns, description.scale, description.flip)
     head = table.first_rows(SHORTEST)
-    words = [index for row in head[:1] for index, field in enumerate(row) if not is_number(field)]
-    roles = find_roles(source_name, headers, description, words)
-    numbers = [roles.input, roles.output]
-    numbers += [index for index in (roles.time, roles.schedule) if index is not None]
+    words = [index for row in head[:1] for index, field in enumerate(row) if not is_value(field)]
+    others = [index for index in range(len(headers)) if index not in words]
+    roles = find_roles(source_name, headers, description, words, lambda: find_clocks(table, others))
+    parts = (roles.input, roles.output, roles.time, roles.schedule)
     chosen = {name: find_column(source_name, headers, name) for name in description.select}
     asked = {index: [row[index] for row in head] for index in _unlabelled(roles)}
     asked = {index: first for index, first in asked.items() if may_label(headers[index], first)}
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
-    raw = table.read(numbers, sorted(texts), progress)
+    raw = table.read([index for index in parts if index is not None], sorted(texts), progress)
     keep = _selection(source_name, description, {name: raw.texts[i] for name, i in chosen.items()})
-
-    def where(row: int) -> str:
-        return table.where(row if keep is None else int(keep[row]))
-
-    def values(index: int | None) -> FloatArray | None:
-        if index is None:
-            return None
-        column = raw.numbers[index] if keep is None else raw.numbers[index][keep]
-        unit = headers[index].unit
-        return column if unit is None else unit.to_si(column)
-
-    drive, answer = values(roles.input), values(roles.output)
+    used, remarks = _UsedRows(table, headers, raw, keep).with_valid(description.drop)
+    used, schedule, found = _scheduled(used, roles)
+    drive, answer = used.si(roles.input), used.si(roles.output)
     assert drive is not None
     assert answer is not None
-    schedule = (
-        np.full(drive.size, roles.fixed) if roles.fixed is not None else values(roles.schedule)
-    )
-
-    def text(index: int) -> Texts:
-        column = raw.texts[index]
-        return column if keep is None else Texts(column.values, column.codes[keep])
-
-    idle = {index: text(index) for index in asked}
+    idle = {index: used.texts(index) for index in asked}
     roles = roles.with_label(find_label(source_name, headers, idle, drive, answer, schedule))
     if roles.label is None:
         # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
@@ -200,10 +280,26 @@ def _read_table(
         own = _ALONE if roles.quantity is not None else name
         labels = Texts((roles.fixed_label or own,), np.zeros(drive.size, np.int32))
     else:
-        labels = text(roles.label)
-    columns = _Columns(source_name, drive, answer, schedule, values(roles.time), labels, where)
+        labels = used.texts(roles.label)
+    has_times = roles.time is not None and headers[roles.time].unit is not None
+    time = used.si(roles.time)
+    columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, used.where)
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
-    return _cut(columns, headers, roles, description, source, raw.notes)
+    return _cut(columns, headers, roles, description, source, [*raw.notes, *remarks, *found])
+
+
+def _scheduled(used: _UsedRows, roles: Roles) -> tuple[_UsedRows, FloatArray | None, list[str]]:
+    """Return the scheduling variable in SI units; rows between its plateaus are left out."""
+    drive, schedule = used.si(roles.input), used.si(roles.schedule)
+    assert drive is not None
+    if roles.fixed is not None:
+        return used, np.full(drive.size, roles.fixed), []
+    if schedule is None or roles.quantity is None:
+        return used, schedule, []
+    plateaus = find_plateaus(schedule, drive, roles.quantity)
+    if plateaus is None:
+        return used, schedule, []
+    return used.at(plateaus.rows), plateaus.values, [plateaus.note]
 
 
 def _unlabelled(roles: Roles) -> tuple[int, ...]:
@@ -384,12 +480,6 @@ def _loop(columns: _Columns, rows: Rows) -> Loop:
         # Rows in one piece are a view: long records are not copied.
         taken = values[start:stop] if stop - start == rows.size else values[rows]
         taken.flags.writeable = False
-        if (odd := value_fault(taken)) is not None:
-            raise InputError(
-                f"{columns.where(int(rows[odd]))}: {taken[odd]:g} is no measured value; remove the "
-                "line",
-                code="not-finite",
-            )
         return taken
 
     time = part(columns.time)
@@ -402,6 +492,7 @@ def _loop(columns: _Columns, rows: Rows) -> Loop:
     drive, answer = part(columns.input), part(columns.output)
     assert drive is not None
     assert answer is not None
+    time = time if columns.has_times else None
     try:
         return Loop(label, drive, answer, part(columns.schedule), time, source=columns.source_name)
     except InputError as error:

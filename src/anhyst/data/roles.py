@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import re
-import shlex
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.formats.channels import Texts
+from anhyst.data.formats.channels import Texts, is_number
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import reversal_count
+from anhyst.data.proposals import choose_one, map_one, mapping
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import DIMENSIONS, INPUTS, QUANTITIES, Header, Quantity, parse_header
+from anhyst.support.units import INPUTS, QUANTITIES, WEIGHTS, Header, Quantity, parse_header
+from anhyst.support.vocabulary import named_quantities
 
 _NO_SCHEDULE = "none"
 _INPUT_EXAMPLES = "'I_A', 'H_A_per_m' or 'u_V'"
@@ -50,6 +49,16 @@ class Roles:
     def notes(self, headers: Sequence[Header]) -> list[str]:
         """Say what was found about the columns, and what was left."""
         remarks = []
+        used = (self.input, self.output, self.time, self.schedule)
+        mine = [headers[index] for index in used if index is not None]
+        said = [
+            f"'{one.text}' as {one.quantity.name}"
+            for one in mine
+            if one.is_by_word and one.quantity
+        ]
+        if said:
+            remarks.append(f"read by word and unit: {', '.join(said).replace('_', ' ')}")
+        remarks += [text for header in mine for text in _describe(header)]
         if self.label_found and self.label is not None:
             remarks.append(f"column '{headers[self.label].text}' tells the loops apart")
         if self.idle:
@@ -62,11 +71,16 @@ def find_roles(
     source: str,
     headers: Sequence[Header],
     description: FileDescription,
-    skip: Collection[int] = (),
+    texts: Collection[int] = (),
+    clocks: Callable[[], Collection[int]] = tuple,
 ) -> Roles:
-    """Decide what each column is."""
-    drive, answer = _pair(source, headers, skip)
-    time = _only(source, headers, "time")
+    """Decide what each column is.
+
+    `texts` are the columns that do not begin with a number. `clocks` finds the columns that rise
+    evenly; it is called for a proposal only.
+    """
+    drive, answer = _pair(source, headers, lambda: {*texts, *clocks()})
+    time = _time(source, headers, texts)
     label = _label(source, headers, description)
     fixed_label = _fixed_label(description.constants)
     if label is not None and fixed_label is not None:
@@ -95,38 +109,41 @@ def find_column(source: str, headers: Sequence[Header], name: str) -> int:
     )
 
 
-def with_file_name(path: Path, description: FileDescription) -> FileDescription:
-    """Add the constants that the file's name holds, by the pattern ``file_name``."""
-    if description.file_name is None:
-        return description
-    pieces = re.split(r"\{([^{}]+)\}", description.file_name)
-    keys = pieces[1::2]
-    pattern = "(.+)".join(re.escape(piece) for piece in pieces[::2])
-    match = re.fullmatch(pattern, path.stem) or re.fullmatch(pattern, path.name)
-    if not keys or match is None:
-        raise InputError(
-            f"{path}: the name does not fit file_name = '{description.file_name}'; a pattern is like "
-            "'gd_T{T_C}C'",
-            code="file-name-pattern",
-            key="file_name",
+def _describe(header: Header) -> list[str]:
+    """Say how the values of a column were changed on their way to SI."""
+    name = f"column '{header.text}'"
+    texts = []
+    if header.unit is not None and header.unit.symbol in WEIGHTS:
+        texts.append(f"{name}: a mass is read as the force of its weight, 9.80665 m/s^2")
+    if header.scale is not None:
+        unit = header.unit.symbol if header.unit else ""
+        texts.append(f"{name}: multiplied by {header.scale:g} to give {unit}".rstrip())
+    if header.is_flipped:
+        texts.append(f"{name}: its sign is reversed")
+    if header.is_clock and header.unit is None:
+        texts.append(
+            f"{name}: is a clock without a unit: only the order of the samples is used; name it "
+            "'t_s' or 't_ms' to use its times"
         )
-    constants: dict[str, float | str] = dict(description.constants)
-    for key, text in zip(keys, match.groups(), strict=True):
-        if parse_header(key).is_label:
-            constants[key] = text
-            continue
-        try:
-            constants[key] = float(text)
-        except ValueError:
-            raise InputError(
-                f"{path}: '{text}' in the name is no number for {key}",
-                code="file-name-pattern",
-                key=key,
-            ) from None
-    return replace(description, constants=constants)
+    return texts
 
 
-def _pair(source: str, headers: Sequence[Header], skip: Collection[int]) -> tuple[int, int]:
+def _time(source: str, headers: Sequence[Header], texts: Collection[int]) -> int | None:
+    """Find the clock; one without a unit says the order of the samples."""
+    clocks = [i for i, header in enumerate(headers) if header.is_clock and i not in texts]
+    # A word such as 'tout' or 'Seconds' does not win over a column 'time'.
+    clocks = [i for i in clocks if not headers[i].is_by_word] or clocks
+    has_units = [i for i in clocks if headers[i].unit is not None or headers[i].stated]
+    if has_units or len(clocks) != 1:
+        numbers = [header for i, header in enumerate(headers) if i in has_units]
+        index = _only(source, numbers, "time")
+        return None if index is None else has_units[index]
+    return clocks[0]
+
+
+def _pair(
+    source: str, headers: Sequence[Header], skip: Callable[[], Collection[int]]
+) -> tuple[int, int]:
     """Find input and output; what is missing is asked for together."""
     pair = [_first(source, headers, names) for names in (INPUTS, tuple(OUTPUT_MAPS))]
     drive, answer = pair
@@ -138,16 +155,32 @@ def _pair(source: str, headers: Sequence[Header], skip: Collection[int]) -> tupl
     what, examples = ("an output", _OUTPUT_EXAMPLES)
     if drive is None:
         what, examples = ("an input", _INPUT_EXAMPLES)
+    odd = [f"'{header.text}'" for header in headers if is_number(header.text)]
+    if odd:
+        raise InputError(
+            f"{source}: numbers stand in place of names ({', '.join(odd[:3])}): settings beside "
+            "the data, or no header; delete these columns, or write a line of names above the data",
+            code="names-missing",
+        )
     raise InputError(
         f"{source}: has no column for {what} ({_have(headers)}); name it {examples}"
-        f"{mapping(headers, *missing, skip=skip)}",
+        f"{mapping(headers, *missing, skip=skip())}",
         code="column-missing",
     )
 
 
 def _first(source: str, headers: Sequence[Header], names: Sequence[str]) -> int | None:
-    indices = (_only(source, headers, name) for name in names)
-    return next((index for index in indices if index is not None), None)
+    """Index of the first quantity that a column holds; a word does not win over a doubtful column."""
+    doubtful = [
+        named_quantities(header.name) for header in headers if not header.is_known and header.stated
+    ]
+    for rank, name in enumerate(names):
+        index = _only(source, headers, name)
+        if index is None:
+            continue
+        is_doubted = any(not named.isdisjoint(names[:rank]) for named in doubtful)
+        return None if headers[index].is_by_word and is_doubted else index
+    return None
 
 
 def _only(source: str, headers: Sequence[Header], name: str) -> int | None:
@@ -156,18 +189,20 @@ def _only(source: str, headers: Sequence[Header], name: str) -> int | None:
         i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name
     ]
     healthy = [index for index in indices if headers[index].problem is None]
+    # What the user maps, and our own symbols, go before words.
+    healthy = [index for index in healthy if headers[index].is_certain] or healthy
     if len(healthy) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in healthy)
-        leave = f'--columns "{headers[healthy[1]].text}="'
+        choices = " or ".join(choose_one(headers[index], headers) for index in healthy)
         raise InputError(
-            f"{source}: columns {texts} are both {name}; leave one out: {leave}",
+            f"{source}: columns {texts} are both {name}; say which one to use: {choices}",
             code="column-twice",
             key=name,
         )
     if indices and not healthy:
         header = headers[indices[0]]
         raise InputError(
-            f"{source}: column '{header.text}': {header.problem}{map_one(header)}",
+            f"{source}: column '{header.text}': {header.problem}{map_one(header, headers)}",
             code="bad-header",
             key=header.text,
         )
@@ -243,6 +278,8 @@ def _schedule(
         if name in fixed:
             quantity, value = fixed[name]
             return None, value, quantity
+        if description.schedule is None and _has_several_temperatures(headers, name):
+            continue
         index = _only(source, headers, name)
         if index is not None:
             return index, None, headers[index].quantity
@@ -254,6 +291,12 @@ def _schedule(
             key=description.schedule,
         )
     return None, None, None
+
+
+def _has_several_temperatures(headers: Sequence[Header], name: str) -> bool:
+    """Whether words name several temperatures: nobody asks for one, so none is used."""
+    found = [header for header in headers if header.quantity == QUANTITIES["temperature"]]
+    return name == "temperature" and len(found) > 1 and all(one.is_by_word for one in found)
 
 
 def _meant(schedule: str, headers: Sequence[Header]) -> str:
@@ -363,97 +406,3 @@ def _refuse_schedule(source: str, header: Header, *, scheduled: bool) -> None:
         code="label-or-schedule",
         key=header.text,
     )
-
-
-_WORDS = {
-    "current": ("current", "curr", "strom", "amp", "coil", "i"),
-    "field": ("field", "feld", "h"),
-    "voltage": ("volt", "spannung", "u", "v"),
-    "force": ("force", "kraft", "load", "pull", "f"),
-    "flux_density": ("induction", "induktion", "b"),
-    "flux_linkage": ("flux", "fluss", "linkage"),
-    "displacement": ("displ", "position", "stroke", "weg", "pos", "x", "y"),
-    "strain": ("strain", "dehnung", "eps", "epsilon"),
-    "magnetostriction": ("magnetostriction", "lambda"),
-    "gap": ("gap", "spalt", "clearance", "distance", "dist"),
-    "temperature": ("temp",),
-    "time": ("time", "zeit", "sec"),
-}
-"""How others call what is measured; a single letter counts alone only."""
-
-
-def mapping(
-    headers: Sequence[Header], *wanted: Sequence[str], skip: Collection[int] = (), least: int = -8
-) -> str:
-    """Advise how to map the likeliest columns to what is missing."""
-    candidates = likely(headers, wanted, skip, least)
-    pairs = [(headers[column].text, _target(headers[column], name)) for column, name in candidates]
-    if not pairs:
-        return ""
-    which = "it" if len(pairs) == 1 else "them"
-    if any("," in text or "=" in text for text, _ in pairs):
-        lines = ", ".join(f"'{text}' = '{target}'" for text, target in pairs)
-        return f"; or map {which} in a file of the same name, .toml: columns = {{{lines}}}"
-    return f"; or map {which}: --columns {_quoted(','.join(map('='.join, pairs)))}"
-
-
-def likely(
-    headers: Sequence[Header],
-    wanted: Sequence[Sequence[str]],
-    skip: Collection[int] = (),
-    least: int = -8,
-) -> list[tuple[int, str]]:
-    """Find the likeliest columns for what is missing, as `mapping`: index and quantity."""
-    free = [
-        column
-        for column, header in enumerate(headers)
-        if header.text and not header.is_label and column not in skip
-        if not header.is_known or header.problem
-    ]
-    candidates = []
-    for names in wanted:
-        pool = [(_likeness(headers[index], name), index, name) for index in free for name in names]
-        # Of equals the first: max keeps it.
-        score, best, name = max(pool, key=lambda scored: scored[0], default=(least - 1, 0, ""))
-        if score >= least:
-            free.remove(best)
-            candidates.append((best, name))
-    return candidates
-
-
-def map_one(header: Header) -> str:
-    """Advise how to map a column whose unit is the problem."""
-    name = header.quantity.name if header.quantity else ""
-    return mapping([header], [name]) if name in QUANTITIES else ""
-
-
-def _likeness(header: Header, name: str) -> int:
-    """How much a column looks like a quantity: by its name, its unit, or what else it is like."""
-    if header.quantity is not None and header.quantity.name == name:
-        return 8
-    plain = header.name.lower()
-    letters = re.split(r"[\W_]+", plain)
-    like = {
-        key
-        for key, words in _WORDS.items()
-        if any(word in (letters if len(word) == 1 else plain) for word in words)
-    }
-    score = 2 if name in like else -2 if like else 0
-    if header.unit is not None:
-        fits = header.unit.dimension == DIMENSIONS.get(name, name)
-        # Volts may be anything that a sensor gives.
-        score += 4 if fits else -1 if header.unit.dimension == "voltage" else -3
-    return score
-
-
-def _target(header: Header, name: str) -> str:
-    quantity = QUANTITIES[name]
-    unit = header.unit
-    if unit is not None and unit.dimension == DIMENSIONS.get(name, name):
-        return f"{quantity.symbol}_{unit.symbol.replace('/', '_per_')}"
-    return "gap_mm" if name == "gap" else quantity.column
-
-
-def _quoted(text: str) -> str:
-    """Return a text as one word of a shell."""
-    return shlex.quote(text) if any(sign in text for sign in '"$`!\\') else f'"{text}"'

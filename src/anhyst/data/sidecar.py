@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,9 @@ from typing import Any
 from anhyst.data.path import History
 from anhyst.support.atomic import PathLike, read_error
 from anhyst.support.errors import InputError
+
+DROP_INVALID = "invalid"
+"""What `drop` leaves out: samples that are not finite, or that the recorder marks as invalid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +28,17 @@ class FileDescription:
     constants: Mapping[str, float | str] = field(default_factory=dict)
     select: Mapping[str, tuple[str | float, ...]] = field(default_factory=dict)
     file_name: str | None = None
+    scale: Mapping[str, float | str] = field(default_factory=dict)
+    flip: tuple[str, ...] = ()
+    drop: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.drop not in (None, DROP_INVALID):
+            raise InputError(
+                f"drop: '{self.drop}' is not known; there is: {DROP_INVALID}",
+                code="unknown-drop",
+                key="drop",
+            )
 
     @classmethod
     def from_arguments(
@@ -37,6 +51,9 @@ class FileDescription:
         constants: Mapping[str, float | str] | None = None,
         select: Mapping[str, object] | None = None,
         file_name: str | None = None,
+        scale: Mapping[str, float | str] | None = None,
+        flip: Sequence[str] | str = (),
+        drop: str | None = None,
     ) -> FileDescription:
         """Collect keyword arguments."""
         return cls(
@@ -47,6 +64,9 @@ class FileDescription:
             constants=dict(constants or {}),
             select={name: _choices(name, value) for name, value in (select or {}).items()},
             file_name=file_name,
+            scale=dict(scale or {}),
+            flip=(flip,) if isinstance(flip, str) else tuple(flip),
+            drop=drop,
         )
 
     @classmethod
@@ -56,7 +76,9 @@ class FileDescription:
         Keys: ``columns`` (table: file column = our column), ``loop`` (name of the label column),
         ``schedule``, ``history`` (text, or a table: label = text), ``constants`` (table:
         ``T_C = -15``), ``select`` (table: column = value or list of values), ``file_name``
-        (pattern such as ``"gd_T{T_C}C"`` that takes constants from the file's name).
+        (pattern such as ``"gd_T{T_C}C"`` that takes constants from the file's name), ``scale``
+        (table: column = value in our unit per unit in the file), ``flip`` (columns whose sign is
+        reversed), ``drop`` (``"invalid"``).
         """
         path = Path(path)
         keys = _load(path)
@@ -68,6 +90,9 @@ class FileDescription:
             "constants": dict,
             "select": dict,
             "file_name": str,
+            "scale": dict,
+            "flip": str | list,
+            "drop": str,
         }
         try:
             for key, value in keys.items():
@@ -80,6 +105,9 @@ class FileDescription:
                 _check_kind(key, value, kinds[key])
             _check_members("columns", keys, str)
             _check_members("constants", keys, int | float | str)
+            _check_members("scale", keys, int | float)
+            for name in keys.get("flip", []):
+                _check_kind("flip", name, str)
             arguments = dict(keys)
             history = arguments.pop("history", None)
             reading = cls.from_arguments(**arguments)

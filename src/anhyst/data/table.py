@@ -16,13 +16,14 @@ from anhyst.data.formats.channels import (
     TextInNumbersError,
     Texts,
     is_finite,
-    is_number,
+    is_value,
     need_package,
 )
 from anhyst.data.formats.text import shown
+from anhyst.data.headers import map_headers
 from anhyst.data.output_map import OUTPUT_MAPS
-from anhyst.data.path import time_fault
-from anhyst.data.roles import likely, map_one, mapping
+from anhyst.data.path import refuse_missing, time_fault
+from anhyst.data.proposals import likely, map_one, mapping
 from anhyst.support.atomic import PathLike, check_writable, write_error
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -32,8 +33,6 @@ from anhyst.support.units import (
     INPUTS,
     QUANTITIES,
     Header,
-    Quantity,
-    parse_header,
     split_header,
 )
 
@@ -63,6 +62,7 @@ class DataTable:
         """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent."""
         indices = [index for index, other in enumerate(self.names) if other == name]
         healthy = [index for index in indices if self.headers[index].problem is None]
+        healthy = [index for index in healthy if self.headers[index].is_certain] or healthy
         if len(healthy) > 1:
             texts = " and ".join(f"'{self.headers[index].text}'" for index in healthy)
             raise InputError(
@@ -76,7 +76,7 @@ class DataTable:
         header, column = self.headers[at], self.columns[at]
         if header.problem:
             raise InputError(
-                f"{self.path}: column '{header.text}': {header.problem}{map_one(header)}",
+                f"{self.path}: column '{header.text}': {header.problem}{map_one(header, self.headers)}",
                 code="bad-header",
                 key=header.text,
             )
@@ -89,7 +89,8 @@ class DataTable:
                 code="text-in-numbers",
                 key=header.text,
             )
-        values = header.unit.to_si(column) if header.unit else column
+        refuse_missing(self.where, [(header.text, column)])
+        values = header.to_si(column)
         values.flags.writeable = False
         if name == "time" and (back := time_fault(values)) is not None:
             raise InputError(
@@ -146,17 +147,21 @@ def read_columns(
     texts = {
         index
         for index, header in enumerate(headers)
-        if header.is_label or (index not in known and not is_number(first[index]))
+        if header.is_label or (index not in known and not is_value(first[index]))
     }
     while True:
         numbers = [index for index in range(len(headers)) if index not in texts]
         try:
             raw = opened.read(numbers, sorted(texts), progress)
-            break
         except TextInNumbersError as error:
             if error.column in known:
                 raise
             texts.add(error.column)  # a column nobody asked for may hold anything
+            continue
+        marked = {i for i in numbers if i not in known and not np.isfinite(raw.numbers[i]).all()}
+        if not marked:
+            break
+        texts |= marked
     held: list[FloatArray | Texts] = []
     for index in range(len(headers)):
         if index in texts:
@@ -165,46 +170,6 @@ def read_columns(
             raw.numbers[index].flags.writeable = False
             held.append(raw.numbers[index])
     return DataTable(opened.source_name, raw.sha256, headers, tuple(held), raw.notes, opened)
-
-
-def map_headers(table: OpenTable, columns: Mapping[str, str]) -> tuple[Header, ...]:
-    """Understand the headers of a table, as given by ``columns`` where it says something."""
-    rows = table.units or (None,) * len(table.header)
-    headers = [parse_header(text, unit) for text, unit in zip(table.header, rows, strict=True)]
-    for source, target in columns.items():
-        index = table.find(source)
-        if index is None:
-            have = ", ".join(table.header)
-            raise InputError(
-                f"{table.source_name}: has no column '{source}' to map (columns: {have})",
-                code="no-such-column",
-                key=source,
-            )
-        headers[index] = _map_header(table.source_name, headers[index], target)
-    return tuple(headers)
-
-
-def _map_header(file_name: str, own: Header, target: str) -> Header:
-    if not target.strip():
-        return Header(own.text, "", Quantity("", "", "1"), None)
-    meant = parse_header(target)
-    if meant.problem and own.unit and (with_own := parse_header(target, own.unit.symbol)).is_known:
-        meant = with_own
-    where = f"{file_name}: column '{own.text}' mapped to '{target}'"
-    if meant.problem:
-        raise InputError(
-            f"{where}: {own.problem if own.unit is None and own.problem else meant.problem}",
-            code="bad-header",
-        )
-    if meant.unit and own.unit and meant.unit.dimension == own.unit.dimension:
-        same = (meant.unit.scale, meant.unit.offset) == (own.unit.scale, own.unit.offset)
-        if not same:
-            raise InputError(
-                f"{where}: the file says {own.unit.symbol}, the mapping {meant.unit.symbol}; "
-                f"map it to '{meant.name}' to convert it",
-                code="units-differ",
-            )
-    return Header(own.text, meant.name, meant.quantity, meant.unit)
 
 
 IN_MEMORY = "data frame"
@@ -249,6 +214,8 @@ def _through_arrow(frame: Any) -> Any:
     return interchange.from_dataframe(frame)
 
 
+_MAX_JITTER = 0.5
+"""Steps of a column that is a clock agree within this part; rounding of the times counts."""
 _EVEN = 0.01
 """Steps of a clock that agree within this share are one rate."""
 
@@ -275,7 +242,7 @@ def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> l
     table = open_table(path, least=1)
     headers = map_headers(table, columns or {})
     (first,) = table.first_rows(1) or [[""] * len(headers)]
-    texts = [column for column, field in enumerate(first) if not is_number(field)]
+    texts = [column for column, field in enumerate(first) if not is_value(field)]
     roles = _roles(headers, texts)
     units = table.units or [header.unit.symbol if header.unit else "" for header in headers]
     listed = []
@@ -294,6 +261,20 @@ def _values(table: OpenTable, index: int) -> Any:
         return table.read([index]).numbers[index]
     except TextInNumbersError:
         return None
+
+
+def find_clocks(table: OpenTable, columns: Sequence[int]) -> set[int]:
+    """Return the columns that rise by equal steps throughout, as a clock does."""
+    clocks = set()
+    for index in columns:
+        try:
+            steps = np.diff(table.read([index]).numbers[index])
+        except InputError:
+            continue
+        usual = float(np.median(steps)) if steps.size else 0.0
+        if usual > 0.0 and bool(np.all(np.abs(steps - usual) <= _MAX_JITTER * usual)):
+            clocks.add(index)
+    return clocks
 
 
 def _pace(table: OpenTable, index: int) -> tuple[int | None, float | None]:

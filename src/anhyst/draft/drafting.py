@@ -173,6 +173,9 @@ def init(
     constants: Mapping[str, float | str] | None = None,
     history: str | None = None,
     clean: Sequence[str] | None = None,
+    scale: Mapping[str, float | str] | None = None,
+    flip: Sequence[str] | str = (),
+    drop: str | None = None,
     progress: Progress | None = None,
 ) -> Drafted:
     """Write a rig of your own from measured loops, ready to run, or copy an example.
@@ -192,7 +195,7 @@ def init(
         Instead, a stage between two of these magnets, which takes `mass` and `gap`.
     example : str, optional
         Instead, one of the examples that come with anhyst, such as ``"bearing"``.
-    columns, sidecar, schedule, loop, constants, history
+    columns, sidecar, schedule, loop, constants, history, scale, flip, drop
         How the loops are read, as `read_loops` has them; it goes into the rig file.
     clean : sequence of str, optional
         Cleaning steps, as `clean` has them.
@@ -219,6 +222,9 @@ def init(
         history=history,
         sidecar=None if sidecar is None else str(sidecar),
         clean=DEFAULT_STEPS if clean is None else tuple(clean),
+        scale={name: str(factor) for name, factor in (scale or {}).items()},
+        flip=(flip,) if isinstance(flip, str) else tuple(flip),
+        drop=drop,
     )
     if force_control and wanted != Wanted():
         raise InputError(

@@ -205,6 +205,9 @@ class IdentifyTable(Table):
     constants: Annotated[str, _readable("constants")] | None = None
     history: Annotated[str, _readable("history")] | None = None
     clean: Annotated[str, _readable("clean")] | None = None
+    scale: Annotated[str, _readable("scale")] | None = None
+    flip: str | None = None
+    drop: Literal["invalid"] | None = None
 
     def reading(self, folder: Path | None = None) -> ReadOptions:
         """Return how measurements are read."""

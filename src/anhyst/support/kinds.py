@@ -80,7 +80,8 @@ REASONS: Mapping[tuple[str, FileKind], str] = {
 """Why a verb has no use for a kind, where there is more to say than that."""
 
 MEASUREMENTS = frozenset(
-    {".csv", ".tsv", ".mat", ".mf4", ".tdms", ".h5", ".hdf5", ".parquet", ".xlsx", ".xlsm"}
+    {".csv", ".tsv", ".asc", ".lvm", ".mat", ".mf4", ".mdf", ".tdms", ".h5", ".hdf5", ".parquet"}
+    | {".xlsx", ".xlsm"}
 )
 """Endings of files that hold nothing else; ``.txt`` and ``.dat`` may be anything."""
 

@@ -16,9 +16,23 @@ import numpy as np
 
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.vocabulary import (
+    WORDS,
+    is_drive,
+    named_quantities,
+    symbol_of_word,
+    words_of,
+)
 
 MU_0 = 4.0e-7 * math.pi
 """Permeability of vacuum, H/m."""
+
+STANDARD_GRAVITY_M_PER_S2 = 9.80665
+"""Acceleration by which a mass is read as the force of its weight."""
+
+_POUND_KG = 0.45359237
+_WEIGHTS_KG = {"g": 1e-3, "kg": 1.0, "lb": _POUND_KG, "oz": _POUND_KG / 16.0}
+_FORCES_KG = {"gf": 1e-3, "kgf": 1.0, "kp": 1.0, "lbf": _POUND_KG, "ozf": _POUND_KG / 16.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,15 +79,37 @@ _FAMILIES: tuple[tuple[str, str, tuple[tuple[str, float], ...]], ...] = (
         ),
     ),
     ("voltage", "V", (("V", 1.0), ("uV", 1e-6), ("mV", 1e-3), ("kV", 1e3))),
-    ("force", "N", (("N", 1.0), ("uN", 1e-6), ("mN", 1e-3), ("kN", 1e3))),
+    (
+        "force",
+        "N",
+        (
+            *(("N", 1.0), ("uN", 1e-6), ("mN", 1e-3), ("cN", 1e-2), ("daN", 10.0)),
+            *(("kN", 1e3), ("MN", 1e6)),
+            *(
+                (symbol, mass * STANDARD_GRAVITY_M_PER_S2)
+                for symbol, mass in (_FORCES_KG | _WEIGHTS_KG).items()
+            ),
+        ),
+    ),
     ("flux_density", "T", (("T", 1.0), ("uT", 1e-6), ("mT", 1e-3), ("G", 1e-4), ("kG", 0.1))),
     (
         "flux_linkage",
         "Wb",
         (("Wb", 1.0), ("mWb", 1e-3), ("uWb", 1e-6), ("Vs", 1.0), ("mVs", 1e-3), ("uVs", 1e-6)),
     ),
-    ("length", "m", (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9))),
-    ("time", "s", (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))),
+    (
+        "length",
+        "m",
+        (
+            *(("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9)),
+            *(("in", 0.0254), ("ft", 0.3048), ("mil", 2.54e-5)),
+        ),
+    ),
+    (
+        "time",
+        "s",
+        (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("min", 60.0), ("h", 3600.0)),
+    ),
     ("moment", "N_m", (("N_m", 1.0),)),
     ("pressure", "Pa", (("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6), ("bar", 1e5))),
     ("frequency", "Hz", (("Hz", 1.0), ("kHz", 1e3))),
@@ -85,6 +121,7 @@ _TEMPERATURES = (
     Unit("degC", "temperature", "degC", 1.0),
     Unit("C", "temperature", "degC", 1.0),
     Unit("K", "temperature", "degC", 1.0, -273.15),
+    Unit("degF", "temperature", "degC", 5.0 / 9.0, -160.0 / 9.0),
 )
 
 UNITS = MappingProxyType(
@@ -96,6 +133,10 @@ UNITS = MappingProxyType(
     | {unit.symbol: unit for unit in _TEMPERATURES}
 )
 """Every unit a header may carry, by its symbol."""
+
+
+WEIGHTS = frozenset(_WEIGHTS_KG)
+"""Units of mass that are read as the force of a weight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,9 +232,22 @@ _SYMBOLS = {quantity.symbol: name for name, quantity in QUANTITIES.items()} | {
     "Ψ": "flux_linkage",
 }
 _WORDS = {name: name for name in QUANTITIES} | {"air_gap": "gap", "airgap": "gap"}
+_NEEDS_QUANTITY = frozenset({"in", "g", "h", "min", "ft"})
+"""Units that end a name such as ``u_in`` or ``I_min`` only if the name is of their dimension."""
+_CHANNELS = frozenset({"channel", "chan", "ch", "kanal", "kanaal", "canal", "canale", "voie",
+                       "input", "eingang", "port", "analog", "sensor"})  # fmt: skip
+"""Names before a letter that counts and is not a unit, such as ``Channel A``."""
+_CLOCKS = MappingProxyType({"tout": "s"})
+"""Names of clocks whose unit the recorder fixes: Simulink counts in s."""
+_ABSCISSAS = frozenset({"x", "x-axis", "x_axis", "xaxis"})
+"""Names of a clock where the unit is one of time."""
 _NO_UNIT = "-"
 """What recorders write where nobody said a unit."""
 _BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*[\[(]\s*(?P<unit>[^\[\]()]*(?:\([^()]*\))?)\s*[\])]$")
+
+
+_INVERSE = re.compile(r"^(.+?)[\s.·*]*(cm|mm|m|metre|meter)\s*\^?-1$")
+"""A unit per length, such as ``A m^-1``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +259,27 @@ class Header:
     quantity: Quantity | None
     unit: Unit | None
     problem: str | None = None
+    stated: str = ""  # unit as written in brackets or in a row of units
+    is_by_word: bool = False  # whether a word of the name and the unit say the quantity
+    target: str | None = None  # what the user maps the column to; None: nothing
+    scale: float | None = None  # value in our unit per unit in the file; None: not stated
+    is_flipped: bool = False  # whether the sign is reversed
+
+    def to_si(self, values: FloatArray) -> FloatArray:
+        """Convert values of the column to SI, by its scale, its sign and its unit."""
+        factor = (self.scale or 1.0) * (-1.0 if self.is_flipped else 1.0)
+        scaled = values if factor == 1.0 else values * factor
+        return scaled if self.unit is None else self.unit.to_si(scaled)
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the user maps the column, or its name is our own symbol."""
+        return self.target is not None or split_header(self.text)[0] == self.name
+
+    @property
+    def is_clock(self) -> bool:
+        """Whether the column is a time, with or without a unit."""
+        return self.quantity is not None and self.quantity.name == "time"
 
     @property
     def is_label(self) -> bool:
@@ -218,10 +293,22 @@ class Header:
 
 
 def find_unit(text: str) -> Unit | None:
-    """Look a unit up, forgiving its spelling (``A_per_m``, ``µm``, ``°C``, ``V s``)."""
-    plain = text.strip().replace("_per_", "/").replace("µ", "u").replace("μ", "u")
-    plain = plain.replace("°", "deg").replace("·", "").replace("*", "").replace(" ", "")
-    return UNITS.get(plain)
+    """Look a unit up, in any common spelling: ``A_per_m``, ``A.m-1``, ``µm``, ``V s``, ``Volts``.
+
+    Case counts for symbols (mN and MN differ), and not for words.
+    """
+    plain = text.strip().replace("µ", "u").replace("μ", "u").replace("°", "deg")
+    plain = plain.replace("⁻¹", "^-1").replace("''", '"').replace('"', "in")
+    plain = re.sub(r"_per_|\s+per\s+", "/", plain)
+    plain = _INVERSE.sub(r"\1/\2", plain)
+    top, stroke, bottom = plain.partition("/")
+    return UNITS.get(_symbol(top) + stroke + _symbol(bottom))
+
+
+def _symbol(text: str) -> str:
+    """Return the symbol of a unit without a stroke; other texts without their blanks and points."""
+    symbol = re.sub(r"[·*.\s]", "", text)
+    return symbol if symbol in UNITS else symbol_of_word(text.strip(". ")) or symbol
 
 
 def unit_of(text: str) -> Unit:
@@ -242,18 +329,52 @@ def parse_header(text: str, unit: str | None = None) -> Header:
     if name.lower() == LABEL:
         return Header(text, LABEL, None, None)
     known = _known(name)
+    stated = written if unit or _BRACKETS.match(text) else ""
+    if name.lower() in _ABSCISSAS and (axis := find_unit(written)) and axis.dimension == "time":
+        known = QUANTITIES["time"]
     if problem is not None:
-        return Header(text, name, known or Quantity(name, name, "1"), None, problem)
+        return Header(text, name, known or Quantity(name, name, "1"), None, problem, stated)
+    if known is None and not written:
+        clock, written = _clock(name)
+        if clock != name:
+            unit_of_clock = find_unit(written)
+            problem = None if unit_of_clock else _unit_problem(QUANTITIES["time"], "", None)
+            return Header(text, clock, QUANTITIES["time"], unit_of_clock, problem, is_by_word=True)
     header_unit = find_unit(written) if written else None
     if known is not None and known.unit == "1" and not written:
         header_unit = UNITS["1"]
+    if known is None and (said := _said(name, header_unit)) is not None:
+        return Header(text, said.symbol, said, header_unit, stated=stated, is_by_word=True)
     if known is None:
         free = Quantity(name, name, header_unit.si if header_unit else "1")
         problem = _unknown_unit(written) if written and not header_unit else None
-        return Header(text, name, free, header_unit, problem)
-    return Header(
-        text, known.symbol, known, header_unit, _unit_problem(known, written, header_unit)
-    )
+        return Header(text, name, free, header_unit, problem, stated)
+    problem = _unit_problem(known, written, header_unit)
+    return Header(text, known.symbol, known, header_unit, problem, stated)
+
+
+def _clock(name: str) -> tuple[str, str]:
+    """Name a column that can only be a clock by its name ``t`` and its unit, if that is known."""
+    folded, unit = name.lower(), find_unit(name)
+    if folded in _CLOCKS:
+        return "t", _CLOCKS[folded]
+    if unit is not None and unit.dimension == "time" and len(name) > len(unit.symbol):
+        return "t", unit.symbol  # a column called 'Seconds'
+    words = set(words_of(name))
+    return ("t", "") if words and words <= WORDS["time"] else (name, "")
+
+
+def _said(name: str, unit: Unit | None) -> Quantity | None:
+    """Return the one quantity that the words of a name and the unit agree on."""
+    if unit is None:
+        return None
+    named = named_quantities(name)
+    fitting = [key for key in named if DIMENSIONS.get(key, key) == unit.dimension]
+    if len(fitting) != 1:
+        return None
+    if fitting == ["voltage"] and not is_drive(name):
+        return None
+    return QUANTITIES[fitting[0]]
 
 
 def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
@@ -306,12 +427,24 @@ def _split(text: str) -> tuple[str, str]:
     """Split ``name_unit`` at the longest tail that is a unit, or after a known symbol."""
     parts = text.split("_")
     for cut in range(1, len(parts)):
-        tail = "_".join(parts[cut:])
-        if find_unit(tail) and tail not in {"1", "-", "%"}:
-            return "_".join(parts[:cut]), tail
+        head, tail = "_".join(parts[:cut]), "_".join(parts[cut:])
+        unit = find_unit(tail)
+        if unit and tail not in {"1", "-", "%"} and _may_end(head, unit):
+            return head, tail
     if _known(text) is None and _known(parts[0]) is not None:
         return parts[0], "_".join(parts[1:])
     return text, ""
+
+
+def _may_end(head: str, unit: Unit) -> bool:
+    """Whether the end of a name is its unit: not the A of 'Channel A', or the min of 'I_min'."""
+    if head.lower() in _CHANNELS:
+        return False
+    if unit.symbol not in _NEEDS_QUANTITY:
+        return True
+    known = _known(head)
+    names = {known.name} if known else named_quantities(head)
+    return unit.dimension in {DIMENSIONS.get(name, name) for name in names}
 
 
 def _known(name: str) -> Quantity | None:

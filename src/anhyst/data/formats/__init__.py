@@ -1,16 +1,19 @@
 """File formats of measurements, one file a format.
 
-A further one is one more entry of `FORMATS`; of `WRITERS` and `PACKAGES` too if it can be written.
+A new format needs an entry in `FORMATS`, in `SIGNATURES` if it is binary, and in `WRITERS` and
+`PACKAGES` if it can be written.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from anhyst.data.formats.channel_table import ChannelTable
 from anhyst.data.formats.channels import ChannelGroup, MemoryTable, OpenTable
-from anhyst.data.formats.excel import open_excel
+from anhyst.data.formats.encoding import is_text
+from anhyst.data.formats.excel import is_workbook, open_excel
 from anhyst.data.formats.hdf5 import open_hdf5, write_hdf5
 from anhyst.data.formats.mat import open_mat, write_mat
 from anhyst.data.formats.mdf import open_mdf, write_mdf
@@ -23,6 +26,7 @@ __all__ = [
     "FORMATS",
     "ONE_TABLE",
     "PACKAGES",
+    "SIGNATURES",
     "WRITERS",
     "ChannelTable",
     "MemoryTable",
@@ -31,15 +35,26 @@ __all__ = [
 ]
 
 FORMATS: dict[str, Callable[[Path, int], OpenTable]] = {
-    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), open_text),
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm"), open_text),
     ".mat": open_mat,
-    ".mf4": open_mdf,
+    **dict.fromkeys((".mf4", ".mdf"), open_mdf),
     ".tdms": open_tdms,
     **dict.fromkeys((".h5", ".hdf5"), open_hdf5),
     ".parquet": open_parquet,
     **dict.fromkeys((".xlsx", ".xlsm"), open_excel),
 }
-"""By suffix: what opens a file that must have at least so many columns."""
+"""By suffix: opens a file that must have a given number of columns or more."""
+
+SIGNATURES: tuple[tuple[bytes, Callable[[Path, int], OpenTable]], ...] = (
+    (b"MDF     ", open_mdf),
+    (b"UnFinMF ", open_mdf),
+    (b"MATLAB 5.0 MAT-file", open_mat),
+    (b"MATLAB 7.3 MAT-file", open_mat),
+    (b"\x89HDF\r\n\x1a\n", open_hdf5),
+    (b"TDSm", open_tdms),
+    (b"PAR1", open_parquet),
+)
+"""First bytes of each binary format; they count more than the name of a file."""
 
 WRITERS: dict[str, Callable[[Path, Sequence[ChannelGroup]], tuple[str, ...]]] = {
     ".csv": write_text,
@@ -64,6 +79,20 @@ ONE_TABLE = frozenset({".csv", ".parquet"})
 
 
 def open_table(path: PathLike, least: int = 2) -> OpenTable:
-    """Open a table by its suffix; one that is not known is taken for text."""
+    """Open a table by its first bytes, because the same format has many file names.
+
+    The name decides if the first bytes are those of no format. A text file needs no known name.
+    """
     path = Path(path)
-    return FORMATS.get(path.suffix.lower(), open_text)(path, least)
+    by_name = FORMATS.get(path.suffix.lower(), open_text)
+    head = b""
+    if path.is_file():
+        with contextlib.suppress(OSError), path.open("rb") as file:
+            head = file.read(4096)
+    for signature, opener in SIGNATURES:
+        if head.startswith(signature):
+            # Version 7.3 of a MAT file is HDF5; without its own signature only the name says so.
+            return (by_name if opener is open_hdf5 and by_name is open_mat else opener)(path, least)
+    if head.startswith(b"PK") and is_workbook(path):
+        return open_excel(path, least)
+    return (open_text if head and is_text(head) else by_name)(path, least)

@@ -116,7 +116,7 @@ def _step(source: str, clock: Channel, times: FloatArray) -> float:
 
 
 def onto(source: str, channel: Channel, own: Clock, values: FloatArray, clock: Clock) -> FloatArray:
-    """Bring a channel onto a clock."""
+    """Bring a channel onto a clock; next to a sample without a value (NaN) there is none."""
     stop = clock.start + clock.length
     if own.times is None or clock.times is None or own.channel is clock.channel:
         return values[clock.start : stop]
@@ -133,16 +133,6 @@ def onto(source: str, channel: Channel, own: Clock, values: FloatArray, clock: C
             f"{own.times[row + 1]:g} s, {steps[row] / usual:.0f} of its usual steps: it cannot be "
             "interpolated; leave it out, or give it as a constant",
             code="gap-in-channel",
-            key=channel.full_name,
-        )
-    used = np.concatenate(([False], inside)) | np.concatenate((inside, [False]))
-    odd = used & ~np.isfinite(values)
-    if odd.any():
-        row = int(np.argmax(odd))
-        raise InputError(
-            f"{source}: channel '{channel.full_name}', sample {row + 1}: {values[row]:g} is no "
-            "measured value; remove it",
-            code="not-finite",
             key=channel.full_name,
         )
     return np.interp(clock.times, own.times, values)

@@ -7,6 +7,7 @@ import importlib.util
 import itertools
 import logging
 import math
+import re
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -192,8 +193,8 @@ def one_line_if_damaged(path: Path) -> Iterator[None]:
         text = " ".join(str(error).split())[:160]
         reason = f"{type(error).__name__}: {text}" if text else type(error).__name__
         raise InputError(
-            f"{path}: cannot be read as {path.suffix}, the file is damaged or of another kind "
-            f"({reason}); export it again",
+            f"{path}: cannot be read, because the file is damaged or of another kind ({reason}); "
+            "export it again",
             code="damaged-file",
         ) from None
     finally:
@@ -250,7 +251,11 @@ class Texts:
 
 @dataclass(frozen=True, slots=True)
 class RawColumns:
-    """The columns that were asked for, by index, and the SHA-256 of the whole file."""
+    """The requested columns by index, and the SHA-256 of the whole file.
+
+    A sample without a measured value (overrange, invalid, empty) is NaN in ``numbers`` in every
+    format. The caller refuses it or leaves it out.
+    """
 
     sha256: str
     numbers: Mapping[int, FloatArray]
@@ -259,7 +264,7 @@ class RawColumns:
 
 
 class TextInNumbersError(InputError):
-    """A column that was taken for numbers holds text, NaN or Inf; ``column`` is its index."""
+    """A column that was taken for numbers holds text; ``column`` is its index."""
 
     def __init__(self, text: str, *, column: int, code: str, key: str) -> None:
         super().__init__(text, code=code, key=key)
@@ -273,6 +278,28 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return "_" not in text
+
+
+_MARK = re.compile(
+    r"""[+-]?(∞|inf|infinity|nan(\(.*\))?|1?\.?\#(inf|ind|qnan|snan)0*|1\.\#(inf|ind|qnan|snan)0*
+    |o\.?l\.?|over|over[- ]?(load|range|flow)|ovld|ovr|ovf|clipped|under[- ]?range|burn[- ]?out
+    |invalid|no[ _]?data|null|none|n/?a|\#n/?[av]|\#nv|\#(value|div/0|num|ref|wert|zahl)!?)
+    |[-*.?]{2,}|-|""",
+    re.IGNORECASE | re.VERBOSE,
+)
+"""What loggers and spreadsheets write in place of a value."""
+SCPI_MARKS = (9.9e37, 9.91e37)
+"""Instruments send these numbers, of either sign, for infinity and for NaN."""
+
+
+def is_mark(text: str) -> bool:
+    """Whether a field says that a sample has no measured value; an empty one does too."""
+    return _MARK.fullmatch(text) is not None
+
+
+def is_value(text: str) -> bool:
+    """Whether a field belongs to a column of numbers: a number, or a mark in place of one."""
+    return is_number(text) or (text != "" and is_mark(text))
 
 
 def is_finite(text: str) -> bool:

@@ -42,6 +42,15 @@ _ROW = re.compile(rb'<row\b[^>]{0,200}?\br="([0-9]{1,8})"')
 _SHARED = re.compile(rb't="s"')
 
 
+def is_workbook(path: Path) -> bool:
+    """Whether a zip archive holds a workbook."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return "xl/workbook.xml" in archive.namelist()
+    except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
+        return False
+
+
 def check_workbook(path: Path) -> None:
     """Refuse a workbook that would not fit into memory."""
     guard = _Guard(path)

@@ -1,8 +1,9 @@
-"""Recordings in MDF 4 (ASAM), by the package asammdf."""
+"""Recordings in MDF 4 and in the older MDF 2 and 3 (ASAM), by the package asammdf."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -28,22 +29,30 @@ _TEXTS = (6, 7, 8, 9)
 
 
 def open_mdf(path: Path, least: int) -> ChannelTable:
-    """Look at an MDF 4 file: each group of channels runs on a clock of its own."""
+    """Look at an MDF file: each group of channels runs on a clock of its own."""
     need_package(path, "asammdf")
     try_first(path, open_mdf)
     with one_line_if_damaged(path):
         with path.open("rb") as stream:
             head = stream.read(16)
-        if not head.startswith((b"MDF     4", b"UnFinMF 4")):
-            raise InputError(
-                f"{path}: is no MDF 4 file; convert it, such as with asammdf",
-                code="not-an-mdf-file",
-            )
-        from asammdf import MDF
-
-        with MDF(path) as file:
+        if not head.startswith((b"MDF     ", b"UnFinMF ")):
+            raise InputError(f"{path}: is not an MDF file; export it again", code="not-an-mdf-file")
+        with _open(path) as file:
             channels = _channels(path, file)
     return open_channels(ChannelFile(path, tuple(channels), _reader(path)), least)
+
+
+@contextmanager
+def _open(path: Path) -> Iterator[Any]:
+    """Open a file as MDF 4; asammdf converts older versions in a temporary file."""
+    from asammdf import MDF
+
+    with MDF(path) as file:
+        if file.version >= "4":
+            yield file
+            return
+        with file.convert("4.10") as converted:
+            yield converted
 
 
 def _channels(path: Path, file: Any) -> list[Channel]:
@@ -87,13 +96,17 @@ def _gives_text(conversion: Any) -> bool:
 
 def _reader(path: Path) -> Any:
     def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
-        from asammdf import MDF
-
         values = []
-        with MDF(path) as file:
+        with _open(path) as file:
             for channel in channels:
                 group, index = channel.key
-                signal = file.get(group=group, index=index, record_offset=0, record_count=count)
+                signal = file.get(
+                    group=group,
+                    index=index,
+                    record_offset=0,
+                    record_count=count,
+                    ignore_invalidation_bits=True,
+                )
                 values.append(_values(signal, channel))
         return values
 
@@ -111,6 +124,9 @@ def _values(signal: Any, channel: Channel) -> Values:
             for value in values.tolist()
         ]
         return np.array(texts, dtype=str)
+    invalid = signal.invalidation_bits
+    if invalid is not None and np.any(invalid):
+        values = np.where(invalid, np.nan, values)
     return values
 
 

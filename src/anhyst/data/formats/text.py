@@ -20,8 +20,17 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.formats.channels import ChannelGroup, RawColumns, TextInNumbersError, Texts
+from anhyst.data.formats.channels import (
+    SCPI_MARKS,
+    ChannelGroup,
+    RawColumns,
+    TextInNumbersError,
+    Texts,
+    hash_of,
+    is_mark,
+)
 from anhyst.data.formats.layout import Layout, read_layout
+from anhyst.data.formats.preamble import STAMP, is_comment
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -61,13 +70,24 @@ class TextTable:
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the fields of the first rows of data."""
         layout = self.layout
-        with layout.path.open("rb") as file:
+        with layout.open() as file:
             file.seek(layout.offset)
-            lines = [
-                line for line in itertools.islice(split_lines(file, layout), count) if line.strip()
+            lines = itertools.islice(split_lines(file, layout), count)
+            rows = [layout.split(line) for line in lines if line.strip()]
+        positions = [column.position for column in layout.table.columns]
+        start, step = layout.table.clock
+        heads = [
+            [
+                repr(start + n * step) if at is None else row[at] if at < len(row) else ""
+                for at in positions
             ]
-        rows = [layout.split(row) for row in lines]
-        return [row[: layout.width] + [""] * (layout.width - len(row)) for row in rows]
+            for n, row in enumerate(rows)
+        ]
+        if layout.stamp is not None:
+            seconds = seconds_of(Texts.of([row[layout.stamp] for row in heads])).tolist()
+            for row, time in zip(heads, seconds, strict=True):
+                row[layout.stamp] = repr(time)
+        return heads
 
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
@@ -155,11 +175,20 @@ def read_raw(
     texts: Sequence[int] = (),
     progress: Progress | None = None,
 ) -> RawColumns:
-    """Read the wanted columns of a table, the others are not even parsed."""
-    reader = _Reader(layout, tuple(numbers), tuple(texts))
+    """Read the wanted columns of a table; the others are not even parsed."""
+    columns = layout.table.columns
+    fields = {
+        n: position for n, column in enumerate(columns) if (position := column.position) is not None
+    }
+    stamps = {layout.stamp} & {*numbers}
+    wanted = [n for n in numbers if n in fields and n not in stamps]
+    labels = [n for n in {*texts, *stamps} if n in fields and n is not None]
+    if not wanted and not labels:
+        labels = [next(iter(fields))]  # the rows are counted
+    reader = _Reader(layout, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels))
     digest = hashlib.sha256()
     done = 0
-    with layout.path.open("rb") as file:
+    with layout.open() as file:
         digest.update(file.read(layout.offset))
         for chunk in _chunks(file, layout):
             digest.update(chunk)
@@ -167,12 +196,42 @@ def read_raw(
             reader.feed(chunk)
             if progress is not None:
                 progress(layout.offset + done, layout.size)
-    return reader.finish(digest.hexdigest())
+    sha256 = digest.hexdigest() if layout.content is None else hash_of(layout.path)
+    raw = reader.finish(sha256)
+    values = {n: raw.numbers[fields[n]] for n in wanted}
+    words = {n: raw.texts[fields[n]] for n in labels}
+    values |= {n: seconds_of(words[n]) for n in stamps if n is not None}
+    start, step = layout.table.clock
+    clock = start + step * np.arange(reader.rows)
+    values |= {n: clock.copy() for n in numbers if n not in fields}
+    words |= {n: Texts.of(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
+    return RawColumns(sha256, values, words, raw.notes)
+
+
+def seconds_of(stamps: Texts) -> FloatArray:
+    """Return times of day in s since the first; a clock that starts again at midnight goes on."""
+    seconds = np.array([_second_of_day(text) for text in stamps.values])[stamps.codes]
+    midnights = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -0.5 * _DAY_S)
+    return np.asarray(seconds + _DAY_S * midnights - seconds[:1])
+
+
+_DAY_S = 86400.0
+
+
+def _second_of_day(text: str) -> float:
+    match = STAMP.fullmatch(text)
+    if match is None or match["h"] is None:
+        return math.nan
+    hour = int(match["h"])
+    if match["half"]:
+        hour = hour % 12 + 12 * (match["half"].upper() == "PM")
+    whole, _, fraction = match["s"].replace(",", ".").replace(":", ".").partition(".")
+    return 3600.0 * hour + 60.0 * int(match["m"]) + int(whole) + float(f"0.{fraction or 0}")
 
 
 def row_line(layout: Layout, row: int) -> int:
     """Line number of a row of data (both counted from the file's beginning, rows from 0)."""
-    with layout.path.open("rb") as file:
+    with layout.open() as file:
         file.seek(layout.offset)
         data = (
             layout.line + number
@@ -184,7 +243,7 @@ def row_line(layout: Layout, row: int) -> int:
 
 def _is_data(text: str, layout: Layout) -> bool:
     text = text.strip()
-    return bool(text) and not text.startswith("#") and any(layout.split(text))
+    return bool(text) and not is_comment(text) and any(layout.split(text))
 
 
 def _chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
@@ -226,6 +285,8 @@ class _Reader:
         self.layout = layout
         self.numbers = numbers
         self.texts = texts
+        self.names = {column.position: column.name for column in layout.table.columns}
+        self.needed = 1 + max(position for position in self.names if position is not None)
         self.line = layout.line
         self.rows = 0
         self.store = {index: np.empty(0) for index in numbers}
@@ -283,7 +344,7 @@ class _Reader:
     def _fast(self, chunk: bytes) -> Piece | None:
         """Convert a chunk without a Python loop over its rows, or give up with ``None``."""
         layout = self.layout
-        if layout.eol == b"\r" or b"#" in chunk or b'""' in chunk:
+        if layout.eol == b"\r" or b"#" in chunk or b"%" in chunk or b'""' in chunk:
             return None
         chunk = chunk.replace(b'"', b"").replace(b"\r", b"")
         if not chunk.endswith(b"\n"):
@@ -339,8 +400,8 @@ class _Reader:
         labels: list[list[str]] = [[] for _ in self.texts]
         for number, raw in enumerate(lines, start=self.line):
             text = raw.decode(layout.encoding, "replace").strip("\r\n \ufeff")
-            if text.startswith("#"):
-                self.notes.append(text.lstrip("# "))
+            if is_comment(text):
+                self.notes.append(text.lstrip("#%; "))
                 continue
             fields = layout.split(raw.decode(layout.encoding, "replace").rstrip("\r\n"))
             if not any(fields):
@@ -356,6 +417,8 @@ class _Reader:
         width = self.layout.width
         if len(fields) > width and not any(fields[width:]):
             return fields[:width]
+        if len(fields) < width and len(fields) >= self.needed:
+            return fields
         if len(fields) != width:
             path, count = self.layout.path, len(fields)
             has = f"{count} field{'s' if count != 1 else ''}"
@@ -368,20 +431,18 @@ class _Reader:
 
     def _number(self, field: str, index: int, number: int) -> float:
         comma = self.layout.delimiter != "," and "." not in field
-        key = self.layout.header[index]
+        key = self.names[index]
         where = f"{self.layout.path}: line {number}, column '{key}'"
         try:
             if "_" in field:
                 raise ValueError
             value = float(field.replace(",", ".", 1) if comma else field)
         except ValueError:
-            what = f"'{shown(field)}' is not a number" if field else "is empty"
-            text = f"{where}: {what}; correct or remove the line"
+            if is_mark(field):
+                return math.nan
+            text = f"{where}: '{shown(field)}' is not a number; correct or remove the line"
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
-        if not math.isfinite(value):
-            text = f"{where}: {field} is no measured value; remove the line"
-            raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key)
-        return value
+        return value if math.isfinite(value) and abs(value) not in SCPI_MARKS else math.nan
 
 
 def _find_fields(
@@ -414,11 +475,12 @@ def _cut(
 
 
 def _convert(text: bytes, sep: str, count: int) -> FloatArray | None:
-    """Convert separated numbers at once; ``None`` if one is missing, odd, NaN or Inf."""
+    """Convert separated numbers at once; ``None`` if one is missing, odd or no measured value."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # older NumPy warns, newer raises
         try:
             values: FloatArray = np.fromstring(text, np.float64, sep=sep)
         except ValueError:
             return None
-    return values if values.size == count and bool(np.isfinite(values).all()) else None
+    is_good = values.size == count and bool((np.abs(values) < SCPI_MARKS[0]).all())
+    return values if is_good else None

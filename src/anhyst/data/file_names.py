@@ -1,0 +1,98 @@
+"""What the names of files say: constants by a pattern, and gaps."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from anhyst.data.sidecar import FileDescription
+from anhyst.support.errors import InputError
+from anhyst.support.units import find_unit, parse_header
+
+
+def with_file_name(path: Path, description: FileDescription) -> FileDescription:
+    """Add the constants that the file's name holds, by the pattern ``file_name``."""
+    if description.file_name is None:
+        return description
+    pieces = re.split(r"\{([^{}]+)\}", description.file_name)
+    keys = pieces[1::2]
+    pattern = "(.+)".join(re.escape(piece) for piece in pieces[::2])
+    match = re.fullmatch(pattern, path.stem) or re.fullmatch(pattern, path.name)
+    if not keys or match is None:
+        raise InputError(
+            f"{path}: the name does not fit file_name = '{description.file_name}'; a pattern is like "
+            "'gd_T{T_C}C'",
+            code="file-name-pattern",
+            key="file_name",
+        )
+    constants: dict[str, float | str] = dict(description.constants)
+    for key, text in zip(keys, match.groups(), strict=True):
+        if parse_header(key).is_label:
+            constants[key] = text
+            continue
+        try:
+            constants[key] = float(text)
+        except ValueError:
+            raise InputError(
+                f"{path}: '{text}' in the name is no number for {key}",
+                code="file-name-pattern",
+                key=key,
+            ) from None
+    return replace(description, constants=constants)
+
+
+_GAP_WORD = r"(?:air[-_ ]?gap|gap|luftspalt|spalt|entrefer|traferro|intraferro|luchtspleet|spleet|entrehierro)"
+_NUMBER = r"(?P<number>\d+(?:[.,p]\d+)?|0[_-]\d+)"
+_UNIT = r"[ _]?(?P<unit>mm|um|µm|μm|micron|cm|mil|thou|inch)(?![a-z0-9])"
+_WITH_WORD = re.compile(rf"{_GAP_WORD}[-_ =]*{_NUMBER}{_UNIT}", re.IGNORECASE)
+_LENGTH = re.compile(rf"(?<![0-9.,]){_NUMBER}{_UNIT}", re.IGNORECASE)
+_OTHER_LENGTH = re.compile(
+    r"(?:dicke|thick(?:ness)?|dia(?:meter)?|durchmesser|core|kern|wire|draht|sheet|blech|stack|"
+    r"length|laenge|width|breite|height|hoehe|stroke|hub|ampl?(?:itude)?|range|sample|probe|"
+    r"lam(?:ination)?|radius|rod|pole|step|speed|v)[-_ =]*$",
+    re.IGNORECASE,
+)
+"""Words before a length that is not a gap."""
+
+
+def gaps_of_names(paths: Sequence[Path]) -> dict[Path, float]:
+    """Return the gap of each file by its name, m; empty unless all have one and they differ."""
+    gaps = {path: _gap_of_name(path.stem) for path in paths}
+    found = {path: gap for path, gap in gaps.items() if gap is not None}
+    return found if len(found) == len(gaps) and len(set(found.values())) > 1 else {}
+
+
+def gap_note(gaps: Mapping[Path, float]) -> str:
+    """Say in one line which gaps the names gave."""
+    texts = dict.fromkeys(f"{1e3 * gap:.4g} mm" for gap in sorted(gaps.values()))
+    return f"gap taken from the file names: {', '.join(texts)}"
+
+
+def _gap_of_name(stem: str) -> float | None:
+    """Return the gap that a name states, m: beside a word for it, or the only length in the name.
+
+    >>> _gap_of_name("Messung_Spalt_0,5mm"), _gap_of_name("gap0p5mm_run3"), _gap_of_name("run_5")
+    (0.0005, 0.0005, None)
+    """
+    matches = list(_WITH_WORD.finditer(stem))
+    if not matches:
+        matches = [match for match in _LENGTH.finditer(stem) if _is_plain(stem, match)]
+        if len(matches) != len(_LENGTH.findall(stem)):
+            return None
+    if len(matches) != 1:
+        return None
+    number, unit = matches[0]["number"], find_unit(matches[0]["unit"].lower())
+    if unit is None or re.fullmatch(r"0\d+", number):
+        return None  # 05 may be 5 or 0.5
+    return unit.value_to_si(float(re.sub(r"[,p_-]", ".", number.lower())))
+
+
+def _is_plain(stem: str, match: re.Match[str]) -> bool:
+    """Whether a length may be a gap: no other word before it, and no digits that belong to it."""
+    before, number = stem[: match.start()], match["number"]
+    is_decimal = any(sign in number for sign in ".,p")
+    if re.search(r"\d-$" if is_decimal else r"\d[-_]$", before) or "_" in number:
+        return False
+    return _OTHER_LENGTH.search(before) is None

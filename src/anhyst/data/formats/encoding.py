@@ -1,0 +1,130 @@
+"""Encoding of a text file, and which files are no text.
+
+UTF-16 is recoded to UTF-8 in memory, so that all readers see bytes that contain ASCII.
+"""
+
+from __future__ import annotations
+
+import codecs
+import io
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+from anhyst.data.formats.channels import MOST_BYTES
+from anhyst.support.errors import InputError
+
+_READ_ADVICE = "check the path and its permissions"
+HEADER_ADVICE = "name the columns in the first line, such as 'I_A,F_N,gap_m'"
+_UNREAD = (
+    (b"PK", "is a zip archive", "unpack it, or export the table as CSV"),
+    (b"\x1f\x8b", "is a gzip archive", "unpack it"),
+    (b"\xd0\xcf\x11\xe0", "is an Excel workbook of the old kind (.xls)", "save it as .xlsx or CSV"),
+    (b"TDSh", "is the index of a TDMS file", "name the .tdms file next to it"),
+    (b"|CF,", "is a binary imc FAMOS file", "export it from FAMOS as ASCII, MAT or MDF 4"),
+    (b"WAVEDESC", "is a binary LeCroy trace", "save it on the oscilloscope as ASCII or MAT"),
+    (b":WFM#", "is a binary Tektronix waveform", "save it on the oscilloscope as CSV or MAT"),
+    (b"CURVE #", "is a binary Tektronix waveform", "save it on the oscilloscope as CSV or MAT"),
+    (b"AG10", "is a binary Keysight waveform", "save it on the oscilloscope as CSV"),
+    (b"AG01", "is a binary Keysight waveform", "save it on the oscilloscope as CSV"),
+)
+"""Bytes near the beginning of known files that are not read, what they are, and what to do."""
+_UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
+def _utf16(head: bytes) -> str | None:
+    """Return the encoding of UTF-16 text, with or without its byte order mark."""
+    sample = head[:4096]
+    if head.startswith(_UTF16):
+        return "utf-16"
+    even, odd = sample[::2].count(0), sample[1::2].count(0)
+    if even + odd > len(sample) // 4 and min(even, odd) <= len(sample) // 100:
+        return "utf-16-be" if even > odd else "utf-16-le"
+    return None
+
+
+def is_text(head: bytes) -> bool:
+    """Whether the first bytes of a file are text."""
+    sample = head[:4096]
+    if head.startswith((b"PK\x03\x04", b"\x1f\x8b", b"\xd0\xcf\x11\xe0")):
+        return False
+    control = sum(sample.count(code) for code in range(32) if code not in {9, 10, 12, 13, 26})
+    return _utf16(head) is not None or control <= len(sample) // 200
+
+
+def refuse_binary(path: Path, head: bytes) -> None:
+    """Refuse a file that is no text, and say which kind of file it is."""
+    if is_text(head):
+        return
+    fault, remedy = (
+        "is a binary file of a format that is not read",
+        "export it as CSV, MAT or MDF 4",
+    )
+    for sign, kind, advice in _UNREAD:
+        if sign in head[:64]:
+            fault, remedy = kind, advice
+            break
+    raise InputError(f"{path}: {fault}; {remedy}", code="not-a-text")
+
+
+def encoding_of(head: bytes) -> str:
+    """Return UTF-8 if the text decodes as such (the last character may be cut), else Latin-1."""
+    if head.startswith(codecs.BOM_UTF8):
+        return "utf-8-sig"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8"
+
+
+def read_head(path: Path, most: int) -> tuple[bytes, int]:
+    """Return the first bytes of a file and its size."""
+    try:
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+            raise InputError(
+                f"{path}: is a pipe or a device, and a table is read more than once; save it as a "
+                "file first",
+                code="not-a-file",
+            )
+        with path.open("rb") as file:
+            head = file.read(most)
+            size = os.fstat(file.fileno()).st_size
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; check the path", code="no-such-file") from None
+    except IsADirectoryError:
+        raise InputError(
+            f"{path}: is a folder, not a file; name the file in it", code="is-a-folder"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read: {error.strerror}; {_READ_ADVICE}", code="cannot-be-read"
+        ) from None
+    if not head.strip():
+        if size > len(head):
+            raise InputError(
+                f"{path}: begins with {len(head)} blanks: no table; {HEADER_ADVICE}",
+                code="no-table",
+            )
+        raise InputError(f"{path}: is empty; {HEADER_ADVICE}", code="empty-file")
+    return head, size
+
+
+def recode(path: Path, head: bytes) -> bytes | None:
+    """Return a UTF-16 file as UTF-8; ``None`` if it is in another encoding."""
+    encoding = _utf16(head)
+    if encoding is None:
+        return None
+    if path.stat().st_size > MOST_BYTES:
+        raise InputError(
+            f"{path}: is UTF-16 text of more than {MOST_BYTES >> 30} GiB; save it as UTF-8",
+            code="too-large",
+        )
+    return path.read_bytes().decode(encoding, "replace").encode()
+
+
+def open_bytes(path: Path, content: bytes | None) -> BinaryIO:
+    """Open a file, or its recoded content."""
+    return path.open("rb") if content is None else io.BytesIO(content)

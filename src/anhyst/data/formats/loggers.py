@@ -1,0 +1,219 @@
+"""Layouts of oscilloscopes and loggers whose names, units or times are not in a plain header.
+
+Each recogniser looks at the first lines of a file and returns where its columns are, or nothing.
+A further layout is one more entry of `_RECOGNISERS`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from anhyst.data.formats.channels import is_number, is_value
+from anhyst.data.formats.preamble import Column, Lines, TextColumns, find_run, split_line
+from anhyst.support.errors import InputError
+
+_UNIT_WORDS = {"second": "s", "seconds": "s", "sec": "s", "volt": "V", "volts": "V", "ampere": "A"}
+"""Units in full words as oscilloscopes write them."""
+_SETTINGS = re.compile(
+    r"(record length|sample interval|trigger (point|time)|vertical (units|scale|offset)|source"
+    r"|horizontal (units|scale)|probe atten|proid)",
+    re.IGNORECASE,
+)
+"""Settings that Tektronix and others write into the columns beside the data."""
+
+
+def find_logger(path: Path, lines: Lines, first: int) -> TextColumns | None:
+    """Return the columns of the first recogniser that knows a file; ``first`` is no comment."""
+    found = (recognise(path, lines, first) for recognise in _RECOGNISERS)
+    return next((columns for columns in found if columns is not None), None)
+
+
+def unit_text(text: str) -> str:
+    """Return the symbol of a unit that may be in brackets or a full word."""
+    plain = text.strip(" \"[]()'")
+    return _UNIT_WORDS.get(plain.lower(), plain)
+
+
+def _number(text: str) -> float:
+    return float(text.replace(",", "."))
+
+
+def _plain(field: str) -> str:
+    return field.strip(' ":').lower()
+
+
+_START = re.compile(r"\s*t0\s*=\s*(\S+)\s*", re.IGNORECASE)
+_STEP = re.compile(r"\s*tInc\s*=\s*(\S+)\s*", re.IGNORECASE)
+_CHANNEL = re.compile(r"(?:X\()?(CH\d+|MATH\d*|REF\d*)\)?\s*\(?(V|A|W)?\)?", re.IGNORECASE)
+
+
+def _rigol(path: Path, lines: Lines, first: int) -> TextColumns | None:
+    """Read Rigol: start and step of the time are in the header, as columns or as ``t0 =``."""
+    header = split_line(lines[first][0], ",")
+    below = split_line(lines[first + 1][0], ",") if first + 1 < len(lines) else []
+    words = [_plain(field) for field in header]
+    timing: dict[str, str] = {}
+    for index, (field, word) in enumerate(zip(header, words, strict=True)):
+        for name, pattern in (("start", _START), ("increment", _STEP)):
+            if match := pattern.fullmatch(field):
+                timing[name] = match[1]
+            elif word == name and index < len(below):
+                timing[name] = below[index]
+    if set(timing) != {"start", "increment"} or not all(map(is_number, timing.values())):
+        return None
+    units = below if "start" in words else []
+    data = first + 1 + bool(units)
+    if data >= len(lines):
+        return None
+    row = split_line(lines[data][0], ",")
+    columns = [Column("t", "s", None)]
+    for index, (field, word) in enumerate(zip(header, words, strict=True)):
+        if _START.fullmatch(field) or _STEP.fullmatch(field) or word in {"", "x", *timing}:
+            continue
+        if word.startswith("time"):
+            columns = [column for column in columns if column.position is not None]
+        match = _CHANNEL.fullmatch(field)
+        name, unit = (match[1], match[2] or "") if match else (field, "")
+        columns.append(Column(name, unit_text(units[index]) if units else unit, index))
+    clock = (_number(timing["start"]), _number(timing["increment"]))
+    return TextColumns(data, ",", len(row), tuple(columns), clock)
+
+
+def _named_by_source(path: Path, lines: Lines, first: int) -> TextColumns | None:
+    """Read Keysight and Siglent: a row of channels over a row of units that begins with seconds."""
+    for index in range(first, min(first + 40, len(lines) - 2)):
+        names = split_line(lines[index][0], ",")
+        units = split_line(lines[index + 1][0], ",")
+        is_named = _plain(names[0]) in {"x-axis", "source", "time"}
+        if not is_named or _plain(units[0]) not in {"second", "seconds"}:
+            continue
+        row = split_line(lines[index + 2][0], ",")
+        if len(units) > len(names) or not all(is_value(field) for field in row if field):
+            return None
+        columns = [Column("t", "s", 0)]
+        for position, (name, unit) in enumerate(zip(names[1:], units[1:], strict=False), start=1):
+            match = _CHANNEL.fullmatch(name)
+            text = match[1] if match else f"CH{name}" if name.isdigit() else name
+            columns += [Column(text, unit_text(unit), position)] if name else []
+        return TextColumns(index + 2, ",", len(row), tuple(columns))
+    return None
+
+
+def _rohde_schwarz(path: Path, lines: Lines, first: int) -> TextColumns | None:
+    """Read Rohde & Schwarz: ``in s,C1 in V,C2 in V``."""
+    names = split_line(lines[first][0], ",")
+    if names[0] != "in s" or first + 1 >= len(lines):
+        return None
+    columns = [Column("t", "s", 0)]
+    for position, name in enumerate(names[1:], start=1):
+        text, _, unit = name.rpartition(" in ")
+        columns += [Column(text or name, unit if text else "", position)] if name else []
+    return TextColumns(first + 1, ",", len(names), tuple(columns))
+
+
+_NAMES = {"tracename", "trace name", "labels", "channel name", "channel names", "channelname"}
+_UNITS = {"vunit", "vertical units", "unit", "units", "y_unit_label", "yunits"}
+_TIME_UNITS = {"hunit", "horizontal units", "xunits"}
+_STEPS = {"hresolution", "sample interval", "xinc", "xincrement", "delta_x", "delta t"}
+_STARTS = {"hoffset", "xorg", "xorigin", "x0"}
+
+
+def _settings(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
+    """Return the values of a setting, one a channel; empty if the file has no such setting."""
+    found = next((row[1:] for row in rows if row and _plain(row[0]) in keys), [])
+    while found and not found[-1]:
+        found = found[:-1]
+    return [field.strip() for field in found]
+
+
+def _yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | None:
+    """Read Yokogawa: names, units and the step of the time are rows of the settings above."""
+    run = find_run(lines, first, ",", 1)
+    if run is None or run.start == first:
+        return None
+    rows = [split_line(text, ",") for text, _ in lines[first : run.start]]
+    names, steps = _settings(rows, _NAMES), _settings(rows, _STEPS)
+    if not names or not steps or not all(map(is_number, steps)):
+        return None
+    if len({_number(step) for step in steps}) > 1:
+        raise InputError(
+            f"{path}: its channels have different steps of time ({', '.join(steps)}); export them "
+            "at one rate",
+            code="different-steps",
+        )
+    positions = sorted(run.numbers)
+    columns = []
+    time_unit = next(iter(_settings(rows, _TIME_UNITS)), "s") or "s"
+    if len(positions) == len(names) + 1:
+        columns = [Column("t", unit_text(time_unit), positions.pop(0))]
+    elif len(positions) == len(names):
+        columns = [Column("t", unit_text(time_unit), None)]
+    else:
+        return None
+    units = _settings(rows, _UNITS)
+    units += [""] * (len(names) - len(units))
+    columns += [
+        Column(name, unit_text(unit), position)
+        for name, unit, position in zip(names, units, positions, strict=False)
+    ]
+    start = next(iter(_settings(rows, _STARTS)), "0")
+    clock = (_number(start) if is_number(start) else 0.0, _number(steps[0]))
+    return TextColumns(run.start, ",", run.width, tuple(columns), clock)
+
+
+def _settings_beside_data(path: Path, lines: Lines, first: int) -> TextColumns | None:
+    """Read Tektronix TDS and its kin: settings in the first columns, time and values next to them."""
+    text = lines[first][0]
+    sign = next((sign for sign in (",", ";", "\t") if sign in text), None)
+    rows = [split_line(text, sign) for text, _ in lines[first:] if text.strip()]
+    if sign is None or len(rows) < 8 or not _SETTINGS.match(rows[0][0]):
+        return None
+    head = [row for row in rows[:60] if len(row) == len(rows[0])]
+    numeric = [n for n in range(len(rows[0])) if all(is_value(row[n]) for row in head)]
+    if len(head) < 8 or not numeric:
+        return None
+    # Each oscilloscope channel is a block: settings first, then its time and its values.
+    blocks: list[list[int]] = []
+    for index in numeric:
+        if blocks and index == blocks[-1][-1] + 1:
+            blocks[-1].append(index)
+        else:
+            blocks.append([index])
+    if any(len(block) < 2 for block in blocks):
+        return None
+    columns: list[Column] = []
+    begin = 0
+    clock = [row[blocks[0][0]] for row in rows]
+    for number, block in enumerate(blocks, start=1):
+        beside = {_plain(row[begin]): row[begin + 1] for row in head if begin < block[0] - 1}
+        if number == 1:
+            columns.append(
+                Column("t", unit_text(beside.get("horizontal units", "s")) or "s", block[0])
+            )
+        elif [row[block[0]] for row in rows if len(row) == len(rows[0])] != clock[: len(rows)]:
+            raise InputError(
+                f"{path}: settings stand beside the data, and the {len(blocks)} channels have "
+                "different times; export them together, or each as a file",
+                code="different-times",
+            )
+        names = [beside.get("source") or f"CH{number}"]
+        names += [f"{names[0]}_{extra}" for extra in range(2, len(block))]
+        unit = unit_text(beside.get("vertical units", ""))
+        columns += [
+            Column(name, unit, position) for name, position in zip(names, block[1:], strict=True)
+        ]
+        begin = block[-1] + 1
+        while begin < len(rows[0]) and not any(row[begin] for row in head):
+            begin += 1
+    return TextColumns(first, sign, len(rows[0]), tuple(columns))
+
+
+_RECOGNISERS: tuple[Callable[[Path, Lines, int], TextColumns | None], ...] = (
+    _rigol,
+    _named_by_source,
+    _rohde_schwarz,
+    _settings_beside_data,
+    _yokogawa,
+)

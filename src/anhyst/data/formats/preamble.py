@@ -1,0 +1,336 @@
+"""Lines above the data of a text file: comments, names of columns, units, and where the data begin."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from anhyst.data.formats.channels import is_number, is_value
+from anhyst.data.formats.encoding import HEADER_ADVICE
+from anhyst.support.errors import InputError
+from anhyst.support.units import find_unit, parse_header
+
+Lines = list[tuple[str, int]]
+"""Lines of the beginning of a file with the byte at which each starts."""
+_DELIMITERS = (";", "\t", ",", None)
+_RUN = 8
+"""Rows of numbers from which on a run of them is the data; of shorter ones the longest is."""
+_SIGNS = "#% ;/"
+"""Signs with which comments begin, and the blanks after them."""
+
+
+STAMP = re.compile(
+    r"(?P<date>\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ]+)?"
+    r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}([.,:]\d+)?) ?(?P<half>[AP]M)?(Z|[+-]\d\d:?\d\d)?"
+    r"|\d{4}[-/]\d{2}[-/]\d{2}|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4}",
+    re.IGNORECASE,
+)
+"""A time of day with or without a date, or a date alone (its group ``h`` is empty)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a text file: its name, its unit, and the field of a line that holds it."""
+
+    name: str
+    unit: str
+    position: int | None  # None: the time, which the clock of the header gives
+
+
+@dataclass(frozen=True, slots=True)
+class TextColumns:
+    """Where the columns of a text file are."""
+
+    first: int  # index of the first line of data
+    delimiter: str | None
+    width: int  # fields of a line
+    columns: tuple[Column, ...]
+    clock: tuple[float, float] = (0.0, 0.0)  # first time and step of a column without position
+
+
+def is_comment(text: str) -> bool:
+    """Whether a line is a comment; a semicolon is a comment sign only if no other one follows."""
+    text = text.lstrip()
+    if text.startswith(("#", "%", "//")):
+        return True
+    return text.startswith(";") and ";" not in text[1:] and not is_value(text[1:].strip())
+
+
+def split_line(text: str, delimiter: str | None) -> list[str]:
+    """Split one line of text at a delimiter (``None``: at blanks) with CSV quoting."""
+    if delimiter is None:
+        return text.replace('"', "").split()
+    if '"' in text:
+        with contextlib.suppress(csv.Error):  # rubbish that is no CSV either
+            return [field.strip() for field in next(csv.reader([text], delimiter=delimiter))]
+    return [field.strip() for field in text.split(delimiter)]
+
+
+def skip_comments(lines: Lines, start: int) -> tuple[list[str], int]:
+    """Return the comments from a line on, and the index of the first line that is none."""
+    notes = []
+    for index in range(start, len(lines)):
+        text = lines[index][0].strip()
+        if is_comment(text):
+            notes.append(text.lstrip(_SIGNS).rstrip())
+        elif text:
+            return notes, index
+    return notes, len(lines)
+
+
+def is_header(lines: Lines, index: int, least: int) -> bool:
+    """Whether a line names what is measured, so that nothing need be looked for below it."""
+    text = lines[index][0]
+    delimiter = delimiter_of(text)
+    fields = drop_empty_tail(header_fields(text, delimiter))
+    if len(fields) < least or any(is_number(field) for field in fields):
+        return False
+    _, below = skip_comments(lines, index + 1)
+    units = unit_row(lines[below][0], delimiter, fields) if below < len(lines) else None
+    headers = map(parse_header, fields, units or [None] * len(fields))
+    return any(header.is_known and header.problem is None for header in headers)
+
+
+class HeadTooShortError(Exception):
+    """The data begin behind what has been read of the file."""
+
+
+def find_header(
+    path: Path, lines: Lines, first: int, least: int, *, last: bool
+) -> tuple[TextColumns, list[str]]:
+    """Find the columns of a table with a row of names, and the remarks above its data."""
+    remarks: list[str] = []
+    delimiter, row = delimiter_of(lines[first][0]), first
+    if not is_header(lines, first, least):
+        row, delimiter = _skip_preamble(path, lines, first, least, last=last)
+        remarks = [text.strip().lstrip(_SIGNS) for text, _ in lines[first:row] if text.strip()]
+    names, data = header_fields(lines[row][0], delimiter), row + 1
+    if all(is_number(name) for name in names if name):
+        names, data = header_from_comment(path, lines, row, names), row
+    names = drop_empty_tail(names)
+    if len(names) < least:
+        raise InputError(
+            f"{path}: line {row + 1}: one column only ('{short(names[0])}'); a loop needs an "
+            "input and an output column, separated by comma, semicolon, tab or blanks",
+            code="single-column",
+        )
+    comments, data, units = _rows_below(lines, data, delimiter, names)
+    if units is None:
+        units = _units_above(lines[first:row], delimiter, names)
+    below = [split_line(text, delimiter) for text, _ in lines[data : data + _RUN] if text.strip()]
+    columns = tuple(
+        Column(name, unit, position)
+        for position, (name, unit) in enumerate(zip(names, units or [""] * len(names), strict=True))
+        # A blank column separates others, as oscilloscopes do.
+        if name or any(position < len(fields) and fields[position] for fields in below)
+    )
+    return TextColumns(data, delimiter, len(names), columns), remarks + comments
+
+
+def _rows_below(
+    lines: Lines, row: int, delimiter: str | None, names: list[str]
+) -> tuple[list[str], int, tuple[str, ...] | None]:
+    """Return comments below the names, the index of the first row of data, and the unit row.
+
+    Loggers put rates and channels between names and data: rows without any number.
+    """
+    comments, data = skip_comments(lines, row)
+    units = None
+    remarks, begin = list(comments), data
+    for _ in range(_ROWS_ABOVE):
+        if begin == len(lines):
+            break
+        fields = split_line(lines[begin][0], delimiter)
+        if any(is_value(field) for field in fields) or _is_stamped(fields):
+            return remarks, begin, units
+        found = unit_row(lines[begin][0], delimiter, names) if units is None else None
+        remarks += [] if found else [lines[begin][0].strip()]
+        units = units or found
+        more, begin = skip_comments(lines, begin + 1)
+        remarks += more
+        if found:
+            comments, data = list(remarks), begin
+    return comments, data, units
+
+
+def _is_stamped(fields: list[str]) -> bool:
+    """Whether a row begins with a date and time of a sample."""
+    match = STAMP.fullmatch(fields[0]) if fields else None
+    return match is not None and match["date"] is not None
+
+
+def _skip_preamble(
+    path: Path, lines: Lines, first: int, least: int, *, last: bool
+) -> tuple[int, str | None]:
+    """Find the row of names above the first long run of numbers, and the delimiter."""
+    runs = [(find_run(lines, first, sign, least), sign) for sign in _DELIMITERS]
+    signed = [(run, sign) for run, sign in runs if run is not None]
+    if not signed and not last:
+        raise HeadTooShortError
+    if not signed or any(run.start == first for run, _ in signed):
+        return first, delimiter_of(lines[first][0])
+    for run, sign in signed:
+        row = _names_row(lines, first, run, sign)
+        if row is not None:
+            return row, sign
+    run, _ = max(signed, key=lambda run: run[0].width)
+    above = _text_above(lines, first, run.start)
+    raise InputError(
+        f"{path}: line {above + 1}: '{short(lines[above][0].strip())}' stands where the header of "
+        f"the {run.width} columns of numbers below it should be; name them there, such as "
+        "'I_A,F_N,gap_m'",
+        code="header-not-named",
+    )
+
+
+_ROWS_ABOVE = 6
+"""Rows above the data among which the names are: loggers put channels and rates below them."""
+
+
+def _names_row(lines: Lines, first: int, run: Run, sign: str | None) -> int | None:
+    """Return the row above a run that names its columns best, the lowest of equal ones."""
+    best, most = None, -2
+    row: int | None = run.start
+    for _ in range(_ROWS_ABOVE):
+        row = _text_above(lines, first, row)
+        names = None if row is None else _name_fields(lines[row][0], sign)
+        if row is None or names is None:
+            break
+        if run.used <= len(names) <= run.width:
+            is_units = unit_row(lines[row][0], sign, names) is not None
+            known = -1 if is_units else _count_names(names)
+            if known > most:
+                best, most = row, known
+    return best
+
+
+def _count_names(names: list[str]) -> int:
+    """Count the fields that name a quantity or have a unit in brackets; settings are not names."""
+    given = [name for name in names if name]
+    if (len(given) > 1 and len(set(given)) == 1) or any("=" in name for name in given):
+        return -1
+    headers = [parse_header(name) for name in given]
+    return sum(header.is_known or (header.unit is not None and "=" not in header.text)
+               for header in headers)  # fmt: skip
+
+
+def _units_above(lines: Lines, delimiter: str | None, names: list[str]) -> tuple[str, ...] | None:
+    """Return the units from the settings above a header, one a column, as Tektronix writes them."""
+    rows = [split_line(text, delimiter) for text, _ in lines]
+    found = {row[0].lower(): row for row in rows if row and len(row) >= len(names)}
+    values, times = found.get("vertical units"), found.get("horizontal units")
+    if values is None:
+        return None
+    first = times[1] if times and len(times) > 1 else "s"
+    return (first, *values[1 : len(names)])
+
+
+def _name_fields(text: str, delimiter: str | None) -> list[str] | None:
+    """Fields of a line that may be a header: none of them is a number."""
+    fields = drop_empty_tail(header_fields(text, delimiter))
+    return None if any(is_number(field) for field in fields) else fields
+
+
+def _text_above(lines: Lines, first: int, start: int) -> int | None:
+    """Return the index of the last line above another that is neither blank nor a comment."""
+    above = range(start - 1, first - 1, -1)
+    return next((n for n in above if lines[n][0].strip() and not is_comment(lines[n][0])), None)
+
+
+@dataclass(slots=True)
+class Run:
+    """Rows of as many fields, the same ones numbers; ``used`` counts columns to the last filled one."""
+
+    start: int
+    width: int
+    numbers: set[int]
+    used: int = 0
+    rows: int = 0
+
+
+def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> Run | None:
+    """Find the first run of at least `_RUN` rows, else the longest of three or more."""
+    run, best = Run(first, 0, set()), None
+    for line in range(first, len(lines)):
+        text = lines[line][0]
+        if not text.strip() or is_comment(text):
+            continue
+        fields = split_line(text, delimiter)
+        numbers = {n for n, field in enumerate(fields) if is_value(field) or STAMP.fullmatch(field)}
+        common = numbers & run.numbers if len(fields) == run.width else set()
+        if not _are_enough(common, run.used, least):
+            run, common = Run(line, len(fields), numbers), numbers
+        run.numbers = common
+        run.used = max(run.used, *(index + 1 for index, field in enumerate(fields) if field), 0)
+        run.rows += 1
+        if not _are_enough(run.numbers, run.used, least):
+            run = Run(line, 0, set())
+        elif run.rows >= _RUN:
+            return run
+        elif run.rows >= 3 and (best is None or run.rows > best.rows):
+            best = run
+    return best
+
+
+def _are_enough(numbers: set[int], columns: int, least: int) -> bool:
+    """Whether this number of numeric columns makes a table rather than a list of settings."""
+    return len(numbers) >= least and 2 * len(numbers) > columns
+
+
+def delimiter_of(line: str) -> str | None:
+    """Return the delimiter of a line; ``None`` stands for blanks."""
+    outside = re.sub(r'"[^"]*"', "", line)
+    for candidate in (";", "\t", ","):
+        if candidate in outside:
+            return candidate
+    return None
+
+
+def header_fields(line: str, delimiter: str | None) -> list[str]:
+    """Fields of a header line; between blanks, a unit in brackets belongs to its name."""
+    fields: list[str] = []
+    for field in split_line(line, delimiter):
+        if delimiter is None and fields and field.startswith(("[", "(")):
+            fields[-1] += " " + field
+        else:
+            fields.append(field)
+    return fields
+
+
+def drop_empty_tail(fields: list[str]) -> list[str]:
+    """Return the fields without empty ones at the end."""
+    kept = list(fields)
+    while len(kept) > 1 and not kept[-1]:
+        kept.pop()
+    return kept
+
+
+def header_from_comment(path: Path, lines: Lines, first: int, row: list[str]) -> list[str]:
+    """Take the names from the last comment before the data, as NumPy and COMSOL write them."""
+    comments = [text for text, _ in lines[:first] if is_comment(text)]
+    if comments:
+        text = comments[-1].strip().lstrip(_SIGNS)
+        for fields in (header_fields(text, delimiter_of(text)), re.split(r"\s{2,}|\t", text)):
+            if len(fields) == len(row) and not any(is_number(field) for field in fields):
+                return fields
+    raise InputError(
+        f"{path}: line {first + 1}: numbers where the header should be; {HEADER_ADVICE}",
+        code="no-header",
+    )
+
+
+def unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple[str, ...] | None:
+    """Read a row that holds units only, or nothing if it is a row of data."""
+    fields = split_line(line, delimiter)
+    if len(fields) < len(header) or any(is_number(field) for field in fields):
+        return None
+    units = [field.strip("[]() ") for field in fields[: len(header)]]
+    return None if not any(find_unit(unit) for unit in units if unit) else tuple(units)
+
+
+def short(text: str) -> str:
+    """Return the beginning of a text, fit for a message."""
+    return text if len(text) <= 40 else text[:37] + "..."

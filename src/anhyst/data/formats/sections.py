@@ -1,0 +1,247 @@
+"""Text files that hold several tables or whose times are not written: LabVIEW and aixACCT.
+
+Such a file is rewritten in memory as one table of the same lines: what is no row of data becomes
+blank, and a row gets its time and the label of its table. Messages therefore name the right line.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from anhyst.data.formats.channels import MOST_BYTES, is_number, is_value
+from anhyst.data.formats.encoding import encoding_of
+from anhyst.data.formats.preamble import STAMP, Column, TextColumns, split_line
+from anhyst.support.errors import InputError
+
+_LABVIEW = re.compile(rb"\s*LabVIEW Measurement", re.IGNORECASE)
+_TABLE = re.compile(r"\s*\[?(Table|Contour)\s+(\d+)\]?\s*:?\s*", re.IGNORECASE)
+_END = "***end_of_header***"
+
+
+def join_sections(
+    path: Path, head: bytes, content: bytes | None
+) -> tuple[bytes | None, TextColumns | None]:
+    """Return a file as one table, and where its columns are; other files as they are."""
+    plain = (content[: len(head)] if content is not None else head).removeprefix(b"\xef\xbb\xbf")
+    is_labview = _LABVIEW.match(plain) is not None
+    is_aixacct = re.search(rb"^\s*\[?Table\s+\d+\]?\s*:?\s*$", plain, re.M | re.I) is not None
+    if not is_labview and not is_aixacct:
+        return content, None
+    if path.stat().st_size > MOST_BYTES:
+        raise InputError(f"{path}: is larger than {MOST_BYTES >> 30} GiB; cut it", code="too-large")
+    whole = path.read_bytes() if content is None else content
+    lines = whole.decode(encoding_of(whole), "replace").splitlines()
+    sections = _labview_sections(path, lines) if is_labview else _tables(path, lines)
+    if sections is None:
+        return content, None
+    rows, columns = _joined(sections, len(lines))
+    return ("\n".join(rows) + "\n").encode(), columns
+
+
+@dataclass
+class _Section:
+    """One table: its label, the columns, and its rows by line."""
+
+    label: str
+    columns: list[Column]
+    rows: dict[int, list[str]] = field(default_factory=dict)
+
+
+def _joined(sections: list[_Section], count: int) -> tuple[list[str], TextColumns]:
+    """Put the rows of all tables into their lines; a column ``loop`` tells several tables apart."""
+    text = [""] * count
+    columns = sections[0].columns
+    width = len(columns)
+    if len(sections) > 1:
+        columns = [*columns, Column("loop", "", width)]
+    for section in sections:
+        tail = [section.label] if len(sections) > 1 else []
+        for line, fields in section.rows.items():
+            text[line] = "\t".join([*fields[:width], *[""] * (width - len(fields)), *tail])
+    first = min(min(section.rows) for section in sections)
+    return text, TextColumns(first, "\t", len(columns), tuple(columns))
+
+
+def _tables(path: Path, lines: list[str]) -> list[_Section] | None:
+    """Find the tables of aixACCT: ``Table 1``, settings, names with units, rows of numbers."""
+    found: list[_Section] = []
+    label = ""
+    for number, text in enumerate(lines):
+        fields = split_line(text, "\t")
+        while len(fields) > 1 and not fields[-1]:
+            fields.pop()
+        if match := _TABLE.fullmatch(text):
+            label = match[2]
+        elif len(fields) > 1 and all(is_value(item) for item in fields):
+            if found and found[-1].label == label and len(fields) == len(found[-1].columns):
+                found[-1].rows[number] = fields
+        elif len(fields) > 1 and "[" in text and not any(is_number(item) for item in fields):
+            columns = [Column(name, "", position) for position, name in enumerate(fields)]
+            found.append(_Section(label, columns))
+    found = [section for section in found if section.rows]
+    if not found:
+        return None
+    names = [tuple(column.name for column in section.columns) for section in found]
+    usual, _ = Counter(names).most_common(1)[0]
+    sections = [section for section, own in zip(found, names, strict=True) if own == usual]
+    if len({section.label for section in sections}) < len(sections):
+        for number, section in enumerate(sections, start=1):
+            section.label = str(number)
+    return sections
+
+
+def _labview_sections(path: Path, lines: list[str]) -> list[_Section]:
+    """Find the segments of a LabVIEW measurement file."""
+    head: dict[str, str] = {}
+    begin = len(lines)
+    for number, text in enumerate(lines):
+        key, _, value = re.sub(r"[\t,;]+", "\t", text.strip(), count=1).partition("\t")
+        if key.strip().lower() == _END:
+            begin = number + 1
+            break
+        head[key.strip().lower()] = value.strip()
+    signs = {"tab": "\t", "comma": ",", "semicolon": ";"}
+    sign = signs.get(head.get("separator", "tab").lower(), "\t")
+    kind = head.get("x_columns", "one").lower()
+    reader = _Segments(path, sign, kind)
+    for number in range(begin, len(lines)):
+        reader.feed(number, lines[number])
+    return reader.finish()
+
+
+class _Segments:
+    """Collects the segments of a LabVIEW measurement file line by line."""
+
+    def __init__(self, path: Path, sign: str, kind: str) -> None:
+        self.path, self.sign, self.kind = path, sign, kind
+        self.found: list[_Section] = []
+        self.starts: list[float] = []  # time of the first sample of each segment, s
+        self.steps: list[float] = []
+        self.settings: dict[str, list[str]] = {}
+        self.is_header = True
+        self.wants_names = False
+
+    def feed(self, number: int, text: str) -> None:
+        """Take one line."""
+        fields = split_line(text, self.sign)
+        key = fields[0].lower()
+        if not any(fields):
+            return
+        if key == _END:
+            self.is_header, self.wants_names = False, True
+        elif key == "channels" or (not self.is_header and key in {"samples", "date"}):
+            self.settings = {key: fields[1:]}
+            self.is_header = True
+        elif self.wants_names or key == "x_value":
+            self._start(fields)
+            self.is_header = self.wants_names = False
+        elif self.is_header:
+            self.settings[key] = fields[1:]
+        else:
+            self._add(number, fields)
+
+    def finish(self) -> list[_Section]:
+        """Return the segments; those that continue one another in time are one."""
+        found = [n for n, section in enumerate(self.found) if section.rows]
+        if not found:
+            raise InputError(
+                f"{self.path}: has no samples below '***End_of_Header***'; export it again",
+                code="no-data",
+            )
+        sections: list[_Section] = []
+        end = float("-inf")
+        for n in found:
+            section = self.found[n]
+            times = self._times(n, section)
+            continues = sections and abs(times[0] - end) <= 0.5 * self.steps[n]
+            if continues and section.columns == sections[-1].columns:
+                sections[-1].rows |= section.rows
+            else:
+                section.label = str(len(sections) + 1)
+                sections.append(section)
+            end = times[-1] + (self.steps[n] or 0.0)
+        if any(section.columns != sections[0].columns for section in sections):
+            raise InputError(
+                f"{self.path}: its segments have different channels; export them as files",
+                code="different-channels",
+            )
+        return sections
+
+    def _start(self, names: list[str]) -> None:
+        if names and names[-1].lower() == "comment":
+            names = names[:-1]
+        while len(names) > 1 and not names[-1]:
+            names.pop()
+        step = 2 if self.kind == "multi" else 1
+        channels = names[1::step]
+        units = self.settings.get("y_unit_label", [])
+        units = [*units, *[""] * len(channels)][: len(channels)]
+        columns = [Column("t", "s", 0)]
+        columns += [
+            Column(name, unit, position)
+            for position, (name, unit) in enumerate(zip(channels, units, strict=True), start=1)
+        ]
+        self.found.append(_Section("", columns))
+        self.starts.append(self._shared("x0", 0.0) + self._time_of_day())
+        self.steps.append(self._shared("delta_x", 0.0))
+
+    def _shared(self, key: str, default: float) -> float:
+        """Return a setting that all channels must share."""
+        values = [text.replace(",", ".") for text in self.settings.get(key, []) if text]
+        numbers = {float(text) for text in values if is_number(text)}
+        if len(numbers) > 1 and self.kind == "no":
+            raise InputError(
+                f"{self.path}: its channels have different {key} ({', '.join(values)}); export them "
+                "with one clock, or with X_Columns = One",
+                code="different-steps",
+            )
+        return numbers.pop() if len(numbers) == 1 else default
+
+    def _time_of_day(self) -> float:
+        texts = self.settings.get("time", [])
+        match = STAMP.fullmatch(texts[0]) if texts else None
+        if match is None or match["h"] is None:
+            return 0.0
+        return (
+            3600.0 * int(match["h"]) + 60.0 * int(match["m"]) + float(match["s"].replace(",", "."))
+        )
+
+    def _add(self, number: int, fields: list[str]) -> None:
+        if not self.found:
+            return
+        section = self.found[-1]
+        count = len(section.columns) - 1
+        if self.kind == "multi":
+            times, values = fields[0 : 2 * count : 2], fields[1 : 2 * count : 2]
+            if len(set(times)) > 1:
+                raise InputError(
+                    f"{self.path}: line {number + 1}: its channels have different times "
+                    f"({', '.join(times)}); export them with one clock, or with X_Columns = One",
+                    code="different-times",
+                )
+        else:
+            times, values = fields[:1], fields[1 : 1 + count]
+        section.rows[number] = [*times, *values]
+
+    def _times(self, index: int, section: _Section) -> list[float]:
+        """Return the first and last time of a segment, and write its times where there are none."""
+        start, step = self.starts[index] - self.starts[0], self.steps[index]
+        if self.kind == "no":
+            if step <= 0.0:
+                raise InputError(
+                    f"{self.path}: says no Delta_X, so that its samples have no time; export it with "
+                    "X_Columns = One",
+                    code="no-time-step",
+                )
+            for n, fields in enumerate(section.rows.values()):
+                fields[0] = repr(start + n * step)
+            return [start, start + (len(section.rows) - 1) * step]
+        rows = list(section.rows.values())
+        return [_value(rows[0][0]), _value(rows[-1][0])]
+
+
+def _value(text: str) -> float:
+    return float(text.replace(",", ".")) if is_number(text) else 0.0

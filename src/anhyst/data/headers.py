@@ -1,0 +1,126 @@
+"""Headers of a table, with what the user says about its columns: names, scales and signs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+from anhyst.data.formats import OpenTable
+from anhyst.data.proposals import needs_scale, scale_advice, unknown_scale
+from anhyst.support.errors import InputError
+from anhyst.support.units import Header, Quantity, find_unit, parse_header
+
+
+def map_headers(
+    table: OpenTable,
+    columns: Mapping[str, str],
+    scale: Mapping[str, float | str] | None = None,
+    flip: Collection[str] = (),
+) -> tuple[Header, ...]:
+    """Understand the headers of a table, and what the user says about them.
+
+    ``columns`` maps columns of the file to ours. ``scale`` and ``flip`` take either name.
+    """
+    rows = table.units or (None,) * len(table.header)
+    headers = [parse_header(text, unit) for text, unit in zip(table.header, rows, strict=True)]
+    indices = {source: _find(table, source, "map") for source in columns}
+    targets = {indices[source]: target for source, target in columns.items()}
+    scales: dict[int, float] = {}
+    for name, value in (scale or {}).items():
+        scales[_find_meant(table, headers, targets, name, "scale")] = _number(name, value)
+    flipped = {_find_meant(table, headers, targets, name, "flip") for name in flip}
+    for index, header in enumerate(headers):
+        changed = replace(header, scale=scales.get(index), is_flipped=index in flipped)
+        if index in targets:
+            changed = _map_header(table.source_name, changed, targets[index].strip())
+        elif header.problem and header.unit is None and index in scales:
+            changed = replace(changed, scale=None)  # the unit is the question, not the scale
+        headers[index] = changed
+    _ask_for_scales(table.source_name, headers)
+    return tuple(headers)
+
+
+def _find(table: OpenTable, name: str, what: str) -> int:
+    index = table.find(name)
+    if index is None:
+        have = ", ".join(table.header)
+        raise InputError(
+            f"{table.source_name}: has no column '{name}' to {what} (columns: {have})",
+            code="no-such-column",
+            key=name,
+        )
+    return index
+
+
+def _find_meant(
+    table: OpenTable, headers: list[Header], targets: Mapping[int, str], name: str, what: str
+) -> int:
+    """Return the index of a column by its name in the file, or by ours: ``F_N``, ``F``, ``force``."""
+    if table.find(name) is None:
+        meant = parse_header(name).quantity
+        for index, header in enumerate(headers):
+            ours = parse_header(targets[index]).quantity if index in targets else header.quantity
+            if ours is not None and name and (ours == meant or ours.name == name):
+                return index
+    return _find(table, name, what)
+
+
+def _number(name: str, value: float | str) -> float:
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number) or number == 0.0:
+        raise InputError(
+            f"scale: '{value}' is not a number; state for '{name}' the value in our unit per unit in "
+            "the file, as on the data sheet of its sensor",
+            code="bad-scale",
+            key=name,
+        )
+    return number
+
+
+def _map_header(source: str, own: Header, target: str) -> Header:
+    """Return a header as the user maps it; units that are stated are kept."""
+    if not target:
+        return Header(own.text, "", Quantity("", "", "1"), None, target=target)
+    meant = parse_header(target)
+    if meant.problem and own.unit and (with_own := parse_header(target, own.unit.symbol)).is_known:
+        meant = with_own
+    where = f"{source}: column '{own.text}' mapped to '{target}'"
+    if meant.problem:
+        raise InputError(
+            f"{where}: {own.problem if own.unit is None and own.problem else meant.problem}",
+            code="bad-header",
+        )
+    if own.scale is None and meant.unit and own.unit and meant.unit.dimension == own.unit.dimension:
+        same = (meant.unit.scale, meant.unit.offset) == (own.unit.scale, own.unit.offset)
+        if not same:
+            raise InputError(
+                f"{where}: the file says {own.unit.symbol}, the mapping {meant.unit.symbol}; "
+                f"map it to '{meant.name}' to convert it",
+                code="units-differ",
+            )
+    return replace(meant, text=own.text, stated=own.stated, is_by_word=False, target=target,
+                   scale=own.scale, is_flipped=own.is_flipped)  # fmt: skip
+
+
+def _ask_for_scales(source: str, headers: list[Header]) -> None:
+    """Refuse columns that are mapped to another quantity than their unit says, without a scale."""
+    unknown: dict[str, str] = {}
+    for header in headers:
+        if not header.target or header.unit is None or header.scale is not None:
+            continue
+        own = replace(header, unit=find_unit(header.stated))
+        if needs_scale(own, header.unit.dimension):
+            unknown[header.text] = unknown_scale(own, header.unit.symbol)
+            stated = header.stated
+    if unknown:
+        texts = " and ".join(f"'{name}'" for name in unknown)
+        raise InputError(
+            f"{source}: {texts}: the unit '{stated}' needs a scale to become what it is mapped to; "
+            f"add{scale_advice(headers, unknown)}",
+            code="scale-needed",
+            key=next(iter(unknown)),
+        )

@@ -1,0 +1,152 @@
+"""Plateaus of a measured gap: a sensor adds noise to a gap that is set and kept.
+
+A moving average shows whether the value rests. Samples near the mean of a rest belong to it, and
+samples between two rests belong to no loop. A gap that moves during the loops has no such rests.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import find_objects, label, uniform_filter1d
+
+from anhyst.data.path import reversal_count
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import QUANTITIES, Quantity
+
+_MIN_RUN_SAMPLES = 6
+"""Exact values that last at least this long need no search."""
+_WINDOW_SHARE = 0.01
+"""Width of the moving average, in parts of the record."""
+_MAX_WINDOW_SAMPLES = 301
+_MIN_WINDOW_SAMPLES = 5
+_MAX_DRIFT = 0.005
+"""Change of the moving average within a plateau, in parts of its value; the noise is added."""
+_SIGMAS = 6.0
+"""Samples farther from a plateau than this number of standard deviations lie beside it."""
+_MAX_LOST = 0.1
+"""Part of the record that may lie between the plateaus."""
+_MIN_SWING = 0.3
+"""Part of the input's range that a plateau runs through."""
+_REVERSAL = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Plateaus:
+    """Rows that belong to plateaus, and the value of the plateau at each of them."""
+
+    rows: NDArray[np.intp]
+    values: FloatArray
+    note: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Rest:
+    """A stretch where the value rests: its rows, mean and standard deviation."""
+
+    rows: slice
+    mean: float
+    sigma: float
+
+
+def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> Plateaus | None:
+    """Find the plateaus of a noisy scheduling variable; ``None`` if it is exact or moves."""
+    if values.size < 4 * _MIN_WINDOW_SAMPLES or _is_exact(values):
+        return None
+    rests = _find_rests(values)
+    if not rests or not all(_has_loop(drive, rest) for rest in rests):
+        return None
+    levels = _levels(rests)
+    if len(set(levels)) == 1 and quantity != QUANTITIES["gap"]:
+        return None  # one temperature with noise says nothing
+    owner = _assign(values, rests)
+    rows = np.flatnonzero(owner >= 0)
+    if rows.size < (1.0 - _MAX_LOST) * values.size:
+        return None
+    return Plateaus(
+        rows,
+        np.array(levels)[owner[rows]],
+        _describe(rests, levels, values.size - rows.size, quantity),
+    )
+
+
+def _is_exact(values: FloatArray) -> bool:
+    edges = np.flatnonzero(np.diff(values)) + 1
+    runs = np.diff(np.concatenate(([0], edges, [values.size])))
+    return edges.size == 0 or int(runs.min()) >= _MIN_RUN_SAMPLES
+
+
+def _find_rests(values: FloatArray) -> list[_Rest]:
+    """Find the stretches whose moving average stays; an empty list if it drifts within one."""
+    width = int(np.clip(_WINDOW_SHARE * values.size, _MIN_WINDOW_SAMPLES, _MAX_WINDOW_SAMPLES))
+    steps = np.abs(np.diff(values))
+    noise = 1.4826 * float(np.median(steps)) / math.sqrt(2.0)
+    noise = max(noise, float(np.mean(steps)) / 2.0)
+    smooth = uniform_filter1d(values, width, mode="nearest")
+    limit = _MAX_DRIFT * float(np.median(np.abs(values))) + _SIGMAS * noise / math.sqrt(width)
+    ahead = np.concatenate((smooth[width:], np.full(width, smooth[-1])))
+    is_still = np.abs(ahead - smooth) <= limit
+    is_still[width:] &= is_still[:-width].copy()
+    labels, _ = label(is_still)
+    rests = []
+    for (rows,) in find_objects(labels):
+        if rows.stop - rows.start < 2 * width:
+            continue
+        inner = values[rows]
+        mean, sigma = float(np.mean(inner)), float(np.std(inner))
+        swing = float(np.ptp(smooth[rows]))
+        if swing > 2.0 * limit:
+            return []
+        rests.append(_Rest(rows, mean, sigma))
+    return rests
+
+
+def _has_loop(drive: FloatArray, rest: _Rest) -> bool:
+    inner, span = drive[rest.rows], float(np.ptp(drive))
+    is_wide = float(np.ptp(inner)) >= _MIN_SWING * span
+    return is_wide and reversal_count(inner, _REVERSAL * span) > 0
+
+
+def _levels(rests: list[_Rest]) -> list[float]:
+    """Return the value of each rest, one for those that agree, rounded well below the scatter."""
+    levels: list[float] = []
+    for rest in rests:
+        places = max(0, 1 - math.floor(math.log10(rest.sigma))) if rest.sigma > 0.0 else 12
+        # Contact is 0, whatever the zero of the sensor makes of it.
+        near = [level for level in (*levels, 0.0) if abs(level - rest.mean) <= rest.sigma]
+        levels.append(near[0] if near else round(rest.mean, places))
+    return levels
+
+
+def _assign(values: FloatArray, rests: list[_Rest]) -> NDArray[np.intp]:
+    """Return the rest that each row belongs to, -1 for rows between two."""
+    owner = np.full(values.size, -1, np.intp)
+    edges = [0, *(rest.rows.stop for rest in rests[:-1]), values.size]
+    for index, rest in enumerate(rests):
+        # Up to the next rest a row may belong to either.
+        start = edges[index] if index == 0 else rests[index - 1].rows.stop
+        stop = values.size if index + 1 == len(rests) else rests[index + 1].rows.start
+        rows = slice(start, stop)
+        away = np.abs(values[rows] - rest.mean)
+        is_mine = away <= _SIGMAS * rest.sigma
+        for other in (index - 1, index + 1):
+            if 0 <= other < len(rests):
+                is_mine &= away <= np.abs(values[rows] - rests[other].mean)
+        owner[rows][is_mine] = index
+        owner[rest.rows] = index
+    return owner
+
+
+def _describe(rests: list[_Rest], levels: list[float], lost: int, quantity: Quantity) -> str:
+    scatter = max(rest.sigma for rest in rests)
+    shown = list(
+        dict.fromkeys(quantity.show(level).removeprefix(quantity.name) for level in levels)
+    )
+    size = f"{scatter * 1e6:.2g} µm" if quantity.unit == "m" else f"{scatter:.2g} {quantity.unit}"
+    name = quantity.name.replace("_", " ")
+    many = f"{len(shown)} plateaus" if len(shown) > 1 else "one plateau"
+    text = f"{name} has {many}:{','.join(shown)} (scatter {size})"
+    return text + (f"; {lost} samples between them left out" if lost else "")

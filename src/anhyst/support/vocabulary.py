@@ -1,0 +1,133 @@
+"""Words of headers: quantities in six languages, and units that are written out.
+
+The words of a quantity decide together with the unit of the column: *tension* is a voltage in V
+and a force in N. Accents, case and the parts of German and Dutch compounds do not matter.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+_WORDS = {
+    "time": "time timestamp elapsed horizontal second seconds zeit temps tijd tempo tiempo",
+    "current": "current strom courant intensite stroom corrente corriente intensidad amperage",
+    "field": "field feldstarke magnetfeld champ campo veld veldsterkte",
+    "voltage": "voltage spannung tension spanning tensione voltaggio voltaje",
+    "force": "force load pull kraft effort kracht forza fuerza tension zugkraft",
+    "flux_density": "induction induktion inductie induzione induccion flux fluss flusso flujo "
+    "flussdichte fluxdichtheid b-field",
+    "flux_linkage": "flux fluss flusso flujo linkage flussverkettung verkettung koppelflux",
+    "displacement": "displacement position stroke travel weg verschiebung auslenkung hub "
+    "deplacement course verplaatsing positie spostamento corsa posizione desplazamiento carrera "
+    "posicion",
+    "strain": "strain dehnung deformation rek deformazione deformacion",
+    "gap": "gap airgap spalt luftspalt entrefer luchtspleet spleet traferro intraferro entrehierro",
+    "temperature": "temperature temperatur temperatuur temperatura temp",
+}
+"""Words of each quantity, lower case and without accents."""
+
+WORDS = {name: frozenset(words.split()) for name, words in _WORDS.items()}
+
+_COMPOUND = ("strom", "stroom", "spannung", "spanning", "kraft", "kracht", "spalt", "spleet",
+             "zeit", "tijd", "temperatur", "temperatuur", "weg", "feldstarke", "fluss")  # fmt: skip
+"""Words that end German and Dutch compounds, such as *Spulenstrom*."""
+
+_DRIVEN = frozenset({"coil", "spule", "spulen", "bobine", "bobina", "spoel", "piezo", "actuator",
+                     "aktor", "magnet", "drive", "input", "applied", "excitation", "u", "v", "in",
+                     "of", "de", "la", "della", "del", "der"})  # fmt: skip
+"""Words beside a voltage that drives; any other word may name what a sensor measures."""
+
+_BASES = {
+    "A": "amp amps ampere amperes",
+    "V": "volt volts",
+    "N": "newton newtons",
+    "T": "tesla teslas",
+    "G": "gauss gs",
+    "Oe": "oersted oersteds",
+    "Wb": "weber webers",
+    "Vs": "voltsecond voltseconds",
+    "m": "metre metres meter meters metro metros metri",
+    "s": "second seconds sec secs sekunde sekunden seconde secondes seconden secondo secondi "
+    "segundo segundos",
+    "Hz": "hertz",
+    "Pa": "pascal pascals",
+    "g": "gram grams gramme grammes gramm",
+}
+_PREFIXES = {"nano": "n", "micro": "u", "mikro": "u", "milli": "m", "mili": "m", "centi": "c",
+             "zenti": "c", "kilo": "k", "mega": "M", "": ""}  # fmt: skip
+_OTHERS = {
+    "gf": "gramforce gramsforce gf",
+    "kgf": "kilogramforce kilogramsforce kilopond kiloponds kgf",
+    "kg": "kg",
+    "lbf": "poundforce poundsforce lbf",
+    "lb": "pound pounds lb lbs",
+    "ozf": "ounceforce ouncesforce ozf",
+    "oz": "ounce ounces oz",
+    "daN": "decanewton decanewtons dekanewton",
+    "in": "inch inches zoll pouce pouces",
+    "kG": "kgs",
+    "ft": "foot feet ft",
+    "mil": "mil mils thou thous",
+    "um": "micron microns",
+    "min": "minute minutes minuten minuti minutos mins",
+    "h": "hour hours",
+    "ms": "msec msecs",
+    "us": "usec usecs",
+    "degC": "degc celsius degreecelsius degreescelsius gradcelsius degrecelsius degrescelsius",
+    "K": "kelvin",
+    "degF": "degf fahrenheit degreesfahrenheit",
+    "%": "percent prozent",
+}
+_UNIT_WORDS = {
+    prefix + word: letter + symbol
+    for symbol, words in _BASES.items()
+    for word in words.split()
+    for prefix, letter in _PREFIXES.items()
+} | {word: symbol for symbol, words in _OTHERS.items() for word in words.split()}
+
+
+def fold(text: str) -> str:
+    """Return a text in lower case and without accents.
+
+    >>> fold("Intensité")
+    'intensite'
+    """
+    signs = unicodedata.normalize("NFKD", text)
+    return "".join(sign for sign in signs if not unicodedata.combining(sign)).casefold()
+
+
+def symbol_of_word(text: str) -> str | None:
+    """Return the symbol of a unit that is written out, ``None`` for other texts.
+
+    >>> symbol_of_word("Kilo-Newtons"), symbol_of_word("mn")
+    ('kN', None)
+    """
+    return _UNIT_WORDS.get(re.sub(r"[\s_-]", "", fold(text)))
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name, folded; those of CamelCase apart, compounds also by their end."""
+    apart = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
+    words = re.findall(r"b-field|[a-z]+", fold(apart).replace("b field", "b-field"))
+    ends = [end for word in words for end in _COMPOUND if word.endswith(end) and word != end]
+    return words + ends
+
+
+def named_quantities(name: str) -> set[str]:
+    """Return the quantities that the words of a name may mean.
+
+    >>> sorted(named_quantities("Spulenstrom 1")), sorted(named_quantities("Tension"))
+    (['current'], ['force', 'voltage'])
+    """
+    words = set(words_of(name))
+    return {quantity for quantity, listed in WORDS.items() if words & listed}
+
+
+def is_drive(name: str) -> bool:
+    """Whether a name says that its voltage drives, and does not stand for another quantity."""
+    found = words_of(name)
+    words = [word for word in found if word not in WORDS["voltage"]]
+    heads = [next((word.removesuffix(end) for end in _COMPOUND if word.endswith(end)), word)
+             for word in words]  # fmt: skip
+    return bool(found) and _DRIVEN.issuperset(heads)

@@ -1,0 +1,132 @@
+"""Options that messages propose: pasted, they give a correct reading or a better question."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.data.clean import ReadOptions
+from anhyst.data.loops import Loops
+from anhyst.support.errors import InputError
+
+PLACEHOLDER = re.compile(r"\w+_PER_\w+")
+MAX_QUESTIONS = 5
+
+TIMES = {  # header: value of 1 s
+    "t_s": 1.0, "Zeit [s]": 1.0, "Time (ms)": 1e3, "TIME": 1.0, "X": 1.0, "Horizontal (s)": 1.0,
+    "Second": 1.0, "tout": 1.0, "Temps (secondes)": 1.0, "Tijd [ms]": 1e3, "Tiempo (us)": 1e6,
+    "Tempo (min)": 1.0 / 60.0, "timestamp": 1.0, "Elapsed [Seconds]": 1.0, "x-axis (s)": 1.0,
+}  # fmt: skip
+CURRENTS = {  # header: value of 1 A
+    "I_A": 1.0, "Strom [A]": 1.0, "Courant (mA)": 1e3, "Intensité (A)": 1.0, "Stroom [mA]": 1e3,
+    "Corrente (A)": 1.0, "Corriente (Amps)": 1.0, "Coil current [milliamp]": 1e3, "CH1": 1.0,
+    "Channel A (V)": 0.1, "Y1": 1.0, "Spulenstrom [A]": 1.0, "Current, coil (A)": 1.0,
+    "current probe [mV]": 100.0, "amperage": 1.0, "CurrentMonitor (V)": 0.5, "I=coil [A]": 1.0,
+    "drive [furlong]": 7.0, "Strom": 1.0, "yout_1": 1.0, "Courant [kA]": 1e-3, "Current (MA)": 1e-6,
+}  # fmt: skip
+FORCES = {  # header: value of 1 N
+    "F_N": 1.0, "Kraft [N]": 1.0, "Effort (daN)": 0.1, "Kracht [kN]": 1e-3, "Forza (mN)": 1e3,
+    "Fuerza (kgf)": 1 / 9.80665, "Force [kg]": 1 / 9.80665, "Load cell (lbf)": 1 / 4.4482216152605,
+    "CH2": 1.0, "Channel B (mV)": 20.0, "Y2": 1.0, "Force, z (N)": 1.0, "force z [kilonewton]": 1e-3,
+    "pull [ozf]": 1 / 0.27801385095378125, "Load cell (V)": 0.02, "Kraft [g]": 1e3 / 9.80665,
+    "Tension [N]": 1.0, "Spannung Kraftaufnehmer [mV]": 3.0, "thing [kp]": 1 / 9.80665,
+    "Kraft": 1.0, "yout_2": 1.0, "response [quux]": 4.0, "Force (GN)": 1e-9,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A record, the headers it is written under, and what a user would know about its sensors."""
+
+    headers: tuple[str, str, str]  # of time, current and force
+    order: tuple[int, ...]  # in which they are written
+    values: tuple[np.ndarray, np.ndarray, np.ndarray]  # in SI
+
+    def write(self, path: Path) -> Path:
+        """Write the record in the units of its headers."""
+        sizes = [table[name] for table, name in zip(TABLES, self.headers, strict=True)]
+        columns = [values * size for values, size in zip(self.values, sizes, strict=True)]
+        names = [f'"{name}"' if "," in name else name for name in self.headers]
+        lines = [",".join(names[index] for index in self.order)]
+        for row in zip(*(columns[index] for index in self.order), strict=True):
+            lines.append(",".join(f"{value:.12g}" for value in row))
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return path
+
+    def complete(self, scales: str) -> str:
+        """Put the numbers of the data sheets in place of the words that a message asks for."""
+        known = {name: 1.0 / table[name] for table, name in zip(TABLES, self.headers, strict=True)}
+        return ",".join(
+            PLACEHOLDER.sub(repr(known[pair.rpartition("=")[0].strip('"')]), pair)
+            for pair in re.findall(r'(?:"[^"]*"|[^,"])+', scales)
+        )
+
+
+TABLES = (TIMES, CURRENTS, FORCES)
+
+
+def bench_of(seed: int) -> Bench:
+    """Draw headers, an order of the columns, and a record."""
+    draw = np.random.default_rng(seed)
+    headers = tuple(str(draw.choice(list(table))) for table in TABLES)
+    # Channels without words are meant in the order input, output.
+    order = tuple(draw.permutation(3).tolist()) if draw.random() < 0.3 else (0, 1, 2)
+    if order.index(2) < order.index(1):
+        order = (0, 1, 2)
+    phase = np.linspace(0.0, 4.0 * np.pi, 240)
+    current = 1.5 - 1.5 * np.cos(phase) + 0.01 * draw.random()
+    force = 8.0 * (current - 0.15 * np.sin(phase) + 0.2) ** 2
+    return Bench(headers, order, (0.7 + 1e-3 * np.arange(240), current, force))  # type: ignore[arg-type]
+
+
+def options_in(text: str) -> dict[str, str]:
+    """Return the first of each option that a message proposes, as a shell splits them."""
+    found: dict[str, str] = {}
+    for match in re.finditer(r"--(columns|scale|flip|drop|loop|schedule) ", text):
+        words = shlex.split(text[match.start() :].replace("; ", " "))
+        found.setdefault(match[1], words[1])
+    return found
+
+
+def follow(bench: Bench, path: Path) -> Loops | None:
+    """Paste proposals until the record is read; ``None`` where a question is left without one."""
+    given: dict[str, str] = {}
+    asked: list[str] = []
+    for _ in range(MAX_QUESTIONS):
+        try:
+            return ReadOptions.from_text(**given, clean="none").read([path])
+        except InputError as error:
+            text = str(error)
+        assert text not in asked, f"asked twice: {text}"
+        asked.append(text)
+        proposed = options_in(text)
+        if not proposed:
+            return None
+        unknown = given | proposed
+        if PLACEHOLDER.search(proposed.get("scale", "")):
+            with pytest.raises(InputError) as again:  # pasted as it is, it is a question
+                ReadOptions.from_text(**unknown, clean="none").read([path])
+            assert again.value.code == "bad-scale", again.value
+            proposed["scale"] = bench.complete(proposed["scale"])
+        given |= proposed
+    raise AssertionError(f"no end of questions: {asked}")
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_proposal_gives_the_truth_or_a_question(seed: int, tmp_path: Path) -> None:
+    bench = bench_of(seed)
+    loops = follow(bench, bench.write(tmp_path / "loops.csv"))
+    if loops is None:
+        return
+    (loop,) = loops.loops
+    assert (loops.input.name, loops.output.name) == ("current", "force"), bench.headers
+    np.testing.assert_allclose(loop.input, bench.values[1], rtol=1e-9, err_msg=str(bench.headers))
+    np.testing.assert_allclose(loop.output, bench.values[2], rtol=1e-9, err_msg=str(bench.headers))
+    if loop.time is not None:
+        np.testing.assert_allclose(loop.time, bench.values[0], rtol=1e-9)
