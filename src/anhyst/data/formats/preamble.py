@@ -122,7 +122,7 @@ def find_header(
         units = _units_above(lines[first:row], delimiter, names)
     below = [split_line(text, delimiter) for text, _ in lines[data : data + _RUN] if text.strip()]
     columns = tuple(
-        Column(name, unit, position)
+        Column(" ".join(name.split()), unit, position)
         for position, (name, unit) in enumerate(zip(names, units or [""] * len(names), strict=True))
         # A blank column separates others, as oscilloscopes do.
         if name or any(position < len(fields) and fields[position] for fields in below)
@@ -177,7 +177,7 @@ def _skip_preamble(
         if row is not None:
             return row, sign
     run, _ = max(signed, key=lambda run: run[0].width)
-    above = _text_above(lines, first, run.start)
+    above = _text_above(lines, first, run.start) or first
     raise InputError(
         f"{path}: line {above + 1}: '{short(lines[above][0].strip())}' stands where the header of "
         f"the {run.width} columns of numbers below it should be; name them there, such as "
@@ -193,17 +193,17 @@ _ROWS_ABOVE = 6
 def _names_row(lines: Lines, first: int, run: Run, sign: str | None) -> int | None:
     """Return the row above a run that names its columns best, the lowest of equal ones."""
     best, most = None, -2
-    row: int | None = run.start
+    above = _text_above(lines, first, run.start)
     for _ in range(_ROWS_ABOVE):
-        row = _text_above(lines, first, row)
-        names = None if row is None else _name_fields(lines[row][0], sign)
-        if row is None or names is None:
+        names = None if above is None else _name_fields(lines[above][0], sign)
+        if above is None or names is None:
             break
         if run.used <= len(names) <= run.width:
-            is_units = unit_row(lines[row][0], sign, names) is not None
+            is_units = unit_row(lines[above][0], sign, names) is not None
             known = -1 if is_units else _count_names(names)
             if known > most:
-                best, most = row, known
+                best, most = above, known
+        above = _text_above(lines, first, above)
     return best
 
 
@@ -218,9 +218,12 @@ def _count_names(names: list[str]) -> int:
 
 
 def _units_above(lines: Lines, delimiter: str | None, names: list[str]) -> tuple[str, ...] | None:
-    """Return the units from the settings above a header, one a column, as Tektronix writes them."""
-    rows = [split_line(text, delimiter) for text, _ in lines]
-    found = {row[0].lower(): row for row in rows if row and len(row) >= len(names)}
+    """Return the units above a header: a row of them, or the vertical units of Tektronix."""
+    rows = [split_line(text, delimiter) for text, _ in lines if text.strip()]
+    last = drop_empty_tail(rows[-1]) if rows else []
+    if len(last) == len(names) and all(find_unit(unit.strip("[]()")) for unit in last if unit):
+        return tuple(unit.strip("[]() ") for unit in last)
+    found = {row[0].lower(): row for row in rows if len(row) >= len(names)}
     values, times = found.get("vertical units"), found.get("horizontal units")
     if values is None:
         return None
@@ -259,7 +262,7 @@ def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> Run
         if not text.strip() or is_comment(text):
             continue
         fields = split_line(text, delimiter)
-        numbers = {n for n, field in enumerate(fields) if is_value(field) or STAMP.fullmatch(field)}
+        numbers = _value_fields(fields)
         common = numbers & run.numbers if len(fields) == run.width else set()
         if not _are_enough(common, run.used, least):
             run, common = Run(line, len(fields), numbers), numbers
@@ -273,6 +276,13 @@ def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> Run
         elif run.rows >= 3 and (best is None or run.rows > best.rows):
             best = run
     return best
+
+
+def _value_fields(fields: list[str]) -> set[int]:
+    """Return the fields of a row that hold values; behind a word, a date is a setting."""
+    stamps = [STAMP.fullmatch(field) is not None for field in fields]
+    is_row = bool(fields) and (stamps[0] or is_value(fields[0]))
+    return {n for n, field in enumerate(fields) if is_value(field) or (is_row and stamps[n])}
 
 
 def _are_enough(numbers: set[int], columns: int, least: int) -> bool:

@@ -178,6 +178,8 @@ class _Segments:
         step = 2 if self.kind == "multi" else 1
         channels = names[1::step]
         units = self.settings.get("y_unit_label", [])
+        if len(units) > len(channels):  # a field for the times of each channel
+            units = units[::step]
         units = [*units, *[""] * len(channels)][: len(channels)]
         columns = [Column("t", "s", 0)]
         columns += [
@@ -224,7 +226,7 @@ class _Segments:
                 )
         else:
             times, values = fields[:1], fields[1 : 1 + count]
-        section.rows[number] = [*times, *values]
+        section.rows[number] = [*times[:1], *values]
 
     def _times(self, index: int, section: _Section) -> list[float]:
         """Return the first and last time of a segment, and write its times where there are none."""

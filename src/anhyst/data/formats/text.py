@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import math
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -64,8 +65,9 @@ class TextTable:
         return self.layout.units
 
     def find(self, name: str) -> int | None:
-        """Index of a column by its header."""
-        return self.header.index(name) if name in self.header else None
+        """Return the index of a column by its header; blanks count once."""
+        plain = " ".join(name.split())
+        return self.header.index(plain) if plain in self.header else None
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the fields of the first rows of data."""
@@ -165,6 +167,7 @@ Labels = NDArray[np.bytes_] | list[str]
 Piece = tuple[FloatArray, list[Labels], int]
 """Numbers of shape (rows, columns), one list of texts a text column, and the count of lines."""
 
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}([ ',.\u00a0\u202f]\d{3})+([.,]\d*)?")
 _CHUNK = 1 << 22
 _SHOWN = 30
 
@@ -441,6 +444,11 @@ class _Reader:
             if is_mark(field):
                 return math.nan
             text = f"{where}: '{shown(field)}' is not a number; correct or remove the line"
+            if _THOUSANDS.fullmatch(field):
+                text = (
+                    f"{where}: '{shown(field)}' has a separator of thousands; export the numbers "
+                    "without it"
+                )
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
         return value if math.isfinite(value) and abs(value) not in SCPI_MARKS else math.nan
 

@@ -1,0 +1,120 @@
+"""The layouts of loggers and oscilloscopes are read right, or refused with what was seen."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from anhyst.data import read_loops
+from anhyst.data.table import list_channels
+from anhyst.support.errors import InputError
+from tests.data.logger_layouts import (
+    CURRENT,
+    FORCE,
+    LAYOUTS,
+    TIMES,
+    Export,
+    aixacct,
+    labview_multi,
+    labview_no,
+    labview_segments,
+    picoscope,
+    tektronix_beside,
+    yokogawa,
+)
+from tests.data.test_damaged_recordings import damaged
+from tests.refusals import refused
+
+
+def write(folder: Path, export: Export) -> Path:
+    path = folder / export.name
+    path.write_bytes(export.text.encode(export.encoding))
+    return path
+
+
+@pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.__name__)
+def test_layout_is_read_as_it_was_recorded(layout: Callable[[], Export], tmp_path: Path) -> None:
+    export = layout()
+    loops = read_loops(write(tmp_path, export), columns=export.columns, history="settled")
+    (loop,) = loops.loops
+    assert loop.time is not None
+    assert np.allclose(loop.input, CURRENT, rtol=1e-5, atol=1e-5)
+    assert np.allclose(loop.output, FORCE, rtol=1e-5, atol=1e-5)
+    assert np.allclose(np.diff(loop.time), np.diff(TIMES), rtol=0.0, atol=1e-6)
+
+
+def test_tables_and_segments_of_one_file_are_loops(tmp_path: Path) -> None:
+    export = aixacct(tables=3)
+    loops = read_loops(write(tmp_path, export), columns=export.columns, history="settled")
+    assert [loop.label for loop in loops.loops] == ["1", "2", "3"]
+    for number, loop in enumerate(loops.loops, start=1):
+        assert np.allclose(loop.input, number * CURRENT, atol=1e-5)
+        assert np.allclose(loop.output, FORCE, atol=1e-5)
+    apart = read_loops(write(tmp_path, labview_segments(pause=5.0)), history="settled")
+    assert [loop.n for loop in apart.loops] == [150, 150]
+    assert np.allclose(np.concatenate([loop.input for loop in apart.loops]), CURRENT, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("export", "old", "new", "words"),
+    [
+        (labview_no(), "X0\t-1,000000e-01\t-1", "X0\t-1,000000e-01\t-2", "different-steps: x0"),
+        (labview_no(), "Delta_X\t1,000000e-03\t1", "Delta_X\t1,000000e-03\t2", "different-steps"),
+        (labview_no(), "Delta_X", "Delta", "no-time-step: One"),
+        (labview_multi(), "-0.100000000\t0.4", "-0.100000001\t0.4", "different-times: line 23"),
+        (yokogawa(), "1.0000000e-03,1.0", "1.0000000e-03,2.0", "different-steps"),
+        (tektronix_beside(), ",,,,,-9.0", ",,,,,-9.1", "different-times: beside the data"),
+    ],
+)
+def test_channels_on_different_clocks_are_refused(
+    export: Export, old: str, new: str, words: str, tmp_path: Path
+) -> None:
+    text = export.text.replace(old, new, 1)
+    assert text != export.text
+    with refused(words):
+        read_loops(write(tmp_path, replace(export, text=text)), columns=export.columns)
+
+
+@pytest.mark.parametrize(
+    "line", ["0.1;1,234;5.5", "0,1;1.234;5,5", "0.1\t1,234.5\t5.5", "0,1;1 234;5,5"]
+)
+def test_separators_of_thousands_are_refused(line: str, tmp_path: Path) -> None:
+    sign = "\t" if "\t" in line else ";"
+    path = tmp_path / "loop.csv"
+    path.write_text(f"t_s{sign}I_A{sign}F_N\n" + f"{line}\n" * 20)
+    with pytest.raises(InputError, match=r"line 2.*thousands"):
+        read_loops(path)
+
+
+@pytest.mark.parametrize("mark", ["∞", "-∞", "OL", "Over", "NaN", "#N/A", "----", "9.91E+37", ""])
+def test_marks_of_invalid_samples_are_counted(mark: str, tmp_path: Path) -> None:
+    lines = picoscope().text.split("\n")
+    for n in (20, 21, 30):
+        lines[n] = f"{lines[n].split(',')[0]},{mark},1.0"
+    path = tmp_path / "pico.csv"
+    path.write_text("\n".join(lines))
+    with refused("not-finite Channel A: line 21; 3 of 300 samples; --drop invalid"):
+        read_loops(path, columns=picoscope().columns)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.__name__)
+@settings(max_examples=12)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_damaged_exports_are_read_or_refused(
+    layout: Callable[[], Export], seed: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    export = layout()
+    content = damaged(export.text.encode(export.encoding), seed)
+    path = tmp_path_factory.mktemp("damaged") / export.name
+    path.write_bytes(content)
+    with contextlib.suppress(InputError):
+        list_channels(path)
+    with contextlib.suppress(InputError):
+        read_loops(path, columns=export.columns)
