@@ -49,6 +49,15 @@ def measurements() -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def cases() -> Path:
+    """Folder of measurement files that strangers brought; tests skip where it is absent."""
+    folder = ROOT.parent / "shared" / "cases"
+    if not folder.is_dir():
+        pytest.skip(NO_MEASUREMENTS)
+    return folder
+
+
 PACKAGES = {
     "/usr/include/simavr/sim_avr.h": "simavr libsimavr-dev libelf-dev",
     "avr-gcc": "gcc-avr avr-libc",

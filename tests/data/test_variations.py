@@ -1,0 +1,107 @@
+"""A hundred drawn measurement files are read right, or refused; none is read wrong."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+from collections import Counter
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+
+import anhyst
+from anhyst.data import Loops
+from anhyst.data.clean import ReadOptions
+from anhyst.support.errors import InputError
+from tests.data.variations import Truth, Variation, draw, write
+
+Outcome = Literal["read", "proposed", "refused", "wrong"]
+
+COUNT = 100
+MIN_READ = 95
+MAX_PROPOSALS = 3
+OPTION = re.compile(r"--(columns|scale|flip|drop|schedule|loop|constants|clean)\b")
+
+
+def options_in(message: str) -> dict[str, str]:
+    """Return the options of the command line that an error proposes."""
+    proposed: dict[str, str] = {}
+    for match in OPTION.finditer(message):
+        rest = message[match.end() :].lstrip(" =")
+        try:
+            words = shlex.split(rest, posix=True)
+        except ValueError:
+            continue
+        if words:
+            proposed.setdefault(match[1], words[0].rstrip(".,;:)"))
+    return proposed
+
+
+def read(path: Path, options: dict[str, str]) -> Loops:
+    return ReadOptions.from_text(**options, clean="none").read([path])
+
+
+def outcome(variation: Variation, folder: Path) -> tuple[Outcome, str]:
+    """Read one variation as a user does, who pastes what an error proposes."""
+    path, truth = write(variation, folder)
+    options: dict[str, str] = {}
+    said = ""
+    for attempt in range(MAX_PROPOSALS + 1):
+        try:
+            loops = read(path, options)
+        except InputError as error:
+            said = str(error)
+            more = {name: text for name, text in options_in(said).items() if name != "clean"}
+            if not more or more.items() <= options.items():
+                return "refused", said
+            options |= more
+            continue
+        fault = difference(loops, truth, variation)
+        if fault:
+            return "wrong", f"{fault} (options {options})"
+        return ("proposed" if attempt else "read"), said
+    return "refused", said
+
+
+def difference(loops: Loops, truth: Truth, variation: Variation) -> str:
+    """Say how loops differ from the truth; empty if they do not."""
+    gaps = [round(1e3 * value, 2) for value in loops.schedule_values]
+    if loops.schedule is None or sorted(set(gaps)) != sorted(truth.current):
+        return f"gaps {gaps} instead of {sorted(truth.current)}"
+    for gap, some in loops.by_schedule().items():
+        key = round(1e3 * gap, 2) if gap is not None else -1.0
+        for name in ("input", "output"):
+            mine = np.concatenate([getattr(loop, name) for loop in some])
+            theirs = (truth.current if name == "input" else truth.force)[key]
+            if variation.trouble.name == "invalid":
+                rows = np.arange(theirs.size)
+                if mine.size < 0.9 * theirs.size:
+                    return f"{name} at {key} mm: {mine.size} of {rows.size} samples"
+                if abs(mine.max() - theirs.max()) > 0.05 * theirs.max():
+                    return f"{name} at {key} mm: maximum {mine.max():g}"
+                continue
+            if mine.size != theirs.size:
+                return f"{name} at {key} mm: {mine.size} samples instead of {theirs.size}"
+            if np.abs(mine - theirs).max() > 1e-5 * np.abs(theirs).max():
+                return f"{name} at {key} mm differs"
+    if variation.trouble.word:
+        remarks = " ".join([*anhyst.inspect(loops).warnings, *loops.notes])
+        if variation.trouble.word not in remarks and "lags" not in remarks:
+            return f"nothing is said about the {variation.trouble.name}"
+    return ""
+
+
+@pytest.mark.parametrize("half", ["even", "odd"])
+def test_drawn_files_are_read_right_or_refused(tmp_path: Path, half: str) -> None:
+    seeds = range(half == "odd", COUNT, 2)
+    found = {seed: outcome(draw(seed), tmp_path / str(seed)) for seed in seeds}
+    counts = Counter(kind for kind, _ in found.values())
+    if os.environ.get("ANHYST_SHOW_VARIATIONS"):
+        for seed, (kind, said) in found.items():
+            print(seed, kind, draw(seed).gaps, draw(seed).trouble.name, draw(seed).header, said[:300])
+        print(counts)
+    assert [f"{seed}: {said}" for seed, (kind, said) in found.items() if kind == "wrong"] == []
+    assert 2 * (counts["read"] + counts["proposed"]) >= MIN_READ
