@@ -43,7 +43,9 @@ def inspected(name: str, folder: Path, *options: str) -> dict[str, Any]:
     return found
 
 
-def identified(name: str, folder: Path, *options: str, code: int = 0) -> tuple[dict[str, Any], Result]:
+def identified(
+    name: str, folder: Path, *options: str, code: int = 0
+) -> tuple[dict[str, Any], Result]:
     done = quick("identify", name, "--out", "model.toml", "--json", *options, cwd=folder)
     assert done.returncode == code, done.stderr
     return (json.loads(done.stdout) if done.stdout else {}), done
@@ -197,7 +199,9 @@ def test_overrange_samples_are_left_out_and_counted(case: Any) -> None:
 
 
 def test_settings_beside_the_data_are_named_or_read(case: Any) -> None:
-    done = quick("inspect", "scope_metadata_beside_data.csv", cwd=case("scope_metadata_beside_data.csv"))
+    done = quick(
+        "inspect", "scope_metadata_beside_data.csv", cwd=case("scope_metadata_beside_data.csv")
+    )
     assert "1200=I_A" not in done.stderr
 
 

@@ -79,7 +79,7 @@ class Variation:
     gaps: str
     trouble: Trouble
     order: tuple[int, ...]
-    rate_Hz: float
+    sampling_rate: float
     delay_cycles: float
 
 
@@ -113,7 +113,7 @@ def draw(seed: int) -> Variation:
         gaps=pick(["column", "noisy column", "file names"]),
         trouble=pick(TROUBLES),
         order=tuple(int(column) for column in columns),
-        rate_Hz=pick([200.0, 1000.0, 5000.0]),
+        sampling_rate=pick([200.0, 1000.0, 5000.0]),
         delay_cycles=pick([0.02, 0.04]),
     )
 
@@ -134,9 +134,9 @@ def measure(variation: Variation) -> tuple[dict[str, Array], Truth]:
     if variation.trouble.name == "delay":
         late = round(variation.delay_cycles * SAMPLES_PER_CYCLE)
         force = np.r_[np.full(late, force[0]), force][: force.size]
-    time = 12.5 + np.arange(current.size) / variation.rate_Hz
+    time = 12.5 + np.arange(current.size) / variation.sampling_rate
     if variation.trouble.name == "hole":
-        time[current.size // 2 + 40 :] += 150.0 / variation.rate_Hz
+        time[current.size // 2 + 40 :] += 150.0 / variation.sampling_rate
     noisy = gap + rng.normal(0.0, 1.5e-6, gap.size) if variation.gaps == "noisy column" else gap
     for gap_mm in GAPS_MM:
         rows = gap == gap_mm * 1e-3
@@ -182,7 +182,10 @@ def _write_table(variation: Variation, columns: dict[str, Array], path: Path) ->
         headers.append(_header(variation.header, words[name], units[name]))
         unit_row.append(units[name])
     body = [
-        [_number(variation, name, units[name], row, value) for row, value in enumerate(columns[name])]
+        [
+            _number(variation, name, units[name], row, value)
+            for row, value in enumerate(columns[name])
+        ]
         for name in names
     ]
     if variation.trouble.name == "extra columns":
@@ -219,7 +222,7 @@ def _number(variation: Variation, name: str, unit: str, row: int, value: float) 
 
 def _preamble(variation: Variation) -> list[str]:
     if variation.preamble == "hash":
-        return ["# bench 3, operator M", f"# rate {variation.rate_Hz:g} Hz"]
+        return ["# bench 3, operator M", f"# rate {variation.sampling_rate:g} Hz"]
     if variation.preamble == "settings":
         sign = variation.separator
         return [f"Device{sign}DAQ 12", f"Date{sign}28.11.2026", ""]
