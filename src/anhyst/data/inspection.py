@@ -10,7 +10,7 @@ import numpy as np
 from anhyst.data import estimates
 from anhyst.data.estimates import noise as noise_of
 from anhyst.data.loops import Loop, Loops, is_even
-from anhyst.data.output_map import output_map
+from anhyst.data.output_map import name_full_scale
 from anhyst.data.path import History, branches
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import rate_line
@@ -296,8 +296,7 @@ def plot_inspection(inspection: Inspection, loopset: Loops) -> Figure:
     noise = 100.0 * inspection.verdict.noise_relative
     right.axhspan(-noise, noise, color="0.6", alpha=0.5, lw=0, label="noise (mean)")
     right.set_xlabel(loopset.input.label)
-    what = output_map(loopset.output).reference
-    right.set_ylabel(f"% of {what} {loopset.output.name.replace('_', ' ')}")
+    right.set_ylabel(f"% of {name_full_scale(loopset.output)}")
     right.set_title("residuals of the best single-valued curve", loc="left", fontsize="medium")
     right.legend(frameon=False, fontsize="small")
     dress(right)

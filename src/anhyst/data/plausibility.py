@@ -67,6 +67,7 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
         even = is_even(loopset) and is_bipolar(loop.input)
         if not even or any(loop is record for record in largest):
             warnings += _check_sense(loopset, loop, name)
+        _check_order(loopset, loop, name)
         if not loop.reverses:
             warnings.append(f"{name}: the input never reverses: nothing to learn about hysteresis")
     return tuple(warnings)
@@ -146,6 +147,33 @@ def _check_flux_sign(loopset: Loops, loop: Loop, name: str) -> None:
             code="flux-falls",
             key=name,
         )
+
+
+def _check_order(loopset: Loops, loop: Loop, name: str) -> None:
+    """Refuse a table that lists both branches of a loop in the same direction of the input."""
+    parts = branches(loop.input)
+    if loop.time is not None or len(parts) != 3 or parts[1].stop - parts[1].start > 2:
+        return
+    first, second = parts[0], parts[2]
+    ends = loop.input[[first.stop - 1, second.start]]
+    # A step of the drive is fast, and a record of one has a clock.
+    apart = separation(loop.input, loop.output, first, second)
+    least = max(_CERTAIN * noise(loop.output), _SAME * float(np.ptp(loop.output)))
+    if apart is None or float(np.max(np.abs(apart[1]))) < least:
+        return
+    # The falling branch of a loop that loses energy is the upper one.
+    wrong = second if float(np.mean(apart[1])) > 0.0 else first
+    top = float(np.max(np.abs(ends)))
+    is_closed = abs(loop.output[first.start] - loop.output[second.start]) < least
+    past = "" if is_closed else f" and use --history conditioned:{top:g},{-top:g},{ends.min():g}"
+    raise InputError(
+        f"{name}: the {loopset.input.name} jumps from {ends[0]:.4g} to {ends[1]:.4g} "
+        f"{loopset.input.unit} and then runs in the same direction again: the table lists both "
+        f"branches in one direction; reverse the order of samples {wrong.start + 1} to "
+        f"{wrong.stop}{past}, or add a time column if the drive did jump",
+        code="branches-in-one-direction",
+        key=name,
+    )
 
 
 def _check_swap(loop: Loop, name: str) -> list[str]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, Loops, folded, is_even
-from anhyst.data.output_map import output_map
+from anhyst.data.output_map import full_scale, name_full_scale
 from anhyst.data.path import Branch, branches, separation, smooth, turning_points
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import in_small_unit
@@ -160,13 +160,8 @@ def separation_sideways(
 
 
 def largest_output(loopset: Loops) -> float:
-    """Return what deviations of the output are related to: its largest size in all loops.
-
-    A displacement has no natural zero: there it is the largest range.
-    """
-    if not output_map(loopset.output).from_zero:
-        return max(float(np.ptp(loop.output)) for loop in loopset.loops) or 1.0
-    return max(float(np.max(np.abs(loop.output))) for loop in loopset.loops) or 1.0
+    """Return the full scale of the output of all loops, as `full_scale`; 1 if it is zero."""
+    return full_scale(loopset.output, (loop.output for loop in loopset.loops)) or 1.0
 
 
 def judge(loopset: Loops) -> Verdict:
@@ -209,9 +204,7 @@ def judge(loopset: Loops) -> Verdict:
 
 def _worded(loopset: Loops, figures: Verdict) -> Verdict:
     drive, answer = loopset.input, loopset.output
-    what = answer.name.replace("_", " ")
-    kind = output_map(answer).reference
-    reference = f"range of the {what}" if kind == "range" else f"largest {what}"
+    reference = name_full_scale(answer, largest_output(loopset))
     unit, scale = in_small_unit(answer, largest_output(loopset))
     conclusion = {
         "yes": "A hysteresis model is worth it",
@@ -221,7 +214,7 @@ def _worded(loopset: Loops, figures: Verdict) -> Verdict:
     sentences = (
         f"The widest loop is {figures.width:.4g} {drive.unit} wide ({figures.width_relative:.1%} "
         f"of the {drive.name.replace('_', ' ')}'s range) and {scale * figures.height:.4g} {unit} "
-        f"high ({figures.height_relative:.1%} of the {reference}).",
+        f"high ({figures.height_relative:.1%} of {reference}).",
         f"The best single-valued curve misses by {figures.single_mean_relative:.2%} on average and "
         f"{figures.single_worst_relative:.2%} at worst.",
         f"The noise alone makes {figures.noise_relative:.3%}, which no model gets below.",

@@ -32,7 +32,7 @@ from anhyst.identification.uncertainty import FARTHEST, assess, first_rise, is_g
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
 from anhyst.model.actuator import obstacle
-from anhyst.model.left_over import left_of, left_over_text
+from anhyst.model.left_over import explain_rejection, left_of, left_over_text
 from anhyst.model.parameters import GAP_MAPS
 from anhyst.model.schema import (
     Provenance,
@@ -187,6 +187,7 @@ def identify(
         stages=spent,
         evaluations=outcome.evaluations,
         interrupted=outcome.interrupted,
+        rejection=explain_rejection(left, loops),
     )
 
 

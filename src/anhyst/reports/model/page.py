@@ -140,7 +140,7 @@ def _tiles(subject: ModelSubject) -> tuple[Tile, ...]:
         ("rms deviation", fit.rms),
         ("worst point", fit.worst),
     )
-    of = f"of the largest {subject.answer}"
+    of = f"of {subject.full_scale}"
     tiles = [Tile(scale.show(v), name, f"{percent(share(subject, v))} {of}") for name, v in named]
     if subject.evidence is not None and subject.evidence.verdict.single_mean > 0.0:
         part = fit.mean_abs / subject.evidence.verdict.single_mean
@@ -178,7 +178,7 @@ def _comparison(subject: ModelSubject) -> PageTable | None:
     head = ["", "mean", "rms", "worst"]
     curve = f"one monotone curve for each {subject.over}" if subject.over else "one monotone curve"
     caption = (
-        f"Percentages of the largest {subject.answer}, {largest}. The best single-valued curve "
+        f"Percentages of {subject.full_scale}, {largest}. The best single-valued curve "
         f"({curve}, fitted to the same loops) is what a look-up table without memory can reach."
     )
     return table("Deviation from the measurement", head, cells, caption)
