@@ -7,9 +7,10 @@ import itertools
 import numpy as np
 
 from anhyst.data.estimates import noise
-from anhyst.data.loops import Loop, Loops, folded, is_even
+from anhyst.data.loops import Loop, Loops, folded
 from anhyst.data.output_map import output_map
 from anhyst.data.path import branches, correlation, is_bipolar, is_negative, separation
+from anhyst.data.symmetry import check_not_even, recentre
 from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 
@@ -47,6 +48,8 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     what the current adds.
     """
     warnings = _check_schedule(loopset) + _check_size(loopset)
+    check_not_even(loopset)
+    loopset, even_output = recentre(loopset)
     answer = output_map(loopset.output)
     gaps = {loop.schedule_value for loop in loopset.loops}  # None where it moves, or there is none
     largest = [
@@ -64,9 +67,9 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
                 warnings += _check_swap(loop, name)
         if answer.of_flux and not answer.even:
             _check_flux_sign(loopset, loop, name)
-        even = is_even(loopset) and is_bipolar(loop.input)
+        even = even_output and is_bipolar(loop.input)
         if not even or any(loop is record for record in largest):
-            warnings += _check_sense(loopset, loop, name)
+            warnings += _check_sense(loopset, loop, name, even=even_output)
         _check_order(loopset, loop, name)
         if not loop.reverses:
             warnings.append(f"{name}: the input never reverses: nothing to learn about hysteresis")
@@ -222,11 +225,11 @@ def _initial_steepness(loop: Loop) -> float | None:
     return None if next_slope <= 0.02 * float(np.ptp(answer)) else first_slope / next_slope
 
 
-def _check_sense(loopset: Loops, loop: Loop, name: str) -> list[str]:
+def _check_sense(loopset: Loops, loop: Loop, name: str, *, even: bool) -> list[str]:
     """Warn of a settled cycle whose input runs ahead the wrong way: it would win energy."""
     if not output_map(loopset.output).of_flux or not loop.reverses:
         return []
-    size, answer = folded(loop, even=is_even(loopset))
+    size, answer = folded(loop, even=even)
     height = float(np.ptp(answer))
     total = weight = variance = 0.0
     for first, second in itertools.pairwise(branches(size)):

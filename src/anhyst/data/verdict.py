@@ -15,6 +15,7 @@ from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, Loops, folded, is_even
 from anhyst.data.output_map import full_scale, name_full_scale
 from anhyst.data.path import Branch, branches, separation, smooth, turning_points
+from anhyst.data.symmetry import recentre
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import in_small_unit
 
@@ -116,12 +117,13 @@ def monotone_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 def single_valued(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
-    """Deviation of each loop's output from the best monotone curve of its scheduling value."""
-    even = is_even(loopset)
-    groups: dict[float | None, list[Loop]] = {}
-    for loop in loopset.loops:
-        groups.setdefault(loop.schedule_value, []).append(loop)
-    return [pair for loops in groups.values() for pair in _residuals(loops, even=even)]
+    """Return each loop, and the deviation of its output from the best monotone curve of its gap."""
+    centred, even = recentre(loopset)
+    groups: dict[float | None, list[tuple[Loop, FloatArray, FloatArray]]] = {}
+    for loop, moved in zip(loopset.loops, centred.loops, strict=True):
+        curve = (loop, *folded(moved, even=even))
+        groups.setdefault(loop.schedule_value, []).append(curve)
+    return [pair for curves in groups.values() for pair in _residuals(curves)]
 
 
 def loop_width(loop: Loop, *, even: bool) -> Width:
@@ -166,8 +168,8 @@ def largest_output(loopset: Loops) -> float:
 
 def judge(loopset: Loops) -> Verdict:
     """Weigh loop width, the best single-valued curve and the noise against each other."""
-    even = is_even(loopset)
-    widths = [loop_width(loop, even=even) for loop in loopset.loops]
+    centred, even = recentre(loopset)
+    widths = [loop_width(loop, even=even) for loop in centred.loops]
     residuals = [residual for _, residual in single_valued(loopset)]
     pooled = np.abs(np.concatenate(residuals))
     mean, worst = float(pooled.mean()), float(pooled.max())
@@ -230,10 +232,11 @@ def _worded(loopset: Loops, figures: Verdict) -> Verdict:
     return Verdict(**{**values, "sentences": sentences})
 
 
-def _residuals(loops: list[Loop], *, even: bool) -> list[tuple[Loop, FloatArray]]:
-    pairs = [folded(loop, even=even) for loop in loops]
-    size = np.concatenate([pair[0] for pair in pairs])
-    answer = np.concatenate([pair[1] for pair in pairs])
+def _residuals(
+    curves: list[tuple[Loop, FloatArray, FloatArray]],
+) -> list[tuple[Loop, FloatArray]]:
+    size = np.concatenate([along for _, along, _ in curves])
+    answer = np.concatenate([own for _, _, own in curves])
     order = np.argsort(size, kind="stable")
     starts = np.linspace(0, size.size, min(size.size, _BINS) + 1).astype(np.intp)[:-1]
     counts = np.diff(np.concatenate((starts, [size.size]))).astype(np.float64)
@@ -245,10 +248,7 @@ def _residuals(loops: list[Loop], *, even: bool) -> list[tuple[Loop, FloatArray]
     y = y / counts
     rising = float(np.dot(x - x.mean(), y - y.mean())) >= 0.0
     curve = monotone_fit(y, counts) if rising else -monotone_fit(-y, counts)
-    return [
-        (loop, own - np.interp(along, x, curve))
-        for loop, (along, own) in zip(loops, pairs, strict=True)
-    ]
+    return [(loop, own - np.interp(along, x, curve)) for loop, along, own in curves]
 
 
 _REACH = 0.5
