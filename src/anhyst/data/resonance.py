@@ -9,13 +9,12 @@ it leaves much less of the output than curves and play operators of the input do
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.static_fit import static_rms
-from anhyst.data.verdict import largest_output, single_valued
+from anhyst.data.output_map import full_scale
+from anhyst.data.static_fit import Record, even_record, static_rms
 from anhyst.support.numeric import FloatArray
 
 MIN_MISFIT = 0.02
@@ -26,6 +25,11 @@ MAX_DAMPING = 0.25
 """Largest damping ratio that is called a resonance."""
 MIN_DAMPING = 5e-4
 """Smallest damping ratio of a body; mains hum has less."""
+SINE = 0.997
+"""Smallest power share of one frequency in a sine; a triangle has 0.986."""
+MIN_FORCED = 0.3
+"""Smallest part of the output near a resonance that the input excites, as an amplitude."""
+_NEAR = 0.2
 _MAX_LOOPS = 3
 _WINDOW = 8192
 """Largest number of samples that are analysed at one sampling rate."""
@@ -35,39 +39,16 @@ _BAND = 0.4
 _ITERATIONS = 12
 
 
-@dataclass(frozen=True, eq=False)
-class _Record:
-    """Input and output without their means at a constant sampling rate."""
-
-    drive: FloatArray
-    output: FloatArray
-    step_s: float
-
-    def slower(self) -> _Record:
-        """Average pairs of samples."""
-        half = self.drive.size // 2
-        pairs = (each[: 2 * half].reshape(half, 2).mean(axis=1) for each in self._both())
-        return _Record(*pairs, 2.0 * self.step_s)
-
-    def first(self, samples: int) -> _Record:
-        """Return the first samples."""
-        drive, output = (each[:samples] - each[:samples].mean() for each in self._both())
-        return _Record(drive, output, self.step_s)
-
-    def _both(self) -> tuple[FloatArray, FloatArray]:
-        return self.drive, self.output
-
-
 def find_resonance(loopset: Loops) -> float | None:
     """Return the frequency of the resonance that dominates the output, Hz; None without one."""
-    scale = largest_output(loopset)
+    scale = full_scale(loopset.output, (loop.output for loop in loopset.loops))
     misfits = [
-        (float(np.sqrt(np.mean(residual**2))) / scale, loop)
-        for loop, residual in single_valued(loopset)
+        (static_rms(loop.input, loop.output, plays=False), loop)
+        for loop in loopset.loops
         if loop.time is not None and loop.n >= _MIN_SAMPLES
     ]
     for misfit, loop in sorted(misfits, key=lambda each: -each[0])[:_MAX_LOOPS]:
-        if misfit < MIN_MISFIT:
+        if misfit < MIN_MISFIT * scale:
             break
         if (frequency := _resonance_of(loop, MIN_MISFIT * scale)) is not None:
             return frequency
@@ -95,24 +76,25 @@ def _resonance_of(loop: Loop, least: float) -> float | None:
     return None
 
 
-def _records(loop: Loop) -> Iterator[_Record]:
+def _records(loop: Loop) -> Iterator[Record]:
     """Yield a loop at its own sampling rate, and at halves of it."""
-    assert loop.time is not None
-    step = float(np.median(np.diff(loop.time)))
-    if step <= 0.0:
+    record = even_record(loop)
+    if record is None or _is_sine(record.first(_WINDOW).drive):
         return
-    clock = np.arange(float(loop.time[0]), float(loop.time[-1]), step)
-    if not _MIN_SAMPLES <= clock.size <= 4 * loop.n:
-        return
-    record = _Record(
-        np.interp(clock, loop.time, loop.input), np.interp(clock, loop.time, loop.output), step
-    )
     while record.drive.size >= _MIN_SAMPLES:
         yield record.first(_WINDOW)
-        record = record.slower()
+        record = record.averaged(2)
 
 
-def _propose_frequency(record: _Record) -> float | None:
+def _is_sine(drive: FloatArray) -> bool:
+    """Whether an input has one frequency only, from which no resonance can be identified."""
+    power = np.abs(np.fft.rfft(drive * np.hanning(drive.size))) ** 2
+    line = int(np.argmax(power))
+    near = slice(max(int((1.0 - _NEAR) * line) - 2, 0), int((1.0 + _NEAR) * line) + 4)
+    return float(np.sum(power[near])) > SINE * float(np.sum(power))
+
+
+def _propose_frequency(record: Record) -> float | None:
     """Return the frequency of the poles of an autoregressive fit, Hz; None if they do not swing."""
     u, y = record.drive, record.output
     columns = np.column_stack([y[1:-1], y[:-2], u[2:], u[1:-1], u[:-2], np.ones(y.size - 2)])
@@ -122,13 +104,13 @@ def _propose_frequency(record: _Record) -> float | None:
     log = np.log(poles[0])
     cycles = abs(log.imag) / (2.0 * np.pi)
     is_swinging = -log.real < abs(log.imag) and 0.02 < cycles < 0.9 * _BAND
-    return float(cycles / record.step_s) if is_swinging else None
+    return float(cycles / record.step) if is_swinging else None
 
 
-def _fit_resonance(record: _Record, start_hz: float) -> tuple[float, float] | None:
+def _fit_resonance(record: Record, start_hz: float) -> tuple[float, float] | None:
     """Return frequency, Hz, and rms of the remaining output; None if there is no resonance."""
     count = record.drive.size
-    used = np.fft.rfftfreq(count, record.step_s)
+    used = np.fft.rfftfreq(count, record.step)
     inside = slice(1, max(int(_BAND * count), 8))
     s = 1j * used[inside] / start_hz
     u, y = (np.fft.rfft(each)[inside] / count for each in (record.drive, record.output))
@@ -140,7 +122,9 @@ def _fit_resonance(record: _Record, start_hz: float) -> tuple[float, float] | No
         terms, target = columns * weight[:, None], s**2 * y * weight
         rows = np.concatenate([terms.real, terms.imag])
         sizes = np.sqrt(np.einsum("nk,nk->k", rows, rows)) + 1e-300
-        shares = np.linalg.lstsq(rows / sizes, np.concatenate([target.real, target.imag]))[0] / sizes
+        shares = (
+            np.linalg.lstsq(rows / sizes, np.concatenate([target.real, target.imag]))[0] / sizes
+        )
         previous, found = found, tuple(shares[:2].tolist())
         if found[0] <= 0.0 or found[1] <= 0.0:
             return None
@@ -148,9 +132,14 @@ def _fit_resonance(record: _Record, start_hz: float) -> tuple[float, float] | No
             break
     own = found[0] ** 0.5
     damping, frequency = 0.5 * found[1] / own, own * start_hz
-    slowest = 3.0 / (count * record.step_s)
-    if not MIN_DAMPING < damping < MAX_DAMPING or not slowest < frequency < _BAND / record.step_s:
+    slowest = 3.0 / (count * record.step)
+    if not MIN_DAMPING < damping < MAX_DAMPING or not slowest < frequency < _BAND / record.step:
         return None
     weight = 1.0 / (s**2 + found[1] * s + found[0])
+    # A harmonic of a curved output swings as well, but the input has nothing at its frequency.
+    near = np.abs(s.imag / own - 1.0) < _NEAR
+    forced = weight[near] * (numerator[near, :3] @ shares[2:5])
+    if np.linalg.norm(forced) < MIN_FORCED * np.linalg.norm(y[near]):
+        return None
     left = y - weight * (numerator @ shares[2:])
     return frequency, float(np.sqrt(2.0 * np.sum(np.abs(left) ** 2)))

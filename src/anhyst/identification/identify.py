@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Protocol
 
 from anhyst.data import Loops
+from anhyst.data.lag import lag_line
 from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.path import SETTLED
 from anhyst.data.plausibility import check_plausible
+from anhyst.data.resonance import resonance_line
 from anhyst.data.speeds import Speeds, speeds_of, with_spread_times
 from anhyst.identification.any_law import fit_any
 from anhyst.identification.bare import form_of, model_of, valid_range
@@ -143,7 +145,8 @@ def identify(
     able = rate and search == "default" and not _creeps(loops, law, search)
     loops = with_spread_times(loops) if able else loops
     outcome = _at_all_speeds(loops, static, speeds_of(loops) if able else None)
-    warnings = [*odd, *_warnings(loops, outcome)]
+    lag = lag_line(loops)
+    warnings = [*odd, *([lag] if lag else []), *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
@@ -187,7 +190,7 @@ def identify(
         stages=spent,
         evaluations=outcome.evaluations,
         interrupted=outcome.interrupted,
-        rejection=explain_rejection(left, loops),
+        rejection=resonance_line(loops) or explain_rejection(left, loops),
     )
 
 

@@ -119,7 +119,10 @@ def verdict(subject: ModelSubject) -> tuple[Note, ...]:
         )
         return (Note("bad", "Worse than no hysteresis model", text),)
     gain = 1.0 - mine / baseline
-    taken = f"it takes {percent(gain)} of that error away (the noise allows {percent(judged.gain)})"
+    allowed = max(1.0 - judged.noise_mean / baseline, 0.0)
+    taken = f"it takes {percent(gain)} of that error away (the noise allows {percent(allowed)})"
+    if judged.dynamics:
+        return (Note("bad", "Cannot be judged", f"{both}: {taken}; but {judged.dynamics}."),)
     if judged.level == "yes":
         return (Note("good", "Worth it", f"{both}: {taken}."),)
     title = "Gains little" if judged.level == "little" else "Hardly worth it"
