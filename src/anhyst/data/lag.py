@@ -95,4 +95,5 @@ def _lagging(record: Record, lag: float) -> FloatArray:
     drive = record.drive - start
     driven = (1.0 - mean) * drive
     driven[1:] += (mean - kept) * drive[:-1]
-    return start + decaying_sum(driven, kept)
+    lagging: FloatArray = start + decaying_sum(driven, kept)
+    return lagging

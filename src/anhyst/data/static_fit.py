@@ -79,7 +79,7 @@ def _play_states(drive: FloatArray) -> FloatArray:
     """Return the states of play operators along an input, a column for each threshold."""
     widths = np.array(_THRESHOLDS)
     lower, upper = drive[:, None] - widths, drive[:, None] + widths
-    states = np.empty_like(lower)
+    states: FloatArray = np.empty_like(lower)
     state = np.clip(0.0, lower[0], upper[0])
     for at in range(drive.size):
         state = np.minimum(np.maximum(state, lower[at]), upper[at])

@@ -22,6 +22,10 @@ MIN_EVEN_CORRELATION = 0.5
 """Correlation of a falling curve with the mirrored rising one from which an output is even."""
 MIN_EXPLAINED = 0.5
 """Variance share of the output that both curves must explain; a resonance leaves more."""
+MIN_TURN_BACK = 0.2
+"""Fall and rise of the output along one branch of the input, in parts of its range there."""
+MIN_TURN_BACK_SPAN = 0.6
+"""Smallest span of such a branch, in parts of the range of the input."""
 MIN_BIAS = 0.04
 """Smallest distance of the least force from zero that is called a bias, in parts of the range."""
 _EDGE = 0.06
@@ -42,7 +46,7 @@ def check_not_even(loopset: Loops) -> None:
     if output_map(loopset.output).even:
         return
     for loop in _bipolar(loopset):
-        if _even_correlation(loop) > MIN_EVEN_CORRELATION:
+        if _turns_back(loop) and _even_correlation(loop) > MIN_EVEN_CORRELATION:
             drive = loopset.input.name
             raise InputError(
                 f"{loopset.describe(loop)}: the {loopset.output.name.replace('_', ' ')} is an even "
@@ -109,6 +113,20 @@ def bias_line(loopset: Loops) -> str:
 
 def _bipolar(loopset: Loops) -> list[Loop]:
     return [loop for loop in loopset.loops if is_bipolar(loop.input)]
+
+
+def _turns_back(loop: Loop) -> bool:
+    """Whether the output falls and rises again along a wide branch of the input."""
+    for part in branches(loop.input):
+        drive, output = loop.input[part.rows], loop.output[part.rows]
+        if drive.size < _MIN_SAMPLES or np.ptp(drive) < MIN_TURN_BACK_SPAN * np.ptp(loop.input):
+            continue
+        _, answer = smooth(drive, output, _BINS)
+        falls = float(np.max(np.maximum.accumulate(answer) - answer))
+        rises = float(np.max(answer - np.minimum.accumulate(answer)))
+        if min(falls, rises) > MIN_TURN_BACK * float(np.ptp(answer)):
+            return True
+    return False
 
 
 def _even_correlation(loop: Loop) -> float:
