@@ -200,12 +200,12 @@ def _report(result: IdentifyResult, out: Path, checkpoint: Path | None, as_json:
         _show(result, out)
     if result.interrupted:
         raise Interrupted(f"{out} holds the best model so far{_go_on(checkpoint)}")
+    if result.acceptance.passed is False:
+        failed = result.acceptance.text(result.model.input.unit)
+        reasons = "; ".join(filter(None, (failed, result.rejection)))
+        raise NegativeResult(f"{out}: {reasons}", code="acceptance-failed")
     if result.rejection:
         raise NegativeResult(f"{out}: {result.rejection}", code="fit-rejected")
-    if result.acceptance.passed is False:
-        raise NegativeResult(
-            f"{out}: {result.acceptance.text(result.model.input.unit)}", code="acceptance-failed"
-        )
 
 
 def _as_dict(result: IdentifyResult, out: Path) -> dict[str, object]:

@@ -30,6 +30,8 @@ MIN_BIAS = 0.04
 """Smallest distance of the least force from zero that is called a bias, in parts of the range."""
 _EDGE = 0.06
 """A minimum nearer than this to an end of the range is an end, in parts of the range."""
+_MIN_RISE = 0.02
+"""Rise from a minimum to the nearer end of the range, in parts of that to the other end."""
 _BINS = 60
 _MIN_SAMPLES = 12
 """Smallest number of samples in each direction of the input from which a curve is averaged."""
@@ -89,7 +91,7 @@ def find_bias(loopset: Loops) -> float:
     # A parabola through the bins nearby averages their noise.
     _, slope, bend = np.polynomial.polynomial.polyfit(drive[near] - drive[at], mean[near], 2)
     place = float(drive[at] - 0.5 * slope / bend) if bend > 0.0 else float(drive[at])
-    rises = min(mean[0], mean[-1]) - mean[at] > _EDGE * float(np.ptp(mean))
+    rises = min(mean[0], mean[-1]) - mean[at] > _MIN_RISE * float(np.ptp(mean))
     return place if rises and abs(place) > MIN_BIAS * span else 0.0
 
 

@@ -32,6 +32,11 @@ MIN_OUTLIER = 0.01
 _JUMP = 0.1
 """Step of the input between two samples, in parts of its range, that is called a jump."""
 
+MAX_UNEXPLAINED = 0.05
+"""Largest rms deviation beyond the noise, in parts of the full scale, with which a model is usable."""
+_CERTAIN_NOISE = 2.0
+"""Largest rms in units of the noise of the record that is noise, if the model would be unusable."""
+
 _PARTS = 3
 """Steps of a converter in the smallest difference of two outputs, at most."""
 _LAGS = 4
@@ -84,11 +89,12 @@ def left_over(records: Sequence[Residual], span: float) -> LeftOver:
     outlier = _find_outlier(records, rms, span)
     # White is not enough: a resonance that a random input excites leaves a white residual, too.
     noisy = _noise_of(records)
-    if rms * span <= _FINE * noisy and _is_white([record.off for record in records]):
+    most_noise = noisy * (_FINE if rms <= MAX_UNEXPLAINED else _CERTAIN_NOISE)
+    if rms * span <= most_noise and _is_white([record.off for record in records]):
         return LeftOver(rms, rms, outlier=outlier)
     most = min(_MOST, max(_FEWEST, _ALL // len(records)))
     seen = [record.every(math.ceil(record.off.size / most)) for record in records]
-    return replace(_attributed(seen, rms, span, noisy), outlier=outlier)
+    return replace(_attributed(seen, rms, span, (noisy, most_noise)), outlier=outlier)
 
 
 def _noise_of(records: Sequence[Residual]) -> float:
@@ -162,14 +168,17 @@ class _Way:
         return float(along @ along) - self.chance
 
 
-def _attributed(records: Sequence[Residual], rms: float, span: float, noisy: float) -> LeftOver:
-    """Find the shapes that the residual certainly has."""
+def _attributed(
+    records: Sequence[Residual], rms: float, span: float, noises: tuple[float, float]
+) -> LeftOver:
+    """Find the shapes that the residual certainly has, beyond the likely and the largest noise."""
+    noisy, most_noise = noises
     off = np.concatenate([record.off for record in records])
     bases = [(name, basis(way)) for name, each in shapes_of(records).items() for way in each]
     whole = basis(np.hstack([way for _, way in bases]))
     sizes = [record.off.size for record in records]
     around = coloured(off, whole, sizes)
-    if rms * span > max(_FINE * noisy, EXACT * span):  # no filtered noise: curves, however fine
+    if rms * span > max(most_noise, EXACT * span):  # no filtered noise: curves, however fine
         white = max(noisy, EXACT * span) ** 2
         around = Coloured(tuple(sizes), white, 0.0, float(max(off.size - whole.shape[1], 2)))
     ways = [_Way(name, way, around.chance(way)) for name, way in bases]
@@ -186,7 +195,7 @@ def _attributed(records: Sequence[Residual], rms: float, span: float, noisy: flo
         rest = rest - part
         ways = [other for other in ways if other.shape != way.shape]
     spread = float(np.sqrt(np.mean(rest**2)))
-    if spread <= max(_FINE * noisy, EXACT * span):
+    if spread <= max(most_noise, EXACT * span):
         noisy = spread
     noisy = min(noisy / span, rms)
     beyond = math.sqrt(rms**2 - noisy**2)
@@ -232,10 +241,6 @@ def left_of(loopset: Loops, fitted: Sequence[FloatArray]) -> LeftOver:
         for loop, output in zip(loopset.loops, fitted, strict=True)
     ]
     return left_over(records, largest_output(loopset))
-
-
-MAX_UNEXPLAINED = 0.05
-"""Largest rms deviation beyond the noise, in parts of the full scale, with which a model is usable."""
 
 
 def explain_rejection(left: LeftOver, loopset: Loops) -> str:
