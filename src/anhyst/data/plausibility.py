@@ -63,7 +63,8 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
         name = loopset.describe(loop)
         if answer.even and any(loop is record for record in largest):
             _check_force_sign(loopset, loop, name)
-            if loopset.input.name == "current":
+            # A biased force starts steep.
+            if loopset.input.name == "current" and (even_output or not is_bipolar(loop.input)):
                 warnings += _check_swap(loop, name)
         if answer.of_flux and not answer.even:
             _check_flux_sign(loopset, loop, name)

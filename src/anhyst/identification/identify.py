@@ -174,7 +174,7 @@ def identify(
     )
     left = left_of(loops, fitted)
     line = left_over_text(left, loops, model)
-    figures = replace(figures, not_noise=left.beyond, left_over=line)
+    figures = replace(figures, not_noise=left.unexplained, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := obstacle(model.at_rest)) is not None else []
     spent["all else"] = time.process_time() - worked - sum(spent.values())

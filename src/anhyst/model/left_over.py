@@ -72,12 +72,18 @@ class LeftOver:
     # it has none of those known
     shapes: tuple[tuple[Shape, float], ...] = ()
     first: int = 0  # samples at the beginning of a record in which a wrong start shows
-    outlier: Outlier | None = None  # largest deviation, if the rms does not explain it
+    # largest deviation, if the rms does not explain it; what else is said is without such samples
+    outlier: Outlier | None = None
 
     @property
     def done(self) -> bool:
         """Whether the residual is noise at every sample."""
         return self.beyond == 0.0 and self.outlier is None
+
+    @property
+    def unexplained(self) -> float:
+        """Return the rms of all samples beyond the noise, in parts of the full scale."""
+        return math.sqrt(max(self.rms**2 - self.noise**2, 0.0))
 
 
 def left_over(records: Sequence[Residual], span: float) -> LeftOver:
@@ -87,14 +93,20 @@ def left_over(records: Sequence[Residual], span: float) -> LeftOver:
     if rms < EXACT or _is_rounding(records):
         return LeftOver(rms, rms)
     outlier = _find_outlier(records, rms, span)
+    if outlier is not None:
+        limit = MAX_WORST_IN_RMS * rms * span
+        calm = [
+            replace(each, off=np.where(np.abs(each.off) < limit, each.off, 0.0)) for each in records
+        ]
+        return replace(left_over(calm, span), rms=rms, outlier=outlier)
     # White is not enough: a resonance that a random input excites leaves a white residual, too.
     noisy = _noise_of(records)
     most_noise = noisy * (_FINE if rms <= MAX_UNEXPLAINED else _CERTAIN_NOISE)
     if rms * span <= most_noise and _is_white([record.off for record in records]):
-        return LeftOver(rms, rms, outlier=outlier)
+        return LeftOver(rms, rms)
     most = min(_MOST, max(_FEWEST, _ALL // len(records)))
     seen = [record.every(math.ceil(record.off.size / most)) for record in records]
-    return replace(_attributed(seen, rms, span, (noisy, most_noise)), outlier=outlier)
+    return _attributed(seen, rms, span, (noisy, most_noise))
 
 
 def _noise_of(records: Sequence[Residual]) -> float:
@@ -245,7 +257,7 @@ def left_of(loopset: Loops, fitted: Sequence[FloatArray]) -> LeftOver:
 
 def explain_rejection(left: LeftOver, loopset: Loops) -> str:
     """Return why a model must not be used; empty if its deviation is small, or is noise."""
-    if left.beyond <= MAX_UNEXPLAINED:
+    if left.unexplained <= MAX_UNEXPLAINED:
         return ""
     text = (
         f"the model deviates from the loops by {100.0 * left.rms:.2g} % of "
@@ -263,15 +275,16 @@ def explain_rejection(left: LeftOver, loopset: Loops) -> str:
 
 
 def left_over_text(left: LeftOver, loopset: Loops, model: Model) -> str:
-    """Return one line: how much of the residual is noise, its shape, and the remedy."""
+    """Return one line: how much of the residual is noise, its shape, the remedy, and outliers."""
+    text = _residual_text(left, loopset, model)
+    return text if left.outlier is None else f"{text}; {_outlier_text(left.outlier, loopset)}"
+
+
+def _residual_text(left: LeftOver, loopset: Loops, model: Model) -> str:
     full = name_full_scale(loopset.output)
     if left.beyond == 0.0:
-        text = (
-            f"the residual ({100.0 * left.rms:.2g} % of {full} rms) is noise, or too small to see"
-        )
-        return (
-            f"{text}: the fit is done" if left.done else f"{text}, {_outlier_text(left, loopset)}"
-        )
+        done = ": the fit is done" if left.done else ""
+        return f"the residual ({100.0 * left.noise:.2g} % of {full} rms) is noise, or too small to see{done}"
     text = (
         f"a residual of {100.0 * left.beyond:.2g} % of {full} rms is not noise "
         f"(noise: {100.0 * left.noise:.2g} %): "
@@ -290,10 +303,8 @@ def left_over_text(left: LeftOver, loopset: Loops, model: Model) -> str:
     return f"{text}: {_advice(main, loopset, model)}"
 
 
-def _outlier_text(left: LeftOver, loopset: Loops) -> str:
+def _outlier_text(outlier: Outlier, loopset: Loops) -> str:
     """Name the place of the largest deviation, and its likely cause."""
-    outlier = left.outlier
-    assert outlier is not None
     loop = loopset.loops[outlier.record]
     time = "" if loop.time is None else f" ({loop.time[outlier.sample]:.4g} s)"
     cause = (
@@ -302,8 +313,8 @@ def _outlier_text(left: LeftOver, loopset: Loops) -> str:
         else "a spike or a disturbance; look there"
     )
     return (
-        f"except {100.0 * outlier.size:.3g} % at sample {outlier.sample + 1}{time} of "
-        f"{loopset.describe(loop)}: {cause}"
+        f"the worst deviation, {100.0 * outlier.size:.3g} %, is at sample {outlier.sample + 1}{time} "
+        f"of {loopset.describe(loop)}: {cause}"
     )
 
 

@@ -157,7 +157,7 @@ def own_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, st
     left = left_of(evidence.loops, fitted)
     fresh = replace(
         fit_figures(evidence.loops, fitted),
-        not_noise=left.beyond,
+        not_noise=left.unexplained,
         left_over=left_over_text(left, evidence.loops, model),
     )
     if model.fit is None:
