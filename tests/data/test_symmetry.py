@@ -18,7 +18,8 @@ from .test_dynamics import play
 
 
 def record(drive: FloatArray, output: FloatArray, names: tuple[str, str]) -> Loops:
-    return Loops((Loop("1", drive, output),), *(QUANTITIES[name] for name in names))
+    loop = Loop("1", drive, output)
+    return Loops((loop,), QUANTITIES[names[0]], QUANTITIES[names[1]])
 
 
 def cycles(seed: int, samples: int) -> FloatArray:

@@ -79,7 +79,7 @@ def _resonance_of(loop: Loop, least: float) -> float | None:
 def _records(loop: Loop) -> Iterator[Record]:
     """Yield a loop at its own sampling rate, and at halves of it."""
     record = even_record(loop)
-    if record is None or _is_sine(record.first(_WINDOW).drive):
+    if record is None or _is_sine(record.at_most(_WINDOW).drive):
         return
     while record.drive.size >= _MIN_SAMPLES:
         yield record.first(_WINDOW)
@@ -88,7 +88,8 @@ def _records(loop: Loop) -> Iterator[Record]:
 
 def _is_sine(drive: FloatArray) -> bool:
     """Whether an input has one frequency only, from which no resonance can be identified."""
-    power = np.abs(np.fft.rfft(drive * np.hanning(drive.size))) ** 2
+    window = np.hanning(drive.size)
+    power = np.abs(np.fft.rfft(window * (drive - np.average(drive, weights=window)))) ** 2
     line = int(np.argmax(power))
     near = slice(max(int((1.0 - _NEAR) * line) - 2, 0), int((1.0 + _NEAR) * line) + 4)
     return float(np.sum(power[near])) > SINE * float(np.sum(power))
