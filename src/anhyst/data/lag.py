@@ -15,7 +15,7 @@ from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import full_scale, output_map
 from anhyst.data.path import branches
-from anhyst.data.static_fit import Record, even_record, static_rms
+from anhyst.data.static_fit import EvenRecord, even_record, static_rms
 from anhyst.support.numeric import FloatArray, decaying_sum
 
 MIN_LOOP = 0.003
@@ -78,7 +78,7 @@ def _lag_of(loop: Loop, scale: float) -> tuple[float, float] | None:
 
 
 def _best(
-    record: Record, lags: Sequence[float] | FloatArray, *, plays: bool
+    record: EvenRecord, lags: Sequence[float] | FloatArray, *, plays: bool
 ) -> tuple[float, float]:
     """Return the least rms that a lag leaves, and the lag."""
     return min(
@@ -87,7 +87,7 @@ def _best(
     )
 
 
-def _lagging(record: Record, lag: float) -> FloatArray:
+def _lagging(record: EvenRecord, lag: float) -> FloatArray:
     """Return an input, straight between samples, behind a first-order lag."""
     kept = float(np.exp(-record.step / lag))
     mean = (1.0 - kept) * lag / record.step

@@ -14,7 +14,7 @@ import numpy as np
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import full_scale
-from anhyst.data.static_fit import Record, even_record, static_rms
+from anhyst.data.static_fit import EvenRecord, even_record, static_rms
 from anhyst.support.numeric import FloatArray
 
 MIN_MISFIT = 0.02
@@ -76,7 +76,7 @@ def _resonance_of(loop: Loop, least: float) -> float | None:
     return None
 
 
-def _records(loop: Loop) -> Iterator[Record]:
+def _records(loop: Loop) -> Iterator[EvenRecord]:
     """Yield a loop at its own sampling rate, and at halves of it."""
     record = even_record(loop)
     if record is None or _is_sine(record.at_most(_WINDOW).drive):
@@ -95,7 +95,7 @@ def _is_sine(drive: FloatArray) -> bool:
     return float(np.sum(power[near])) > SINE * float(np.sum(power))
 
 
-def _propose_frequency(record: Record) -> float | None:
+def _propose_frequency(record: EvenRecord) -> float | None:
     """Return the frequency of the poles of an autoregressive fit, Hz; None if they do not swing."""
     u, y = record.drive, record.output
     columns = np.column_stack([y[1:-1], y[:-2], u[2:], u[1:-1], u[:-2], np.ones(y.size - 2)])
@@ -108,7 +108,7 @@ def _propose_frequency(record: Record) -> float | None:
     return float(cycles / record.step) if is_swinging else None
 
 
-def _fit_resonance(record: Record, start_hz: float) -> tuple[float, float] | None:
+def _fit_resonance(record: EvenRecord, start_hz: float) -> tuple[float, float] | None:
     """Return frequency, Hz, and rms of the remaining output; None if there is no resonance."""
     count = record.drive.size
     used = np.fft.rfftfreq(count, record.step)

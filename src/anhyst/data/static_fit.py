@@ -20,45 +20,45 @@ _MAX_STRETCH = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class EvenRecord:
     """Input and output at a constant sampling rate."""
 
     drive: FloatArray
     output: FloatArray
     step: float  # s; 1 without a clock
 
-    def averaged(self, samples: int) -> Record:
+    def averaged(self, samples: int) -> EvenRecord:
         """Average blocks of samples."""
         blocks = self.drive.size // samples
         drive, output = (
             each[: blocks * samples].reshape(blocks, samples).mean(axis=1)
             for each in (self.drive, self.output)
         )
-        return Record(drive, output, samples * self.step)
+        return EvenRecord(drive, output, samples * self.step)
 
-    def at_most(self, samples: int) -> Record:
+    def at_most(self, samples: int) -> EvenRecord:
         """Average blocks if there are more samples than this."""
         count = -(-self.drive.size // samples)
         return self.averaged(count) if count > 1 else self
 
-    def first(self, samples: int) -> Record:
+    def first(self, samples: int) -> EvenRecord:
         """Return the first samples without their means."""
         drive, output = (
             each[:samples] - each[:samples].mean() for each in (self.drive, self.output)
         )
-        return Record(drive, output, self.step)
+        return EvenRecord(drive, output, self.step)
 
 
-def even_record(loop: Loop) -> Record | None:
+def even_record(loop: Loop) -> EvenRecord | None:
     """Return a loop at its median time step; None if its clock is too uneven."""
     if loop.time is None:
-        return Record(loop.input, loop.output, 1.0)
+        return EvenRecord(loop.input, loop.output, 1.0)
     step = float(np.median(np.diff(loop.time)))
     if step <= 0.0 or float(loop.time[-1] - loop.time[0]) > _MAX_STRETCH * loop.n * step:
         return None
     clock = np.arange(float(loop.time[0]), float(loop.time[-1]) + 0.5 * step, step)
     drive, output = (np.interp(clock, loop.time, each) for each in (loop.input, loop.output))
-    return Record(drive, output, step)
+    return EvenRecord(drive, output, step)
 
 
 def static_rms(drive: FloatArray, output: FloatArray, *, plays: bool = True) -> float:

@@ -269,8 +269,9 @@ def explain_rejection(left: LeftOver, loopset: Loops) -> str:
     if single < 0.5 * left.rms:
         return f"{text}; a single-valued curve deviates by {100.0 * single:.2g} % only"
     return (
-        f"{text}; the output depends on more than the {loopset.input.name} and its history: plot "
-        "the record (anhyst inspect --plot), and measure more slowly or over a smaller range"
+        f"{text}; no law here follows these loops, or the output depends on more than the "
+        f"{loopset.input.name} and its history: plot the record (anhyst inspect --plot), and measure "
+        "more slowly or over a smaller range"
     )
 
 
