@@ -140,8 +140,11 @@ def identify(
     """Find the model of an actuator from measured loops.
 
     All loops at all gaps are fitted together. The model file keeps parameters with units, valid
-    range, fit figures, uncertainty and where it came from. A model whose force does not rise
-    everywhere as the gap closes and as the current rises is written, but fails: exit code 1.
+    range, fit figures, uncertainty and where it came from.
+
+    Exit code 1: the model file is written, but the model must not be used. Either its rms deviation
+    exceeds 5 % of full scale and is not noise, or its force does not rise everywhere as the gap
+    closes and as the current rises.
 
     Ctrl-C writes the best model found until then; the exit code is 130. If a search 'paper' was
     stopped or killed, the same command continues it.
@@ -208,9 +211,11 @@ def _report(result: IdentifyResult, out: Path, checkpoint: Path | None, as_json:
     if result.interrupted:
         raise Interrupted(f"{out} holds the best model so far{_go_on(checkpoint)}")
     if result.acceptance.passed is False:
-        raise NegativeResult(
-            f"{out}: {result.acceptance.text(result.model.input.unit)}", code="acceptance-failed"
-        )
+        failed = result.acceptance.text(result.model.input.unit)
+        reasons = "; ".join(filter(None, (failed, result.rejection)))
+        raise NegativeResult(f"{out}: {reasons}", code="acceptance-failed")
+    if result.rejection:
+        raise NegativeResult(f"{out}: {result.rejection}", code="fit-rejected")
 
 
 def _as_dict(result: IdentifyResult, out: Path) -> dict[str, object]:
@@ -226,6 +231,7 @@ def _as_dict(result: IdentifyResult, out: Path) -> dict[str, object]:
         "fit": asdict(model.fit) if model.fit else None,
         "uncertainty": asdict(model.uncertainty) if model.uncertainty else None,
         "reduction": [asdict(step) for step in model.reduction],
+        "rejection": result.rejection,
         "warnings": list(result.warnings),
         "seconds": result.seconds,
         "stages_s": dict(result.stages),
@@ -235,6 +241,8 @@ def _as_dict(result: IdentifyResult, out: Path) -> dict[str, object]:
 
 
 def _show(result: IdentifyResult, out: Path) -> None:
+    from anhyst.data.output_map import name_full_scale
+
     model, fit = result.model, result.model.fit
     lines = [f"{out}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"]
     if fit is not None and fit.largest_output > 0.0:
@@ -243,7 +251,7 @@ def _show(result: IdentifyResult, out: Path) -> None:
         )
         lines.append(
             f"deviation from the measurement: mean {mean:.3g} %, rms {rms:.3g} %, worst "
-            f"{worst:.3g} % of the largest output ({fit.largest_output:.5g} {model.output.unit})"
+            f"{worst:.3g} % of {name_full_scale(model.output, fit.largest_output)}"
         )
         lines += [fit.left_over] if fit.left_over else []
         lines += [

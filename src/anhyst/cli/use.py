@@ -118,7 +118,7 @@ def _show(summary: RunSummary) -> None:
         )
         lines.append(
             f"deviation from the column in the file: mean {mean:.3g} %, rms {rms:.3g} %, worst "
-            f"{worst:.3g} % of its largest ({apart.largest:.6g} {summary.unit})"
+            f"{worst:.3g} % of {apart.of}"
         )
     if summary.outside:
         lines.append(f"{summary.outside} rows lie outside the valid range of the model (valid = 0)")

@@ -9,13 +9,14 @@ import numpy as np
 
 from anhyst.data import estimates
 from anhyst.data.estimates import noise as noise_of
-from anhyst.data.loops import Loop, Loops, is_even
-from anhyst.data.output_map import output_map
+from anhyst.data.loops import Loop, Loops
+from anhyst.data.output_map import name_full_scale
 from anhyst.data.path import History, branches
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import rate_line
 from anhyst.data.start import Proposal, propose_histories
-from anhyst.data.verdict import Verdict, judge, largest_output, loop_width, single_valued
+from anhyst.data.symmetry import bias_line, recentre
+from anhyst.data.verdict import Verdict, Width, judge, largest_output, loop_width, single_valued
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, columns_of, dress, few, length_scale, shades
 from anhyst.support.units import Quantity
@@ -183,12 +184,14 @@ def inspect(loops: Loops) -> Inspection:
     """
     warnings = list(check_plausible(loops))
     residuals = {id(loop): residual for loop, residual in single_valued(loops)}
-    even = is_even(loops)
-    proposals = propose_histories(loops.loops, even=even)
+    centred, even = recentre(loops)
+    proposals = propose_histories(centred.loops, even=even)
+    widths = [loop_width(loop, even=even) for loop in centred.loops]
     figures = tuple(
-        _figures(loop, np.abs(residuals[id(loop)]), proposal, even=even)
-        for loop, proposal in zip(loops.loops, proposals, strict=True)
+        _figures(loop, np.abs(residuals[id(loop)]), proposal, width, even=even)
+        for loop, proposal, width in zip(loops.loops, proposals, widths, strict=True)
     )
+    bias = bias_line(loops)
     warnings += _warnings(loops, figures)
     return Inspection(
         loops.input,
@@ -196,7 +199,7 @@ def inspect(loops: Loops) -> Inspection:
         loops.schedule,
         loops.schedule_values,
         figures,
-        loops.notes,
+        (*loops.notes, bias) if bias else loops.notes,
         loops.repairs,
         tuple(warnings),
         judge(loops),
@@ -204,10 +207,11 @@ def inspect(loops: Loops) -> Inspection:
     )
 
 
-def _figures(loop: Loop, deviation: FloatArray, proposal: Proposal, *, even: bool) -> LoopFigures:
+def _figures(
+    loop: Loop, deviation: FloatArray, proposal: Proposal, width: Width, *, even: bool
+) -> LoopFigures:
     proposed, reason = proposal
     centre = None if even else estimates.offsets(loop)
-    width = loop_width(loop, even=even)
     steps = estimates.sampling(loop)
     return LoopFigures(
         label=loop.label,
@@ -296,8 +300,7 @@ def plot_inspection(inspection: Inspection, loopset: Loops) -> Figure:
     noise = 100.0 * inspection.verdict.noise_relative
     right.axhspan(-noise, noise, color="0.6", alpha=0.5, lw=0, label="noise (mean)")
     right.set_xlabel(loopset.input.label)
-    what = output_map(loopset.output).reference
-    right.set_ylabel(f"% of {what} {loopset.output.name.replace('_', ' ')}")
+    right.set_ylabel(f"% of {name_full_scale(loopset.output)}")
     right.set_title("residuals of the best single-valued curve", loc="left", fontsize="medium")
     right.legend(frameon=False, fontsize="small")
     dress(right)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import QUANTITIES, Quantity
+from anhyst.support.units import QUANTITIES, Quantity, in_small_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +34,6 @@ class OutputMap:
         """Whether the output is the same for a flux density and its negative."""
         return self.power % 2 == 0
 
-    @property
-    def reference(self) -> str:
-        """What deviations refer to, in a word."""
-        return "largest" if self.from_zero else "range"
-
     def shape(self, flux_density: FloatArray) -> FloatArray:
         """Return the flux density to the power of the output."""
         return flux_density * flux_density if self.power == 2 else flux_density**self.power
@@ -59,6 +57,27 @@ OUTPUT_MAPS = {
 def output_map(output: Quantity) -> OutputMap:
     """Return the map of an output; in proportion to the flux density if nothing else is known."""
     return OUTPUT_MAPS.get(output.name) or OutputMap(output.name)
+
+
+def full_scale(output: Quantity, records: Iterable[FloatArray]) -> float:
+    """Return the full scale of an output, to which every relative deviation refers.
+
+    It is the largest size in all records. A displacement or a strain has no natural zero: its full
+    scale is the largest range of a record.
+    """
+    from_zero = output_map(output).from_zero
+    sizes = (float(np.max(np.abs(each)) if from_zero else np.ptp(each)) for each in records)
+    return max(sizes, default=0.0)
+
+
+def name_full_scale(output: Quantity, size: float | None = None) -> str:
+    """Return the words for a full scale, with its size if given: ``the largest force (24 N)``."""
+    name = output.name.replace("_", " ")
+    words = f"the largest {name}" if output_map(output).from_zero else f"the range of the {name}"
+    if size is None:
+        return words
+    unit, scale = in_small_unit(output, size)
+    return f"{words} ({scale * size:.5g} {unit})"
 
 
 def answer_of(drive: Quantity, answer: Quantity) -> Quantity:

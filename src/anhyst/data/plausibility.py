@@ -7,9 +7,10 @@ import itertools
 import numpy as np
 
 from anhyst.data.estimates import noise
-from anhyst.data.loops import Loop, Loops, folded, is_even
+from anhyst.data.loops import Loop, Loops, folded
 from anhyst.data.output_map import output_map
 from anhyst.data.path import branches, correlation, is_bipolar, is_negative, separation
+from anhyst.data.symmetry import check_not_even, recentre
 from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 
@@ -47,6 +48,8 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     what the current adds.
     """
     warnings = _check_schedule(loopset) + _check_size(loopset)
+    check_not_even(loopset)
+    loopset, even_output = recentre(loopset)
     answer = output_map(loopset.output)
     gaps = {loop.schedule_value for loop in loopset.loops}  # None where it moves, or there is none
     largest = [
@@ -60,13 +63,15 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
         name = loopset.describe(loop)
         if answer.even and any(loop is record for record in largest):
             _check_force_sign(loopset, loop, name)
-            if loopset.input.name == "current":
+            # A biased force starts steep.
+            if loopset.input.name == "current" and (even_output or not is_bipolar(loop.input)):
                 warnings += _check_swap(loop, name)
         if answer.of_flux and not answer.even:
             _check_flux_sign(loopset, loop, name)
-        even = is_even(loopset) and is_bipolar(loop.input)
+        even = even_output and is_bipolar(loop.input)
         if not even or any(loop is record for record in largest):
-            warnings += _check_sense(loopset, loop, name)
+            warnings += _check_sense(loopset, loop, name, even=even_output)
+        _check_order(loopset, loop, name)
         if not loop.reverses:
             warnings.append(f"{name}: the input never reverses: nothing to learn about hysteresis")
     return tuple(warnings)
@@ -149,6 +154,33 @@ def _check_flux_sign(loopset: Loops, loop: Loop, name: str) -> None:
         )
 
 
+def _check_order(loopset: Loops, loop: Loop, name: str) -> None:
+    """Refuse a table that lists both branches of a loop in the same direction of the input."""
+    parts = branches(loop.input)
+    if loop.time is not None or len(parts) != 3 or parts[1].stop - parts[1].start > 2:
+        return
+    first, second = parts[0], parts[2]
+    ends = loop.input[[first.stop - 1, second.start]]
+    # A step of the drive is fast, and a record of one has a clock.
+    apart = separation(loop.input, loop.output, first, second)
+    least = max(_CERTAIN * noise(loop.output), _SAME * float(np.ptp(loop.output)))
+    if apart is None or float(np.max(np.abs(apart[1]))) < least:
+        return
+    # The falling branch of a loop that loses energy is the upper one.
+    wrong = second if float(np.mean(apart[1])) > 0.0 else first
+    top = float(np.max(np.abs(ends)))
+    is_closed = abs(loop.output[first.start] - loop.output[second.start]) < least
+    past = "" if is_closed else f" and use --history conditioned:{top:g},{-top:g},{ends.min():g}"
+    raise InputError(
+        f"{name}: the {loopset.input.name} jumps from {ends[0]:.4g} to {ends[1]:.4g} "
+        f"{loopset.input.unit} and then runs in the same direction again: the table lists both "
+        f"branches in one direction; reverse the order of samples {wrong.start + 1} to "
+        f"{wrong.stop}{past}, or add a time column if the drive did jump",
+        code="branches-in-one-direction",
+        key=name,
+    )
+
+
 def _check_swap(loop: Loop, name: str) -> list[str]:
     drive, answer = loop.input, loop.output
     if not is_bipolar(drive) and is_bipolar(answer):
@@ -195,11 +227,11 @@ def _initial_steepness(loop: Loop) -> float | None:
     return None if next_slope <= 0.02 * float(np.ptp(answer)) else first_slope / next_slope
 
 
-def _check_sense(loopset: Loops, loop: Loop, name: str) -> list[str]:
+def _check_sense(loopset: Loops, loop: Loop, name: str, *, even: bool) -> list[str]:
     """Warn of a settled cycle whose input runs ahead the wrong way: it would win energy."""
     if not output_map(loopset.output).of_flux or not loop.reverses:
         return []
-    size, answer = folded(loop, even=is_even(loopset))
+    size, answer = folded(loop, even=even)
     height = float(np.ptp(answer))
     total = weight = variance = 0.0
     for first, second in itertools.pairwise(branches(size)):

@@ -88,13 +88,17 @@ def _propose(loop: Loop, parts: list[_Rises], alike: bool, *, even: bool) -> Pro
         return _by_closure(loop, even=even)
     seen = _clearest(parts)
     if seen.verdict == "virgin":
-        share = f"{seen.apart / seen.height:.0%} of the loop's height" if seen.height > 0.0 else ""
-        return DEMAGNETISED, f"its first rise lies off the later ones by {share}: the virgin curve"
+        share = seen.apart / float(np.ptp(loop.output))
+        return (
+            DEMAGNETISED,
+            f"its first rise deviates from later rises by {share:.1%} of the output's range, as an "
+            "initial curve does",
+        )
     if seen.verdict == "settled":
-        return SETTLED, "its first rise is that of later cycles"
+        return SETTLED, "its first rise agrees with later rises"
     if alike:
-        return DEMAGNETISED, "its first rise and those beside it are, on average, the virgin curve"
-    return SETTLED, "its first rise differs from later ones by noise alone"
+        return DEMAGNETISED, "the first rises of all records are, on average, initial curves"
+    return SETTLED, "its first rise differs from later rises by noise only"
 
 
 def _by_closure(loop: Loop, *, even: bool) -> Proposal:

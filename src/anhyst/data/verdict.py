@@ -12,16 +12,21 @@ from typing import Literal
 import numpy as np
 
 from anhyst.data.estimates import noise
+from anhyst.data.lag import lag_line
 from anhyst.data.loops import Loop, Loops, folded, is_even
-from anhyst.data.output_map import output_map
+from anhyst.data.output_map import full_scale, name_full_scale
 from anhyst.data.path import Branch, branches, separation, smooth, turning_points
+from anhyst.data.resonance import resonance_line
+from anhyst.data.symmetry import recentre
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import in_small_unit
 
-Level = Literal["yes", "little", "no"]
+Level = Literal["yes", "little", "no", "unknown"]
 
 _MEAN_OF_NORMAL = 0.7979
 """Mean absolute value of a normal variable of unit standard deviation."""
+MIN_SAMPLES_PER_BRANCH = 200
+"""Samples of a branch that resolve its loop; noise faster than they are is averaged out of the gain."""
 _BINS = 4000
 _RUN_IN = 6
 """With more branches than this, the first is left out of the loop's width."""
@@ -72,7 +77,7 @@ class Verdict:
     of the input to its largest range.
     """
 
-    level: Level  # ``yes``, ``little`` or ``no``
+    level: Level  # ``unknown`` if dynamics make the loop
     width: float  # largest loop width (input) and height (output) of all loops
     width_relative: float
     height: float
@@ -84,7 +89,12 @@ class Verdict:
     single_worst_relative: float
     noise_mean: float  # mean deviation that the noise alone causes: no model gets below
     noise_relative: float
-    gain: float  # share of the mean deviation that a perfect hysteresis model takes away at most
+    # share of the mean deviation that a perfect hysteresis model takes away at most, in the band of
+    # the loops: averages of samples that still resolve a branch
+    gain: float
+    averaged: int  # largest number of samples in such an average
+    band_noise_relative: float  # mean deviation that the noise alone causes in these averages
+    dynamics: str  # why the loops are not hysteresis but dynamics; empty if nothing says so
     sentences: tuple[str, ...]  # the same in words
 
     @property
@@ -116,12 +126,13 @@ def monotone_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 def single_valued(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
-    """Deviation of each loop's output from the best monotone curve of its scheduling value."""
-    even = is_even(loopset)
-    groups: dict[float | None, list[Loop]] = {}
-    for loop in loopset.loops:
-        groups.setdefault(loop.schedule_value, []).append(loop)
-    return [pair for loops in groups.values() for pair in _residuals(loops, even=even)]
+    """Return each loop, and the deviation of its output from the best monotone curve of its gap."""
+    centred, even = recentre(loopset)
+    groups: dict[float | None, list[tuple[Loop, FloatArray, FloatArray]]] = {}
+    for loop, moved in zip(loopset.loops, centred.loops, strict=True):
+        curve = (loop, *folded(moved, even=even))
+        groups.setdefault(loop.schedule_value, []).append(curve)
+    return [pair for curves in groups.values() for pair in _residuals(curves)]
 
 
 def loop_width(loop: Loop, *, even: bool) -> Width:
@@ -160,34 +171,36 @@ def separation_sideways(
 
 
 def largest_output(loopset: Loops) -> float:
-    """Return what deviations of the output are related to: its largest size in all loops.
-
-    A displacement has no natural zero: there it is the largest range.
-    """
-    if not output_map(loopset.output).from_zero:
-        return max(float(np.ptp(loop.output)) for loop in loopset.loops) or 1.0
-    return max(float(np.max(np.abs(loop.output))) for loop in loopset.loops) or 1.0
+    """Return the full scale of the output of all loops, as `full_scale`; 1 if it is zero."""
+    return full_scale(loopset.output, (loop.output for loop in loopset.loops)) or 1.0
 
 
 def judge(loopset: Loops) -> Verdict:
     """Weigh loop width, the best single-valued curve and the noise against each other."""
-    even = is_even(loopset)
-    widths = [loop_width(loop, even=even) for loop in loopset.loops]
+    centred, even = recentre(loopset)
+    widths = [loop_width(loop, even=even) for loop in centred.loops]
     residuals = [residual for _, residual in single_valued(loopset)]
     pooled = np.abs(np.concatenate(residuals))
     mean, worst = float(pooled.mean()), float(pooled.max())
+    band = [_in_band(*pair) for pair in zip(loopset.loops, residuals, strict=True)]
+    band_mean, band_noise = np.average(
+        [each[:2] for each in band], axis=0, weights=[loop.n for loop in loopset.loops]
+    ).tolist()
+    dynamics = resonance_line(loopset) or lag_line(loopset)
     counts = np.array([loop.n for loop in loopset.loops], dtype=np.float64)
     sigmas = np.array([noise(loop.output) for loop in loopset.loops])
     floor = _MEAN_OF_NORMAL * float(np.average(sigmas, weights=counts))
     largest = largest_output(loopset)
     span = max(float(np.ptp(loop.input)) for loop in loopset.loops)
-    gain = max(0.0, 1.0 - floor / mean) if mean > 0.0 else 0.0
+    gain = max(0.0, 1.0 - band_noise / band_mean) if band_mean > 0.0 else 0.0
     width = max(measured.width for measured in widths)
     height = max(measured.height for measured in widths)
     level: Level = "yes"
-    if mean < 5e-4 * largest or gain < 0.3:
+    if dynamics:
+        level = "unknown"
+    elif band_mean < 5e-4 * largest or gain < 0.3:
         level = "no"
-    elif mean < 2e-3 * largest or gain < 0.6:
+    elif band_mean < 2e-3 * largest or gain < 0.6:
         level = "little"
     figures = Verdict(
         level=level,
@@ -202,45 +215,69 @@ def judge(loopset: Loops) -> Verdict:
         noise_mean=floor,
         noise_relative=floor / largest,
         gain=gain,
+        averaged=max(each[2] for each in band),
+        band_noise_relative=band_noise / largest,
+        dynamics=dynamics,
         sentences=(),
     )
     return _worded(loopset, figures)
 
 
+def _in_band(loop: Loop, residual: FloatArray) -> tuple[float, float, int]:
+    """Return the mean residual and that of noise alone in averages that resolve a branch, their size."""
+    size = max(int(loop.n / (MIN_SAMPLES_PER_BRANCH * len(branches(loop.input))) + 0.5), 1)
+    starts = np.arange(0, loop.n - size + 1, size)
+    over, output = (np.add.reduceat(each, starts) / size for each in (residual, loop.output))
+    # The last average may have more samples.
+    inside = slice(0, -1) if size > 1 else slice(None)
+    return float(np.mean(np.abs(over[inside]))), _MEAN_OF_NORMAL * noise(output[inside]), size
+
+
 def _worded(loopset: Loops, figures: Verdict) -> Verdict:
     drive, answer = loopset.input, loopset.output
-    what = answer.name.replace("_", " ")
-    kind = output_map(answer).reference
-    reference = f"range of the {what}" if kind == "range" else f"largest {what}"
+    reference = name_full_scale(answer, largest_output(loopset))
     unit, scale = in_small_unit(answer, largest_output(loopset))
     conclusion = {
         "yes": "A hysteresis model is worth it",
         "little": "A hysteresis model gains little",
         "no": "A hysteresis model is not worth it",
+        "unknown": "A hysteresis model cannot be judged from these loops",
     }[figures.level]
+    noise_alone = f"The noise alone makes {figures.noise_relative:.3%}"
+    band = ""
+    if figures.averaged > 1:
+        band = f" in averages of {figures.averaged} samples"
+        noise_alone += f" of a sample and {figures.band_noise_relative:.3%}{band}"
+    verdict = (
+        f"{conclusion}: {figures.dynamics}."
+        if figures.dynamics
+        else f"{conclusion}: it can take away at most {figures.gain:.0%} of the mean error of the "
+        f"best single-valued curve{band}."
+    )
+    needs_more = figures.level in {"little", "no"}
     sentences = (
         f"The widest loop is {figures.width:.4g} {drive.unit} wide ({figures.width_relative:.1%} "
         f"of the {drive.name.replace('_', ' ')}'s range) and {scale * figures.height:.4g} {unit} "
-        f"high ({figures.height_relative:.1%} of the {reference}).",
+        f"high ({figures.height_relative:.1%} of {reference}).",
         f"The best single-valued curve misses by {figures.single_mean_relative:.2%} on average and "
         f"{figures.single_worst_relative:.2%} at worst.",
-        f"The noise alone makes {figures.noise_relative:.3%}, which no model gets below.",
-        f"{conclusion}: it can take away at most {figures.gain:.0%} of the mean error of the best "
-        "single-valued curve.",
+        f"{noise_alone}, which no model gets below.",
+        verdict,
         *(
-            ()
-            if figures.worthwhile
-            else (f"{WHERE_IT_PAYS['loops'][0].upper()}{WHERE_IT_PAYS['loops'][1:]}.",)
+            (f"{WHERE_IT_PAYS['loops'][0].upper()}{WHERE_IT_PAYS['loops'][1:]}.",)
+            if needs_more
+            else ()
         ),
     )
     values = {name: getattr(figures, name) for name in Verdict.__slots__}
     return Verdict(**{**values, "sentences": sentences})
 
 
-def _residuals(loops: list[Loop], *, even: bool) -> list[tuple[Loop, FloatArray]]:
-    pairs = [folded(loop, even=even) for loop in loops]
-    size = np.concatenate([pair[0] for pair in pairs])
-    answer = np.concatenate([pair[1] for pair in pairs])
+def _residuals(
+    curves: list[tuple[Loop, FloatArray, FloatArray]],
+) -> list[tuple[Loop, FloatArray]]:
+    size = np.concatenate([along for _, along, _ in curves])
+    answer = np.concatenate([own for _, _, own in curves])
     order = np.argsort(size, kind="stable")
     starts = np.linspace(0, size.size, min(size.size, _BINS) + 1).astype(np.intp)[:-1]
     counts = np.diff(np.concatenate((starts, [size.size]))).astype(np.float64)
@@ -252,10 +289,7 @@ def _residuals(loops: list[Loop], *, even: bool) -> list[tuple[Loop, FloatArray]
     y = y / counts
     rising = float(np.dot(x - x.mean(), y - y.mean())) >= 0.0
     curve = monotone_fit(y, counts) if rising else -monotone_fit(-y, counts)
-    return [
-        (loop, own - np.interp(along, x, curve))
-        for loop, (along, own) in zip(loops, pairs, strict=True)
-    ]
+    return [(loop, own - np.interp(along, x, curve)) for loop, along, own in curves]
 
 
 _REACH = 0.5

@@ -172,7 +172,8 @@ def _missed_blocks(
         if loop not in off:
             off[loop] = _off(model, [loops[loop]])[0] / span
         part = off[loop][blocks_along(loops[loop].input, blocks) == number]
-        missed[index] = Miss(float(np.mean(np.abs(part))), (float(part @ part) / part.size,))
+        samples = max(part.size, 1)  # a block of a jump has none
+        missed[index] = Miss(float(np.sum(np.abs(part))) / samples, (float(part @ part) / samples,))
     return missed
 
 

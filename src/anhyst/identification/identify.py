@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Protocol
 
 from anhyst.data import Loops
+from anhyst.data.lag import lag_line
 from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.path import SETTLED
 from anhyst.data.plausibility import check_plausible
+from anhyst.data.resonance import resonance_line
 from anhyst.data.speeds import Speeds, speeds_of, with_spread_times
 from anhyst.identification.any_law import fit_any
 from anhyst.identification.bare import form_of, model_of, valid_range
@@ -32,7 +34,7 @@ from anhyst.identification.uncertainty import FARTHEST, assess, first_rise, is_g
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
 from anhyst.model.actuator import obstacle
-from anhyst.model.left_over import left_of, left_over_text
+from anhyst.model.left_over import explain_rejection, left_of, left_over_text
 from anhyst.model.parameters import GAP_MAPS
 from anhyst.model.schema import (
     Provenance,
@@ -143,7 +145,8 @@ def identify(
     able = rate and search == "default" and not _creeps(loops, law, search)
     loops = with_spread_times(loops) if able else loops
     outcome = _at_all_speeds(loops, static, speeds_of(loops) if able else None)
-    warnings = [*odd, *_warnings(loops, outcome)]
+    lag = lag_line(loops)
+    warnings = [*odd, *([lag] if lag else []), *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
@@ -171,7 +174,7 @@ def identify(
     )
     left = left_of(loops, fitted)
     line = left_over_text(left, loops, model)
-    figures = replace(figures, not_noise=left.beyond, left_over=line)
+    figures = replace(figures, not_noise=left.unexplained, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := obstacle(model.at_rest)) is not None else []
     spent["all else"] = time.process_time() - worked - sum(spent.values())
@@ -187,6 +190,7 @@ def identify(
         stages=spent,
         evaluations=outcome.evaluations,
         interrupted=outcome.interrupted,
+        rejection=resonance_line(loops) or explain_rejection(left, loops),
     )
 
 

@@ -249,6 +249,8 @@ class IdentifyResult(Result):
         Processor time of each kind of stage, s.
     evaluations : int
         Runs of all loops through the law.
+    rejection : str
+        Why the model must not be used; empty if it fits.
     interrupted : bool
         The search was stopped before its end; the model is the best so far.
     """
@@ -264,6 +266,7 @@ class IdentifyResult(Result):
     stages: Mapping[str, float] = field(default_factory=dict)
     evaluations: int = 0
     interrupted: bool = False
+    rejection: str = ""
 
     def facts(self) -> dict[str, str]:
         """Return what was found, how well it fits, and what to know before trusting it."""
@@ -271,6 +274,7 @@ class IdentifyResult(Result):
             **self.model.facts(),
             "found in": f"{self.seconds:.1f} s",
             "processor time": ", ".join(f"{kind} {s:.1f} s" for kind, s in self.stages.items()),
+            **({"rejected": self.rejection} if self.rejection else {}),
             **{f"warning {number}": text for number, text in enumerate(self.warnings, 1)},
         }
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from anhyst.data.output_map import full_scale
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.model.predict import slow_times
@@ -210,7 +211,7 @@ def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> Lo
     apart = np.abs(output - other)
     return LoopDifference(
         schedule=gap,
-        largest_output=float(np.abs(output).max()),
+        largest_output=full_scale(first.output, (output,)),
         mean=float(apart.mean()),
         worst=float(apart.max()),
         at_drive=float(cycle[int(np.argmax(apart))]),

@@ -10,19 +10,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from anhyst.data import Loops
 from anhyst.data.estimates import noise
-from anhyst.data.verdict import largest_output
+from anhyst.data.output_map import name_full_scale
+from anhyst.data.verdict import largest_output, single_valued
 from anhyst.model.actuator import Model
 from anhyst.model.residual_shapes import Coloured, Residual, Shape, basis, coloured, shapes_of
 from anhyst.support.numeric import FloatArray
 
 EXACT = 1e-4
 """Deviation, in parts of the largest output, that no sensor sees."""
+
+MAX_WORST_IN_RMS = 8.0
+"""Largest deviation in units of the rms that noise may reach. Normal noise of 1e6 samples reaches 5."""
+MIN_OUTLIER = 0.01
+"""Smallest deviation that is reported as an outlier, in parts of the full scale."""
+_JUMP = 0.1
+"""Step of the input between two samples, in parts of its range, that is called a jump."""
+
+MAX_UNEXPLAINED = 0.05
+"""Largest rms deviation beyond the noise, in parts of the full scale, with which a model is usable."""
+_CERTAIN_NOISE = 2.0
+"""Largest rms in units of the noise of the record that is noise, if the model would be unusable."""
 
 _PARTS = 3
 """Steps of a converter in the smallest difference of two outputs, at most."""
@@ -39,6 +52,16 @@ _AS_MUCH = 0.97
 
 
 @dataclass(frozen=True, slots=True)
+class Outlier:
+    """The largest deviation of a fit, which is too large for noise of its rms."""
+
+    size: float  # in parts of the full scale
+    record: int  # index of the record
+    sample: int  # index of the sample in the record
+    is_at_jump: bool  # whether the input jumps there
+
+
+@dataclass(frozen=True, slots=True)
 class LeftOver:
     """The residual of a fit, and its causes."""
 
@@ -49,22 +72,59 @@ class LeftOver:
     # it has none of those known
     shapes: tuple[tuple[Shape, float], ...] = ()
     first: int = 0  # samples at the beginning of a record in which a wrong start shows
+    # largest deviation, if the rms does not explain it; what else is said is without such samples
+    outlier: Outlier | None = None
 
     @property
     def done(self) -> bool:
-        """Whether nothing but noise is left."""
-        return self.beyond == 0.0
+        """Whether the residual is noise at every sample."""
+        return self.beyond == 0.0 and self.outlier is None
+
+    @property
+    def unexplained(self) -> float:
+        """Return the rms of all samples beyond the noise, in parts of the full scale."""
+        return math.sqrt(max(self.rms**2 - self.noise**2, 0.0))
 
 
 def left_over(records: Sequence[Residual], span: float) -> LeftOver:
-    """Judge what a fit leaves."""
+    """Assess the residual of a fit."""
     off = np.concatenate([record.off for record in records])
     rms = float(np.sqrt(np.mean(off**2))) / span
-    if rms < EXACT or _is_rounding(records) or _is_white([record.off for record in records]):
+    if rms < EXACT or _is_rounding(records):
+        return LeftOver(rms, rms)
+    outlier = _find_outlier(records, rms, span)
+    if outlier is not None:
+        limit = MAX_WORST_IN_RMS * rms * span
+        calm = [
+            replace(each, off=np.where(np.abs(each.off) < limit, each.off, 0.0)) for each in records
+        ]
+        return replace(left_over(calm, span), rms=rms, outlier=outlier)
+    # White is not enough: a resonance that a random input excites leaves a white residual, too.
+    noisy = _noise_of(records)
+    most_noise = noisy * (_FINE if rms <= MAX_UNEXPLAINED else _CERTAIN_NOISE)
+    if rms * span <= most_noise and _is_white([record.off for record in records]):
         return LeftOver(rms, rms)
     most = min(_MOST, max(_FEWEST, _ALL // len(records)))
     seen = [record.every(math.ceil(record.off.size / most)) for record in records]
-    return _attributed(seen, rms, span)
+    return _attributed(seen, rms, span, (noisy, most_noise))
+
+
+def _noise_of(records: Sequence[Residual]) -> float:
+    """Return the noise of the sensors, from measured outputs and residuals."""
+    return float(np.mean([min(noise(record.measured), noise(record.off)) for record in records]))
+
+
+def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outlier | None:
+    """Return the largest deviation; None if noise of this rms may reach it."""
+    worst = [int(np.argmax(np.abs(record.off))) for record in records]
+    sizes = [abs(float(each.off[at])) for each, at in zip(records, worst, strict=True)]
+    index = int(np.argmax(sizes))
+    size, drive, sample = sizes[index] / span, records[index].drive, worst[index]
+    if size < max(MAX_WORST_IN_RMS * rms, MIN_OUTLIER):
+        return None
+    steps = np.abs(np.diff(drive[max(sample - _LAGS, 0) : sample + _LAGS]))
+    is_at_jump = float(steps.max(initial=0.0)) > _JUMP * float(np.ptp(drive))
+    return Outlier(size, index, sample, is_at_jump)
 
 
 def _is_rounding(records: Sequence[Residual]) -> bool:
@@ -120,15 +180,17 @@ class _Way:
         return float(along @ along) - self.chance
 
 
-def _attributed(records: Sequence[Residual], rms: float, span: float) -> LeftOver:
-    """Say which shapes it has, if it has any for certain."""
+def _attributed(
+    records: Sequence[Residual], rms: float, span: float, noises: tuple[float, float]
+) -> LeftOver:
+    """Find the shapes that the residual certainly has, beyond the likely and the largest noise."""
+    noisy, most_noise = noises
     off = np.concatenate([record.off for record in records])
     bases = [(name, basis(way)) for name, each in shapes_of(records).items() for way in each]
     whole = basis(np.hstack([way for _, way in bases]))
     sizes = [record.off.size for record in records]
-    noisy = float(np.mean([min(noise(record.measured), noise(record.off)) for record in records]))
     around = coloured(off, whole, sizes)
-    if rms * span > max(_FINE * noisy, EXACT * span):  # no filtered noise: curves, however fine
+    if rms * span > max(most_noise, EXACT * span):  # no filtered noise: curves, however fine
         white = max(noisy, EXACT * span) ** 2
         around = Coloured(tuple(sizes), white, 0.0, float(max(off.size - whole.shape[1], 2)))
     ways = [_Way(name, way, around.chance(way)) for name, way in bases]
@@ -145,7 +207,7 @@ def _attributed(records: Sequence[Residual], rms: float, span: float) -> LeftOve
         rest = rest - part
         ways = [other for other in ways if other.shape != way.shape]
     spread = float(np.sqrt(np.mean(rest**2)))
-    if spread <= max(_FINE * noisy, EXACT * span):
+    if spread <= max(most_noise, EXACT * span):
         noisy = spread
     noisy = min(noisy / span, rms)
     beyond = math.sqrt(rms**2 - noisy**2)
@@ -193,18 +255,42 @@ def left_of(loopset: Loops, fitted: Sequence[FloatArray]) -> LeftOver:
     return left_over(records, largest_output(loopset))
 
 
-def left_over_text(left: LeftOver, loopset: Loops, model: Model) -> str:
-    """Say what is left and what to do about it."""
-    if left.done:
-        return (
-            f"what is left ({100.0 * left.rms:.2g} % of the largest output) is noise, or too little "
-            "for a sensor to see: the fit is done"
-        )
+def explain_rejection(left: LeftOver, loopset: Loops) -> str:
+    """Return why a model must not be used; empty if its deviation is small, or is noise."""
+    if left.unexplained <= MAX_UNEXPLAINED:
+        return ""
     text = (
-        f"{100.0 * left.beyond:.2g} % of the largest output is left that is not noise "
-        f"({100.0 * left.noise:.2g} %): "
+        f"the model deviates from the loops by {100.0 * left.rms:.2g} % of "
+        f"{name_full_scale(loopset.output)} rms, of which noise explains "
+        f"{100.0 * left.noise:.2g} %: do not use it"
     )
-    if not left.shapes:
+    residuals = np.concatenate([residual for _, residual in single_valued(loopset)])
+    single = float(np.sqrt(np.mean(residuals**2))) / largest_output(loopset)
+    if single < 0.5 * left.rms:
+        return f"{text}; a single-valued curve deviates by {100.0 * single:.2g} % only"
+    return (
+        f"{text}; no law here follows these loops, or the output depends on more than the "
+        f"{loopset.input.name} and its history: plot the record (anhyst inspect --plot), and measure "
+        "more slowly or over a smaller range"
+    )
+
+
+def left_over_text(left: LeftOver, loopset: Loops, model: Model) -> str:
+    """Return one line: how much of the residual is noise, its shape, the remedy, and outliers."""
+    text = _residual_text(left, loopset, model)
+    return text if left.outlier is None else f"{text}; {_outlier_text(left.outlier, loopset)}"
+
+
+def _residual_text(left: LeftOver, loopset: Loops, model: Model) -> str:
+    full = name_full_scale(loopset.output)
+    if left.beyond == 0.0:
+        done = ": the fit is done" if left.done else ""
+        return f"the residual ({100.0 * left.noise:.2g} % of {full} rms) is noise, or too small to see{done}"
+    text = (
+        f"a residual of {100.0 * left.beyond:.2g} % of {full} rms is not noise "
+        f"(noise: {100.0 * left.noise:.2g} %): "
+    )
+    if not left.shapes or left.shapes[0][1] < _ALSO:
         return text + (
             "smooth along the record, but of no shape that repeats: details finer than the law has, "
             "or a sensor that lags; inspect the record"
@@ -216,6 +302,21 @@ def left_over_text(left: LeftOver, loopset: Loops, model: Model) -> str:
         second, share = left.shapes[1]
         text += f" ({100.0 * share:.0f} %: {_SHORT[second].format(at=_at(loopset))})"
     return f"{text}: {_advice(main, loopset, model)}"
+
+
+def _outlier_text(outlier: Outlier, loopset: Loops) -> str:
+    """Name the place of the largest deviation, and its likely cause."""
+    loop = loopset.loops[outlier.record]
+    time = "" if loop.time is None else f" ({loop.time[outlier.sample]:.4g} s)"
+    cause = (
+        "the input jumps there and the output follows late"
+        if outlier.is_at_jump
+        else "a spike or a disturbance; look there"
+    )
+    return (
+        f"the worst deviation, {100.0 * outlier.size:.3g} %, is at sample {outlier.sample + 1}{time} "
+        f"of {loopset.describe(loop)}: {cause}"
+    )
 
 
 def _at(loopset: Loops) -> str:

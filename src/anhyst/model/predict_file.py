@@ -14,7 +14,7 @@ from anhyst.data.formats.channels import Texts
 from anhyst.data.formats.text import write_csv
 from anhyst.data.joining import IN_ONE_RUN, one_after_another
 from anhyst.data.loops import Loop
-from anhyst.data.output_map import OUTPUT_MAPS
+from anhyst.data.output_map import OUTPUT_MAPS, full_scale, name_full_scale
 from anhyst.data.path import SETTLED, History
 from anhyst.data.table import DataTable, read_columns
 from anhyst.model.actuator import Model, read_model
@@ -33,12 +33,13 @@ Direction = Literal["predict", "invert"]
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """How far the computed quantity is from one that the file held already, in its own unit."""
+    """Deviation of the computed quantity from the one measured in the file, SI."""
 
     mean_abs: float
     rms: float
     worst: float
-    largest: float
+    largest: float  # full scale, to which relative deviations refer, as in the fit of a model
+    of: str  # the same in words: ``the largest force (24 N)``
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,20 +190,20 @@ def _run(
         column=_write(table, out, answer, answers, valid),
         unit=answer.unit,
         rows=len(table),
-        runs=runs,
+        runs=len(runs),
         history=past,
         low=float(answers.min()),
         high=float(answers.max()),
         outside=int((~valid).sum()),
-        deviation=_deviation(table, answer, answers),
+        deviation=_deviation(table, answer, answers, runs),
         warnings=warnings,
     )
 
 
 def _compute(
     model: Model, direction: Direction, table: DataTable, history: str
-) -> tuple[FloatArray, NDArray[np.bool_], int, tuple[str, ...]]:
-    """Compute all runs of a table: what was wanted, where it is valid, how many, what to say."""
+) -> tuple[FloatArray, NDArray[np.bool_], list[Rows], tuple[str, ...]]:
+    """Compute all runs of a table: the answers, where they are valid, the runs, the warnings."""
     forward = direction == "predict"
     quantity = model.input if forward else model.output
     values = table.need(_named(table, quantity), quantity.column)
@@ -246,7 +247,7 @@ def _compute(
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
     lines += [IN_ONE_RUN] if any(past != pasts[0] for past in pasts) else []
-    return answers, valid, count, (*flags, *lines)
+    return answers, valid, runs, (*flags, *lines)
 
 
 def _pasts(
@@ -351,14 +352,18 @@ def _write(
     return name
 
 
-def _deviation(table: DataTable, quantity: Quantity, predicted: FloatArray) -> Deviation | None:
+def _deviation(
+    table: DataTable, quantity: Quantity, predicted: FloatArray, runs: list[Rows]
+) -> Deviation | None:
     measured = _measured(table, _named(table, quantity))
     if measured is None:
         return None
     apart = np.abs(predicted - measured)
+    largest = full_scale(quantity, (measured[rows] for rows in runs))
     return Deviation(
         mean_abs=float(apart.mean()),
         rms=float(np.sqrt(np.square(apart).mean())),
         worst=float(apart.max()),
-        largest=float(np.abs(measured).max()),
+        largest=largest,
+        of=name_full_scale(quantity, largest),
     )

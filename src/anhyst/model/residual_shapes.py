@@ -17,7 +17,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.special import fdtrc
 
 from anhyst.data.path import branches
-from anhyst.support.numeric import FloatArray
+from anhyst.support.numeric import FloatArray, decaying_sum
 
 Shape = Literal["input", "direction", "gap", "amplitude", "start", "drift"]
 
@@ -240,22 +240,10 @@ def _smoothed(columns: FloatArray, with_last: float, sizes: tuple[int, ...]) -> 
         return columns
     return np.concatenate(
         [
-            _decaying(part, with_last) + _decaying(part[::-1], with_last)[::-1] - part
+            decaying_sum(part, with_last) + decaying_sum(part[::-1], with_last)[::-1] - part
             for part in _parts(columns, sizes)
         ]
     )
-
-
-def _decaying(part: FloatArray, share: float) -> FloatArray:
-    """Each sample with that share of the sum before it: twice as many of them at every step.
-
-    As SciPy's lfilter, whose import takes longer than most commands.
-    """
-    decayed, reach, weight = part.copy(), 1, share
-    while reach < len(part) and weight > 1e-18:
-        decayed[reach:] += weight * decayed[:-reach]
-        reach, weight = 2 * reach, weight * weight
-    return decayed
 
 
 def _neighbours(columns: FloatArray, sizes: tuple[int, ...]) -> FloatArray:

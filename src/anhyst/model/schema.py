@@ -17,7 +17,7 @@ from pydantic import AfterValidator, Field, FiniteFloat, PlainValidator, Strict,
 from pydantic_core import PydanticCustomError
 
 from anhyst.data.loops import Loops, Source
-from anhyst.data.output_map import output_map
+from anhyst.data.output_map import full_scale, output_map
 from anhyst.data.verdict import largest_output
 from anhyst.laws import LAWS
 from anhyst.laws.law import Law
@@ -83,7 +83,7 @@ class LoopFit(FileRecord):
     # scheduling variable of the loop, SI; files of a model without one have none
     schedule: Annotated[FiniteNumber | None, Field(default=None)]
     samples: Whole  # number of samples compared
-    largest_output: Output  # largest absolute output of this loop, SI
+    largest_output: Output  # full scale of this loop alone, SI
     mean_abs: Output  # mean absolute (eq. 16), root mean square and largest absolute deviation, SI
     rms: Output
     worst: Output
@@ -173,7 +173,7 @@ def fit_figures(
                 label=loop.label,
                 schedule=loop.schedule_value,
                 samples=loop.n,
-                largest_output=float(np.max(np.abs(loop.output))),
+                largest_output=full_scale(loopset.output, (loop.output,)),
                 mean_abs=float(off.mean()),
                 rms=rms(off),
                 worst=float(off.max()),

@@ -18,6 +18,7 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data.formats import FORMATS
 from anhyst.data.reading import files_read, read_loops
+from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
 from anhyst.identification.run import IdentifyResult, whole_search
 from anhyst.model.actuator import Model, read_model
@@ -212,8 +213,7 @@ def share(task: SharedTask) -> float:
         errors = np.concatenate([model.on(loop) - loop.output for loop in loops.loops])
     except (InputError, NegativeResult):
         return float("nan")
-    largest = max(float(np.abs(loop.output).max()) for loop in loops.loops)
-    return rms(errors) / largest
+    return rms(errors) / largest_output(loops)
 
 
 PILOTS = 3

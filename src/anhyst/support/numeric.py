@@ -127,3 +127,15 @@ def as_smoothing(name: str, share: float) -> tuple[int, int]:
             key=name,
         )
     return mantissa, shift
+
+
+def decaying_sum(values: FloatArray, share: float) -> FloatArray:
+    """Return each sample plus that share of the sum before it, as a recursive filter does.
+
+    The reach doubles at every step. SciPy's lfilter takes longer to import than most commands run.
+    """
+    summed, reach, weight = values.copy(), 1, share
+    while reach < len(values) and weight > 1e-18:
+        summed[reach:] += weight * summed[:-reach]
+        reach, weight = 2 * reach, weight * weight
+    return summed

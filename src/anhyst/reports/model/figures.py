@@ -21,6 +21,7 @@ from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.path import branches, smooth_curve
 from anhyst.data.speeds import Speeds, rate_of
+from anhyst.data.verdict import largest_output
 from anhyst.model.schema import ReductionStep, Uncertainty
 from anhyst.reports.model.figures_over_schedule import figure_between, figure_parameters
 from anhyst.support.figures import (
@@ -156,7 +157,7 @@ def figure_differences(
                 ax.plot(x, up.factor * (output - without), color=MODEL, lw=0.9)
         ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, what="less the curve")
-        _percent_axis(ax, axes, up.factor * _largest_output(loopset))
+        _percent_axis(ax, axes, up.factor * largest_output(loopset))
     _measured_and_model(figure)
     return figure
 
@@ -229,7 +230,7 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
         _residuals(ax, loopset, left_over, group, across, up)
         ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, what="model \N{MINUS SIGN} measured")
-        _percent_axis(ax, axes, up.factor * _largest_output(loopset))
+        _percent_axis(ax, axes, up.factor * largest_output(loopset))
     dots: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 5.0, "mew": 0.0}
     rising = f"{name_of(loopset.input)} rising"
     handles = [
@@ -242,13 +243,13 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
 
 
 def _percent_axis(ax: Axes, axes: Sequence[Axes], whole: float) -> None:
-    """Add an axis in percent of the largest output where nothing is on the right."""
+    """Add an axis in percent of the full scale where nothing is on the right."""
     last = (axes.index(ax) + 1) % columns_of(len(axes)) == 0 or ax is axes[-1]
     if whole <= 0.0 or not last:
         return
     functions = (lambda y: 100.0 * y / whole, lambda y: 0.01 * y * whole)
     axis = ax.secondary_yaxis("right", functions=functions)
-    axis.set_ylabel("% of the largest")
+    axis.set_ylabel("% of full scale")
     axis.spines["right"].set_visible(True)
 
 
@@ -411,10 +412,6 @@ def _scales(loopset: Loops, places: Sequence[int]) -> tuple[Scale, Scale]:
         scale_for(loopset.input, [_largest(loop.input) for loop in loops]),
         scale_for(loopset.output, [_largest(loop.output) for loop in loops]),
     )
-
-
-def _largest_output(loopset: Loops) -> float:
-    return max(_largest(loop.output) for loop in loopset.loops)
 
 
 def _largest(values: FloatArray) -> float:

@@ -119,7 +119,10 @@ def verdict(subject: ModelSubject) -> tuple[Note, ...]:
         )
         return (Note("bad", "Worse than no hysteresis model", text),)
     gain = 1.0 - mine / baseline
-    taken = f"it takes {percent(gain)} of that error away (the noise allows {percent(judged.gain)})"
+    allowed = max(1.0 - judged.noise_mean / baseline, 0.0)
+    taken = f"it takes {percent(gain)} of that error away (the noise allows {percent(allowed)})"
+    if judged.dynamics:
+        return (Note("bad", "Cannot be judged", f"{both}: {taken}; but {judged.dynamics}."),)
     if judged.level == "yes":
         return (Note("good", "Worth it", f"{both}: {taken}."),)
     title = "Gains little" if judged.level == "little" else "Hardly worth it"
@@ -140,7 +143,7 @@ def _tiles(subject: ModelSubject) -> tuple[Tile, ...]:
         ("rms deviation", fit.rms),
         ("worst point", fit.worst),
     )
-    of = f"of the largest {subject.answer}"
+    of = f"of {subject.full_scale}"
     tiles = [Tile(scale.show(v), name, f"{percent(share(subject, v))} {of}") for name, v in named]
     if subject.evidence is not None and subject.evidence.verdict.single_mean > 0.0:
         part = fit.mean_abs / subject.evidence.verdict.single_mean
@@ -178,7 +181,7 @@ def _comparison(subject: ModelSubject) -> PageTable | None:
     head = ["", "mean", "rms", "worst"]
     curve = f"one monotone curve for each {subject.over}" if subject.over else "one monotone curve"
     caption = (
-        f"Percentages of the largest {subject.answer}, {largest}. The best single-valued curve "
+        f"Percentages of {subject.full_scale}, {largest}. The best single-valued curve "
         f"({curve}, fitted to the same loops) is what a look-up table without memory can reach."
     )
     return table("Deviation from the measurement", head, cells, caption)

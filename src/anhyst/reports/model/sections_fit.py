@@ -112,7 +112,7 @@ def section_rate(subject: ModelSubject) -> Section | None:
             "grey points, the modelled loops as blue lines.",
             "Measured samples (points) and model (line) at each speed, the slow loops first.",
         ),
-        table("Speed by speed", head, rows, f"Of the largest {subject.answer} of all loops."),
+        table("Speed by speed", head, rows, f"Of {subject.full_scale} of all loops."),
     ]
     return Section("rate", "Rate: what the speed of the loops does", tuple(blocks))
 
@@ -278,7 +278,7 @@ def _by_group(subject: ModelSubject, evidence: Evidence) -> list[Block]:
     head = [subject.over, "samples", scale.head("mean"), "of largest", scale.head("rms"),
             scale.head("worst"), scale.head("bias rising"), scale.head("bias falling")]  # fmt: skip
     caption = (
-        f"“Of largest”: of the largest {subject.answer} of all loops. Bias: mean of model minus "
+        f"“Of largest”: of {subject.full_scale} of all loops. Bias: mean of model minus "
         "measurement; where its sign differs between rising and falling branches, the modelled "
         "loop is too wide or too narrow."
     )
@@ -317,7 +317,7 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
     if baseline:
         head.append(scale.head("single-valued"))
     caption = (
-        f"“Of largest”: mean in parts of the largest {subject.answer} of all loops; “of own”: of "
+        f"“Of largest”: mean in parts of {subject.full_scale} of all loops; “of own”: of "
         "the largest of that loop."
     )
     if baseline:

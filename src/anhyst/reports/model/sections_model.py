@@ -219,7 +219,7 @@ def section_gap_map(subject: ModelSubject) -> Section | None:
         ]
         caption = (
             f"Mean deviation on a {subject.over} that was left out of the fit and predicted from "
-            f"the others, in parts of the largest {subject.answer}; mean over all inner ones."
+            f"the others, in parts of {subject.full_scale}; mean over all inner ones."
         )
         head = ["map", "", "mean deviation"]
         blocks.append(table("Cross-validation error of each map", head, rows, caption, texts=2))
@@ -251,7 +251,7 @@ def section_laws(subject: ModelSubject) -> Section | None:
     caption = (
         "Numbers that were fitted; root mean square deviation from all loops; mean deviation on gaps "
         "or loops that were left out of the fit, in turn. The simpler law is chosen where the other "
-        f"is not better by more than its scatter. In parts of the largest {subject.answer}."
+        f"is not better by more than its scatter. In parts of {subject.full_scale}."
     )
     head = ["law", "map", "", "numbers", "rms deviation", "left out"]
     return Section(
@@ -276,7 +276,7 @@ def _expected(subject: ModelSubject, validation: CrossValidation) -> str:
         )
     return (
         f"Expected at a {subject.over} between those measured: mean deviation "
-        f"{percent(validation.error)} of the largest {subject.answer}, in nine of ten cases "
+        f"{percent(validation.error)} of {subject.full_scale}, in nine of ten cases "
         f"{percent(validation.interval[0])} to {percent(validation.interval[1])}. Found ({each}) where "
         f"the {subject.over} was left out of the fit, of the choice of the map and of the decision about offsets; "
         "noise of the sensor is taken off."

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from anhyst.data.clean import DEFAULT_STEPS, PREFIX, clean
 from anhyst.data.inspection import Inspection, inspect
 from anhyst.data.loops import Loops
+from anhyst.data.output_map import name_full_scale
 from anhyst.data.verdict import Verdict, judge, single_valued
 from anhyst.model.acceptance import Acceptance, DriveCheck, GapCheck
 from anhyst.model.actuator import Model, read_sources
@@ -55,6 +56,11 @@ class ModelSubject:
     def answer(self) -> str:
         """Name of the output in a sentence."""
         return name_of(self.model.output)
+
+    @property
+    def full_scale(self) -> str:
+        """Words for what deviations of the output refer to."""
+        return name_full_scale(self.model.output)
 
     @property
     def drive(self) -> str:
@@ -151,7 +157,7 @@ def own_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, st
     left = left_of(evidence.loops, fitted)
     fresh = replace(
         fit_figures(evidence.loops, fitted),
-        not_noise=left.beyond,
+        not_noise=left.unexplained,
         left_over=left_over_text(left, evidence.loops, model),
     )
     if model.fit is None:

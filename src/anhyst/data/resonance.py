@@ -1,0 +1,146 @@
+"""Find a lightly damped resonance between input and output, which no hysteresis law can follow.
+
+An autoregressive fit proposes a frequency at each of several sampling rates. A rational transfer
+function of second order with a free transient is then fitted to the spectra, iteratively weighted
+as by Sanathanan and Koerner (IEEE Trans. Autom. Control 8 (1963) 56). It counts as a resonance if
+it leaves much less of the output than curves and play operators of the input do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from anhyst.data.loops import Loop, Loops
+from anhyst.data.output_map import full_scale
+from anhyst.data.static_fit import EvenRecord, even_record, static_rms
+from anhyst.support.numeric import FloatArray
+
+MIN_MISFIT = 0.02
+"""Smallest rms that static curves leave, in parts of the full scale, with which a search is made."""
+MAX_RATIO = 0.6
+"""Largest rms of a resonance in parts of what static curves leave."""
+MAX_DAMPING = 0.25
+"""Largest damping ratio that is called a resonance."""
+MIN_DAMPING = 5e-4
+"""Smallest damping ratio of a body; mains hum has less."""
+SINE = 0.997
+"""Smallest power share of one frequency in a sine; a triangle has 0.986."""
+MIN_FORCED = 0.3
+"""Smallest part of the output near a resonance that the input excites, as an amplitude."""
+_NEAR = 0.2
+_MAX_LOOPS = 3
+_WINDOW = 8192
+"""Largest number of samples that are analysed at one sampling rate."""
+_MIN_SAMPLES = 128
+_BAND = 0.4
+"""Upper limit of the analysed frequencies, in parts of the sampling rate."""
+_ITERATIONS = 12
+
+
+def find_resonance(loopset: Loops) -> float | None:
+    """Return the frequency of the resonance that dominates the output, Hz; None without one."""
+    scale = full_scale(loopset.output, (loop.output for loop in loopset.loops))
+    misfits = [
+        (static_rms(loop.input, loop.output, plays=False), loop)
+        for loop in loopset.loops
+        if loop.time is not None and loop.n >= _MIN_SAMPLES
+    ]
+    for misfit, loop in sorted(misfits, key=lambda each: -each[0])[:_MAX_LOOPS]:
+        if misfit < MIN_MISFIT * scale:
+            break
+        if (frequency := _resonance_of(loop, MIN_MISFIT * scale)) is not None:
+            return frequency
+    return None
+
+
+def resonance_line(loopset: Loops) -> str:
+    """Return the sentence about a resonance; empty without one."""
+    frequency = find_resonance(loopset)
+    if frequency is None:
+        return ""
+    return f"the output resonates near {frequency:.3g} Hz; measure more slowly"
+
+
+def _resonance_of(loop: Loop, least: float) -> float | None:
+    for record in _records(loop):
+        frequency = _propose_frequency(record)
+        found = None if frequency is None else _fit_resonance(record, frequency)
+        if found is None:
+            continue
+        resonance_hz, rms = found
+        static = static_rms(record.drive, record.output)
+        if static > least and rms < MAX_RATIO * static:
+            return resonance_hz
+    return None
+
+
+def _records(loop: Loop) -> Iterator[EvenRecord]:
+    """Yield a loop at its own sampling rate, and at halves of it."""
+    record = even_record(loop)
+    if record is None or _is_sine(record.at_most(_WINDOW).drive):
+        return
+    while record.drive.size >= _MIN_SAMPLES:
+        yield record.first(_WINDOW)
+        record = record.averaged(2)
+
+
+def _is_sine(drive: FloatArray) -> bool:
+    """Whether an input has one frequency only, from which no resonance can be identified."""
+    window = np.hanning(drive.size)
+    power = np.abs(np.fft.rfft(window * (drive - np.average(drive, weights=window)))) ** 2
+    line = int(np.argmax(power))
+    near = slice(max(int((1.0 - _NEAR) * line) - 2, 0), int((1.0 + _NEAR) * line) + 4)
+    return float(np.sum(power[near])) > SINE * float(np.sum(power))
+
+
+def _propose_frequency(record: EvenRecord) -> float | None:
+    """Return the frequency of the poles of an autoregressive fit, Hz; None if they do not swing."""
+    u, y = record.drive, record.output
+    columns = np.column_stack([y[1:-1], y[:-2], u[2:], u[1:-1], u[:-2], np.ones(y.size - 2)])
+    poles = np.roots([1.0, *(-np.linalg.lstsq(columns, y[2:])[0][:2])])
+    if abs(poles[0].imag) == 0.0:
+        return None
+    log = np.log(poles[0])
+    cycles = abs(log.imag) / (2.0 * np.pi)
+    is_swinging = -log.real < abs(log.imag) and 0.02 < cycles < 0.9 * _BAND
+    return float(cycles / record.step) if is_swinging else None
+
+
+def _fit_resonance(record: EvenRecord, start_hz: float) -> tuple[float, float] | None:
+    """Return frequency, Hz, and rms of the remaining output; None if there is no resonance."""
+    count = record.drive.size
+    used = np.fft.rfftfreq(count, record.step)
+    inside = slice(1, max(int(_BAND * count), 8))
+    s = 1j * used[inside] / start_hz
+    u, y = (np.fft.rfft(each)[inside] / count for each in (record.drive, record.output))
+    numerator = np.column_stack([u, s * u, s**2 * u, np.ones_like(s), s, s**2])
+    columns = np.column_stack([-y, -s * y, numerator])
+    found: tuple[float, ...] = (1.0, 0.1)
+    for _ in range(_ITERATIONS):
+        weight = 1.0 / (s**2 + found[1] * s + found[0])
+        terms, target = columns * weight[:, None], s**2 * y * weight
+        rows = np.concatenate([terms.real, terms.imag])
+        sizes = np.sqrt(np.einsum("nk,nk->k", rows, rows)) + 1e-300
+        shares = (
+            np.linalg.lstsq(rows / sizes, np.concatenate([target.real, target.imag]))[0] / sizes
+        )
+        previous, found = found, tuple(shares[:2].tolist())
+        if found[0] <= 0.0 or found[1] <= 0.0:
+            return None
+        if abs(found[0] / previous[0] - 1.0) + abs(found[1] - previous[1]) < 1e-6:
+            break
+    own = found[0] ** 0.5
+    damping, frequency = 0.5 * found[1] / own, own * start_hz
+    slowest = 3.0 / (count * record.step)
+    if not MIN_DAMPING < damping < MAX_DAMPING or not slowest < frequency < _BAND / record.step:
+        return None
+    weight = 1.0 / (s**2 + found[1] * s + found[0])
+    # A harmonic of a curved output swings as well, but the input has nothing at its frequency.
+    near = np.abs(s.imag / own - 1.0) < _NEAR
+    forced = weight[near] * (numerator[near, :3] @ shares[2:5])
+    if np.linalg.norm(forced) < MIN_FORCED * np.linalg.norm(y[near]):
+        return None
+    left = y - weight * (numerator @ shares[2:])
+    return frequency, float(np.sqrt(2.0 * np.sum(np.abs(left) ** 2)))

@@ -1,0 +1,92 @@
+"""Even outputs are refused, and the bias of a force is found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anhyst.data import Loop, Loops
+from anhyst.data.inspection import inspect
+from anhyst.data.symmetry import find_bias
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import QUANTITIES
+from tests.refusals import refused
+
+from .test_dynamics import play
+
+
+def record(drive: FloatArray, output: FloatArray, names: tuple[str, str]) -> Loops:
+    loop = Loop("1", drive, output)
+    return Loops((loop,), QUANTITIES[names[0]], QUANTITIES[names[1]])
+
+
+def cycles(seed: int, samples: int) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    phase = np.linspace(0.0, rng.choice([1.0, 1.5, 3.0]), samples)
+    wave = 2.0 * np.abs(2.0 * ((phase + 0.75) % 1.0) - 1.0) - 1.0
+    return np.asarray(wave + rng.uniform(-0.1, 0.1))
+
+
+@pytest.mark.parametrize("names", [("voltage", "displacement"), ("field", "flux_density")])
+@pytest.mark.parametrize("seed", range(12))
+def test_butterfly_is_refused_and_one_arm_of_it_is_read(seed: int, names: tuple[str, str]) -> None:
+    rng = np.random.default_rng(seed)
+    drive = cycles(seed, int(rng.choice([200, 900])))
+    output = (drive + play(drive, rng.uniform(0.05, 0.4))) ** 2
+    output += rng.choice([0.0, 0.01, 0.03]) * np.ptp(output) * rng.standard_normal(drive.size)
+    both = record(1e3 * drive, 1e-6 * output, names)
+    with refused(f"output-even {names[1]}"):
+        inspect(both)
+    if names[0] == "voltage":
+        one = np.abs(drive) + 0.2
+        inspect(record(1e3 * one, 1e-6 * (one + play(one, 0.1)) ** 2, names))
+
+
+@pytest.mark.parametrize("shape", ["play", "exponential", "saturated", "clipped", "late"])
+def test_odd_outputs_are_no_butterflies(shape: str) -> None:
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        drive = cycles(seed, 500)
+        output = drive + rng.uniform(0.0, 2.0) * play(drive, rng.uniform(0.02, 0.4))
+        output = {
+            "play": output,
+            "exponential": np.exp(2.0 * output),
+            "saturated": np.tanh(4.0 * output),
+            "clipped": np.maximum(output, 0.2),
+            "late": np.roll(output, 20),
+        }[shape]
+        output = output + 0.02 * np.ptp(output) * rng.standard_normal(drive.size)
+        inspect(record(1e3 * drive, 1e-6 * output, ("voltage", "displacement")))
+
+
+@pytest.mark.parametrize("bias", [-1.3, -0.8, -0.3, 0.3, 0.8, 1.3])
+def test_bias_of_a_magnet_is_found_and_the_loop_is_judged_around_it(bias: float) -> None:
+    drive = 2.0 * np.sin(np.linspace(0.0, 6.0 * np.pi, 1500))
+    flux = 0.7 * (drive - bias) + 0.3 * play(drive - bias, 0.15)
+    force = 5.0 * flux**2 + 0.02 * np.random.default_rng(1).standard_normal(drive.size)
+    measured = record(drive, force, ("current", "force"))
+    assert find_bias(measured) == pytest.approx(bias, abs=0.08)
+    found = inspect(measured)
+    assert any(f"least at {find_bias(measured):.3g} A" in note for note in found.notes)
+    assert not any("wrong way round" in text for text in found.warnings)
+    # Around its bias it is the loop of a magnet without one.
+    assert found.verdict.width == pytest.approx(0.09, abs=0.03)
+    assert found.verdict.single_mean_relative < 0.02
+
+
+def test_force_beyond_its_bias_follows_the_sign_of_the_current() -> None:
+    drive = 2.0 * np.sin(np.linspace(0.0, 6.0 * np.pi, 1500))
+    measured = record(drive, (drive + 3.0) ** 2, ("current", "force"))
+    assert find_bias(measured) == 0.0
+    assert any("follows the sign of the current" in note for note in inspect(measured).notes)
+    falling = measured.with_loops(replace(loop, input=-loop.input) for loop in measured.loops)
+    assert not any("wrong way" in text for text in inspect(falling).warnings)
+
+
+def test_centred_force_has_no_bias() -> None:
+    drive = 2.0 * np.sin(np.linspace(0.0, 6.0 * np.pi, 1500))
+    measured = record(drive, (drive + play(drive, 0.2)) ** 2, ("current", "force"))
+    assert find_bias(measured) == 0.0
+    assert inspect(measured).notes == ()
