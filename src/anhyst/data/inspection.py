@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data import estimates
+from anhyst.data.delay import skew as estimate_skew
 from anhyst.data.estimates import noise as noise_of
 from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.output_map import output_map
@@ -45,6 +46,7 @@ class LoopFigures:
     closure: float | None  # output at the end of the last full cycle minus output at its start
     noise: float  # standard deviation of the noise of the output
     skew: float | None  # delay of the output behind the input, in samples
+    skew_s: float | None  # the same in seconds; None without time
     # slope at the largest input over the largest slope: 1 none, near 0 saturated
     saturation: float | None
     width: float  # largest distance of neighbouring branches in input and in output
@@ -208,7 +210,7 @@ def _figures(loop: Loop, deviation: FloatArray, proposal: Proposal, *, even: boo
     proposed, reason = proposal
     centre = None if even else estimates.offsets(loop)
     width = loop_width(loop, even=even)
-    steps = estimates.sampling(loop)
+    steps, delay = estimates.sampling(loop), estimate_skew(loop)
     return LoopFigures(
         label=loop.label,
         schedule=loop.schedule_value,
@@ -225,7 +227,8 @@ def _figures(loop: Loop, deviation: FloatArray, proposal: Proposal, *, even: boo
         drift=estimates.drift(loop),
         closure=estimates.closure(loop),
         noise=noise_of(loop.output),
-        skew=estimates.skew(loop),
+        skew=delay,
+        skew_s=delay * steps.step if delay is not None and steps.step else None,
         saturation=estimates.saturation(loop),
         width=width.width,
         height=width.height,
@@ -243,10 +246,17 @@ def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
         name = loopset.describe(loop)
         height = figure.output_high - figure.output_low
         if figure.skew is not None and abs(figure.skew) >= 0.3:
+            seconds = f"{figure.skew_s:.3g} s, " if figure.skew_s else ""
             warnings.append(
-                f"{name}: the output lags by {figure.skew:.1f} samples (cleaning step 'skew' shifts "
-                "it, if the measurement is to blame and not the device)"
+                f"{name}: the output lags by {seconds}{figure.skew:.4g} samples (cleaning step "
+                "'skew' shifts it, if the measurement is to blame and not the device)"
             )
+        warnings += [
+            f"{name}: {hole.seconds:.3g} s are missing after sample {hole.row + 1} (at "
+            f"{loop.time[hole.row]:.6g} s); the history after it is unknown"
+            for hole in estimates.holes(loop.time)
+            if loop.time is not None
+        ]
         if figure.drift is not None and abs(figure.drift) > max(0.005 * height, 4.0 * figure.noise):
             warnings.append(
                 f"{name}: the output drifts by {figure.drift / height:.1%} of its height over the "
