@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from anhyst.data import estimates
 from anhyst.data.delay import skew as estimate_skew
 from anhyst.data.estimates import noise as noise_of
+from anhyst.data.filtering import denoise, ripple
 from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.output_map import output_map
 from anhyst.data.path import branches, turning_points
@@ -202,13 +203,15 @@ STEPS: Mapping[str, Callable[[Loops], Loops]] = MappingProxyType(
         "drift": drift,
         "offset": offset,
         "skew": skew,
+        "ripple": ripple,
+        "denoise": denoise,
         "thin": thin,
     }
 )
 """All cleaning steps by name."""
 
-DEFAULT_STEPS = ("dedupe", "thin")
-"""The steps taken unless others are named: those that lose nothing."""
+DEFAULT_STEPS = ("dedupe", "ripple", "denoise", "thin")
+"""The steps taken unless others are named: those that do nothing to a clean record."""
 
 
 def _thinned(loop: Loop, most: int) -> Loop:
