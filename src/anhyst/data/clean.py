@@ -13,6 +13,7 @@ from anhyst.data import estimates
 from anhyst.data.delay import skew as estimate_skew
 from anhyst.data.estimates import noise as noise_of
 from anhyst.data.filtering import denoise, ripple
+from anhyst.data.holes import cut_holes, find_holes
 from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.output_map import output_map
 from anhyst.data.path import branches, turning_points
@@ -170,14 +171,18 @@ def skew(loopset: Loops) -> Loops:
         clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
         later = clock + delay
         is_inside = (later >= clock[0]) & (later <= clock[-1])
-        for hole in estimates.holes(loop.time):
+        for hole in find_holes(loop.time):
             is_inside &= (later <= clock[hole.row]) | (later >= clock[hole.row + 1])
         if np.count_nonzero(is_inside) < 3:
             return loopset
         shifted = np.interp(later, clock, loop.output)
         loops.append(_taken(replace(loop, output=shifted), is_inside))
     has_clock = loopset.loops[0].time is not None
-    size = f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)" if has_clock else f"{-delay:.2f} samples"
+    size = (
+        f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)"
+        if has_clock
+        else f"{-delay:.2f} samples"
+    )
     return loopset.with_loops(loops, f"skew: output moved by {size}")
 
 
@@ -203,6 +208,7 @@ STEPS: Mapping[str, Callable[[Loops], Loops]] = MappingProxyType(
         "drift": drift,
         "offset": offset,
         "skew": skew,
+        "holes": cut_holes,
         "ripple": ripple,
         "denoise": denoise,
         "thin": thin,
@@ -210,7 +216,7 @@ STEPS: Mapping[str, Callable[[Loops], Loops]] = MappingProxyType(
 )
 """All cleaning steps by name."""
 
-DEFAULT_STEPS = ("dedupe", "ripple", "denoise", "thin")
+DEFAULT_STEPS = ("dedupe", "holes", "ripple", "denoise", "thin")
 """The steps taken unless others are named: those that do nothing to a clean record."""
 
 

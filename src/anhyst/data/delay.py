@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from anhyst.data.estimates import noise, sampling
+from anhyst.data.holes import find_holes
 from anhyst.data.loops import Loop
-from anhyst.data.estimates import holes, noise, sampling
 from anhyst.data.path import Branch, branches
 from anhyst.support.numeric import FloatArray
 
@@ -49,9 +50,9 @@ _MAX_EDGE_WEIGHT = 0.01
 """A delay is found if the ends of the search have a smaller probability."""
 _SURE = 4.0
 """Standard errors from which a delay is not noise."""
-_MIN_DELAY_SAMPLES = 0.3
+_MIN_DELAY_SAMPLES = 0.4
 """A smaller delay is one of a converter that samples one channel after the other."""
-_MIN_DELAY_SHARE = 0.0025
+_MIN_DELAY_SHARE = 0.002
 """A delay of a smaller share of a branch changes the loop less than the noise does."""
 _AGREEMENT = 0.25
 """The second estimate must be within this share of the first."""
@@ -113,7 +114,7 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
     if time is None:
         return loop.input, loop.output
     step = sampling(loop).step
-    edges = [0, *(hole.row + 1 for hole in holes(time)), loop.n]
+    edges = [0, *(hole.row + 1 for hole in find_holes(time)), loop.n]
     start, stop = max(itertools.pairwise(edges), key=lambda ends: ends[1] - ends[0])
     rows = slice(start, stop)
     if not step or np.ptp(np.diff(time[rows])) < _MAX_UNEVEN * step:
@@ -236,9 +237,7 @@ def _misfits(
     return np.array([nnls(ramps, fall)[1] ** 2 for fall in falls.T])
 
 
-def _most_probable(
-    costs: FloatArray, delays: NDArray[np.intp], sigma2: float
-) -> _Estimate | None:
+def _most_probable(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -> _Estimate | None:
     """Return the mean of the delays, weighted with their probability, and its standard error."""
     total = costs.sum(axis=0)
     weights = np.exp(-0.5 * (total - total.min()) / sigma2)
@@ -301,5 +300,8 @@ def _play_curves(drive: FloatArray) -> FloatArray:
             position = min(max(position, value - threshold), value + threshold)
             positions.append(position)
         play = np.array(positions)
-        columns += [play, *(np.maximum(play - knot, 0.0) for knot in _KNOTS[:: 1 + (threshold > 0)])]
+        columns += [
+            play,
+            *(np.maximum(play - knot, 0.0) for knot in _KNOTS[:: 1 + (threshold > 0)]),
+        ]
     return np.stack(columns, axis=1)

@@ -36,12 +36,6 @@ _DRIFTING = 0.05
 """A closure error above this share of the height is no drift but another history."""
 _SURE = 4.0
 """Standard errors from which a drift is not noise."""
-_MIN_CLOCK_SAMPLES = 20
-_USUAL_STEPS = 0.98
-"""Share of the time steps that are short in a record with holes; a slow logger has many sizes."""
-_MAX_USUAL_STEP = 2.5
-_MIN_HOLE_STEPS = 8.0
-"""A time step is a hole if it is longer than this number of median steps."""
 _SYMMETRIC = 0.1
 """Tips of a symmetric loop agree in size within this share."""
 
@@ -208,24 +202,3 @@ def sampling(loop: Loop) -> Sampling:
     middle = float(np.median(steps))
     uneven = float(np.max(np.abs(steps - middle))) / middle if middle > 0.0 else None
     return Sampling(middle, uneven)
-
-
-@dataclass(frozen=True, slots=True)
-class Hole:
-    """A missing stretch of a record."""
-
-    row: int  # the last sample before it
-    seconds: float  # time without samples
-
-
-def holes(time: FloatArray | None) -> list[Hole]:
-    """Find the missing stretches of a clock whose other steps are about even."""
-    if time is None or time.size < _MIN_CLOCK_SAMPLES:
-        return []
-    steps = np.diff(time)
-    step = float(np.median(steps))
-    usual = float(np.quantile(steps, _USUAL_STEPS))
-    if step <= 0.0 or usual > _MAX_USUAL_STEP * step:
-        return []
-    rows = np.flatnonzero(steps > _MIN_HOLE_STEPS * step)
-    return [Hole(int(row), float(steps[row]) - step) for row in rows]

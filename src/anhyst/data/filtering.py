@@ -3,7 +3,7 @@
 Both would drive play operators and would move the reversals. A ripple is a steady line in the
 spectrum of the input, many times faster than its cycles. All channels are averaged over whole
 periods of it, twice, without a delay. White noise is removed from the input alone, by local
-straight lines that do not cross a reversal.
+parabolas that do not cross a reversal.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import savgol_filter
 
-from anhyst.data.estimates import holes, noise, sampling
+from anhyst.data.estimates import noise, sampling
+from anhyst.data.holes import find_holes
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.path import branches, reversal_count
 from anhyst.support.numeric import FloatArray
@@ -41,8 +42,8 @@ _MIN_NOISE_STEPS = 1.0
 """Noise turns the input back only if it is larger than the mean step between samples."""
 _LAG = 50
 """Samples over which the mean step is taken: noise does not count in it."""
-_WINDOW_SIGMAS = 8.0
-"""Travel of the input within the window of a straight line, in standard deviations of its noise."""
+_WINDOW_SIGMAS = 12.0
+"""Travel of the input within the window of a parabola, in standard deviations of its noise."""
 _MAX_WINDOW_SHARE = 0.1
 """Largest window, as a share of a branch."""
 
@@ -63,7 +64,9 @@ def ripple(loopset: Loops) -> Loops:
         loops.append(loop if found is None else _without(loop, found))
         if found is not None:
             step, largest = sampling(loop).step, max(largest, found.amplitude)
-            rate = f"{1.0 / (found.period * step):.4g} Hz" if step else f"{found.period:.3g} samples"
+            rate = (
+                f"{1.0 / (found.period * step):.4g} Hz" if step else f"{found.period:.3g} samples"
+            )
             size = f"{found.amplitude:.2g} {loopset.input.unit}"
             texts.append(f"{rate}, {size} in loop '{loop.label}'")
     if not texts:
@@ -162,8 +165,10 @@ def _denoised(loop: Loop) -> Loop:
     """Return a loop with a smooth input, or the loop itself if its noise does no harm."""
     drive, span = loop.input, float(np.ptp(loop.input))
     sigma = noise(drive)
-    step = float(np.median(np.abs(drive[_LAG:] - drive[:-_LAG]))) / _LAG if loop.n > 4 * _LAG else span
-    if sigma < max(_MIN_NOISE_SHARE * span, _MIN_NOISE_STEPS * step) or holes(loop.time):
+    step = (
+        float(np.median(np.abs(drive[_LAG:] - drive[:-_LAG]))) / _LAG if loop.n > 4 * _LAG else span
+    )
+    if sigma < max(_MIN_NOISE_SHARE * span, _MIN_NOISE_STEPS * step) or find_holes(loop.time):
         return loop
     parts = branches(drive)
     length = float(np.median([part.stop - part.start for part in parts]))
@@ -176,11 +181,11 @@ def _denoised(loop: Loop) -> Loop:
         count = part.stop - part.start
         if count <= wide:
             continue
-        piece = savgol_filter(drive[rows], wide, 1, mode="interp")
+        piece = savgol_filter(drive[rows], wide, 2, mode="interp")
         ends.append((part.start, piece[0]))
         ends.append((part.stop - 1, piece[-1]))
         smooth[rows] = piece
-    # A reversal is where the lines of both sides meet.
+    # A reversal is where the curves of both sides meet.
     for row in {row for row, _ in ends}:
         smooth[row] = float(np.mean([value for place, value in ends if place == row]))
     return replace(loop, input=smooth)

@@ -10,6 +10,7 @@ import numpy as np
 from anhyst.data import estimates
 from anhyst.data.delay import skew as estimate_skew
 from anhyst.data.estimates import noise as noise_of
+from anhyst.data.holes import find_holes
 from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History, branches
@@ -252,10 +253,7 @@ def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
                 "'skew' shifts it, if the measurement is to blame and not the device)"
             )
         warnings += [
-            f"{name}: {hole.seconds:.3g} s are missing after sample {hole.row + 1} (at "
-            f"{loop.time[hole.row]:.6g} s); the history after it is unknown"
-            for hole in estimates.holes(loop.time)
-            if loop.time is not None
+            f"{name}: {hole}; the history after it is unknown" for hole in find_holes(loop.time)
         ]
         if figure.drift is not None and abs(figure.drift) > max(0.005 * height, 4.0 * figure.noise):
             warnings.append(
