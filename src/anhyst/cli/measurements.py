@@ -138,7 +138,7 @@ def _show_inspection(inspection: Inspection) -> None:
     unit, small = in_small_unit(answer, largest)
     headers += [f"{drive.symbol} {drive.unit}", f"{answer.symbol} {unit}"]
     headers += [f"width {drive.unit}", f"noise {unit}"]
-    headers += [f"drift {unit}", f"closure {unit}", "skew", "saturation", "history"]
+    headers += [f"drift {unit}", f"closure {unit}", "delay", "saturation", "history"]
     figures = table(f"{len(inspection.loops)} loops, {drive.name} to {answer.name}", headers)
     for loop in inspection.loops:
         figures.add_row(*_row(loop, scale if schedule else None, small))
@@ -163,10 +163,17 @@ def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:
         _number(loop.noise, small),
         _number(loop.drift, small),
         _number(loop.closure, small),
-        _number(loop.skew),
+        _delay(loop),
         _number(loop.saturation),
         str(loop.history),
     ]
+
+
+def _delay(loop: LoopFigures) -> str:
+    """Write the delay in seconds, in samples without time."""
+    if loop.skew is None:
+        return "unknown"
+    return f"{loop.skew:.3g} samples" if loop.skew_s is None else f"{loop.skew_s:.3g} s"
 
 
 def _number(value: float | None, scale: float = 1.0) -> str:

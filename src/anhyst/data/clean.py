@@ -11,7 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import estimates
+from anhyst.data.delay import skew as estimate_skew
 from anhyst.data.estimates import noise as noise_of
+from anhyst.data.filtering import denoise, ripple
+from anhyst.data.holes import cut_holes, find_holes
 from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.output_map import output_map
 from anhyst.data.path import branches, turning_points
@@ -153,18 +156,36 @@ def offset(loopset: Loops) -> Loops:
 
 def skew(loopset: Loops) -> Loops:
     """Shift the output by its delay behind the input (one delay for all loops, their median)."""
-    skews = [estimates.skew(loop) for loop in loopset.loops]
-    delays = [delay for delay in skews if delay is not None]
-    delay = float(np.median(delays)) if delays else 0.0
+    steps = [estimates.sampling(loop).step or 1.0 for loop in loopset.loops]
+    delays = [
+        found * step
+        for found, step in zip(map(estimate_skew, loopset.loops), steps, strict=True)
+        if found is not None
+    ]
+    if not delays:
+        note = "delay between the channels: not determined; step 'skew' changed nothing"
+        return replace(loopset, notes=(*loopset.notes, note))
+    delay = float(np.median(delays))
     if delay == 0.0:
         return loopset
     loops = []
     for loop in loopset.loops:
-        rows = np.arange(loop.n, dtype=np.float64)
-        inside = (rows + delay >= 0.0) & (rows + delay <= loop.n - 1)
-        shifted = np.interp(rows + delay, rows, loop.output)
-        loops.append(_taken(replace(loop, output=shifted), inside))
-    return loopset.with_loops(loops, f"skew: output moved by {-delay:.2f} samples")
+        clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
+        later = clock + delay
+        is_inside = (later >= clock[0]) & (later <= clock[-1])
+        for hole in find_holes(loop.time):
+            is_inside &= (later <= clock[hole.row]) | (later >= clock[hole.row + 1])
+        if np.count_nonzero(is_inside) < 3:
+            return loopset
+        shifted = np.interp(later, clock, loop.output)
+        loops.append(_taken(replace(loop, output=shifted), is_inside))
+    has_clock = loopset.loops[0].time is not None
+    size = (
+        f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)"
+        if has_clock
+        else f"{-delay:.2f} samples"
+    )
+    return loopset.with_loops(loops, f"skew: output moved by {size}")
 
 
 def thin(loopset: Loops, most: int = MOST_POINTS) -> Loops:
@@ -189,13 +210,16 @@ STEPS: Mapping[str, Callable[[Loops], Loops]] = MappingProxyType(
         "drift": drift,
         "offset": offset,
         "skew": skew,
+        "holes": cut_holes,
+        "ripple": ripple,
+        "denoise": denoise,
         "thin": thin,
     }
 )
 """All cleaning steps by name."""
 
-DEFAULT_STEPS = ("dedupe", "thin")
-"""The steps taken unless others are named: those that lose nothing."""
+DEFAULT_STEPS = ("dedupe", "holes", "ripple", "denoise", "thin")
+"""The steps taken unless others are named: those that do nothing to a clean record."""
 
 
 def _thinned(loop: Loop, most: int) -> Loop:

@@ -1,11 +1,7 @@
-"""What can be estimated from a record alone: noise, drift, closure, offsets, skew, saturation.
-
-The noise of a record.
-"""
+"""Estimates from a record alone: noise, drift, closure, offsets, saturation and sampling."""
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,16 +32,10 @@ def noise(values: FloatArray) -> float:
     return float(min(deviations))
 
 
-_MOST_SKEW = 8.0
-"""Largest delay between channels looked for, in samples."""
-_DELAYS = np.linspace(-_MOST_SKEW, _MOST_SKEW, 161)
 _DRIFTING = 0.05
 """A closure error above this share of the height is no drift but another history."""
 _SURE = 4.0
 """Standard errors from which a drift is not noise."""
-_TIPS = 40
-_KNEE = 0.5
-"""A cubic must bring the misfit at a reversal below this share of a parabola's to replace it."""
 _SYMMETRIC = 0.1
 """Tips of a symmetric loop agree in size within this share."""
 
@@ -154,44 +144,6 @@ def offsets(loop: Loop) -> tuple[float, float] | None:
     return shift_in, shift_out
 
 
-def skew(loop: Loop) -> float | None:
-    """Estimate the delay of the output behind the input in samples; ``None`` if none can be found.
-
-    At a reversal the output of any rate-independent law turns with the input: near it, the output
-    is a smooth function of the (delayed) input on each side, with one common tip. The delay sought
-    is the one that makes this fit best; each reversal has a vote, and 0 is the answer unless they
-    agree on another.
-    """
-    parts = branches(loop.input)[: _TIPS + 1]
-    reach = int(_MOST_SKEW) + 1
-    votes, gains = [], []
-    for first, second in itertools.pairwise(parts):
-        tip, width = first.stop - 1, min(len_of(first), len_of(second)) // 8
-        width = min(width, 200)
-        if width < 6 or tip - width < reach or tip + width + reach >= loop.n:
-            continue
-        costs = _tip_misfits(loop, tip, width, powers=2)
-        curved = _tip_misfits(loop, tip, width, powers=3)
-        # A parabola cannot follow a knee in the window, and takes it for a delay.
-        if curved.min() < _KNEE * costs.min():
-            costs = curved
-        best = int(np.argmin(costs))
-        votes.append(float(_DELAYS[best]))
-        gains.append(costs[best] / (costs[_DELAYS.size // 2] or 1.0))
-    if not votes:
-        return None
-    delay = float(np.median(votes))
-    if abs(delay) > 0.9 * _MOST_SKEW:
-        return None
-    spread = TO_SIGMA * float(np.median(np.abs(np.array(votes) - delay)))
-    if abs(delay) < 0.2 or spread > max(0.5, 0.5 * abs(delay)):
-        return 0.0
-    # Few votes may agree by chance: the fewer they are, the plainer the gain must be.
-    needed = {1: 0.3, 2: 0.6, 3: 0.6}.get(len(votes), 0.97)
-    certain = len(votes) == 1 or abs(delay) > 3.0 * spread / (len(votes) - 1) ** 0.5
-    return delay if certain and float(np.median(gains)) < needed else 0.0
-
-
 def saturation(loop: Loop) -> float | None:
     """Slope of the output at the largest input over the largest slope of that branch.
 
@@ -232,32 +184,6 @@ def _tip_output(drive: FloatArray, answer: FloatArray, level: float) -> float:
     if medians:
         return float(np.mean(medians))
     return float(answer[int(np.argmax(drive * np.sign(level)))])
-
-
-def _tip_misfits(loop: Loop, tip: int, width: int, powers: int) -> FloatArray:
-    """Misfit around a reversal of the input, a row for each delay tried, all fitted at once.
-
-    Squared, to a polynomial of the delayed input on each side; relative to the output's variance.
-    """
-    rows = np.arange(tip - width, tip + width + 1)
-    delays = _DELAYS[:, np.newaxis]
-    whole = np.floor(delays).astype(int)
-    share = delays - whole
-    # Input delayed by d samples: in(k - d), between its neighbours.
-    drive = (1.0 - share) * loop.input[rows - whole] + share * loop.input[rows - whole - 1]
-    answer = loop.output[rows]
-    span = np.ptp(drive, axis=1, keepdims=True)
-    u = (drive - loop.input[tip]) / np.where(span == 0.0, 1.0, span)
-    after = rows > tip + delays
-    parts = [np.ones_like(u)]
-    for side in (after, ~after):
-        parts += [np.where(side, u**power, 0.0) for power in range(1, powers + 1)]
-    across, sizes, _ = np.linalg.svd(np.stack(parts, axis=2), full_matrices=False)
-    distinct = sizes > np.finfo(np.float64).eps * rows.size * sizes[:, :1]
-    shares = distinct * (answer @ across)
-    left = answer - (across @ shares[:, :, np.newaxis])[:, :, 0]
-    size = (float(np.var(answer)) or 1.0) * (rows.size - len(parts))
-    return np.asarray(np.sum(left**2, axis=1) / size)
 
 
 @dataclass(frozen=True, slots=True)

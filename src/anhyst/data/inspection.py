@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data import estimates
+from anhyst.data.delay import skew as estimate_skew
 from anhyst.data.estimates import noise as noise_of
+from anhyst.data.holes import find_holes
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import name_full_scale
 from anhyst.data.path import History, branches
@@ -46,6 +48,7 @@ class LoopFigures:
     closure: float | None  # output at the end of the last full cycle minus output at its start
     noise: float  # standard deviation of the noise of the output
     skew: float | None  # delay of the output behind the input, in samples
+    skew_s: float | None  # the same in seconds; None without time
     # slope at the largest input over the largest slope: 1 none, near 0 saturated
     saturation: float | None
     width: float  # largest distance of neighbouring branches in input and in output
@@ -212,7 +215,7 @@ def _figures(
 ) -> LoopFigures:
     proposed, reason = proposal
     centre = None if even else estimates.offsets(loop)
-    steps = estimates.sampling(loop)
+    steps, delay = estimates.sampling(loop), estimate_skew(loop)
     return LoopFigures(
         label=loop.label,
         schedule=loop.schedule_value,
@@ -229,7 +232,8 @@ def _figures(
         drift=estimates.drift(loop),
         closure=estimates.closure(loop),
         noise=noise_of(loop.output),
-        skew=estimates.skew(loop),
+        skew=delay,
+        skew_s=delay * steps.step if delay is not None and steps.step else None,
         saturation=estimates.saturation(loop),
         width=width.width,
         height=width.height,
@@ -247,10 +251,14 @@ def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
         name = loopset.describe(loop)
         height = figure.output_high - figure.output_low
         if figure.skew is not None and abs(figure.skew) >= 0.3:
+            seconds = f"{figure.skew_s:.3g} s, " if figure.skew_s else ""
             warnings.append(
-                f"{name}: the output lags by {figure.skew:.1f} samples (cleaning step 'skew' shifts "
-                "it, if the measurement is to blame and not the device)"
+                f"{name}: the output lags by {seconds}{figure.skew:.4g} samples (cleaning step "
+                "'skew' shifts it, if the measurement is to blame and not the device)"
             )
+        warnings += [
+            f"{name}: {hole}; the history after it is unknown" for hole in find_holes(loop.time)
+        ]
         if figure.drift is not None and abs(figure.drift) > max(0.005 * height, 4.0 * figure.noise):
             warnings.append(
                 f"{name}: the output drifts by {figure.drift / height:.1%} of its height over the "

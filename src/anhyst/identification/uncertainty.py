@@ -107,8 +107,10 @@ def assess(fit: FoundModel, loopset: Loops) -> Uncertainty:
         if name in space.held and reading.std is not None and reading.offset != 0.0:
             names.append(_label(space.numbers[name], units))
             values.append(reading.offset)
-            stds.append(reading.std)
-            sentences.append(f"{names[-1]}: what the sensor reads at rest, not fitted")
+            stds.append(reading.half_width)
+            sentences.append(
+                f"{names[-1]}: what the sensor reads at rest, not fitted; its interval covers 90 %"
+            )
     whole = np.eye(len(names))
     whole[: space.size, : space.size] = correlation
     return Uncertainty(

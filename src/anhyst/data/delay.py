@@ -1,0 +1,307 @@
+"""Estimate the delay of the output behind the input, in samples.
+
+The output of a rate-independent law turns back when its input does. Averaged over all reversals,
+the output is therefore largest at the instant of the delayed reversal: this gives a first value at
+any sampling rate. The delay is the one whose fit around the reversals has the smallest misfit: a
+smooth curve over the input before each reversal, a monotonic one after it. A second estimate, a
+fit of play operators to the whole record, must agree.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from anhyst.data.estimates import noise, sampling
+from anhyst.data.holes import find_holes
+from anhyst.data.loops import Loop
+from anhyst.data.path import Branch, branches
+from anhyst.support.numeric import FloatArray
+
+_BRANCH_SAMPLES = 120
+"""Samples that a branch is averaged to for the first search."""
+_MIN_BRANCH_SAMPLES = 40
+"""Shorter branches, such as those of digitised curves, do not show a delay."""
+_REFINEMENT = 4
+"""Each record has this factor more samples than the one before."""
+_MAX_BRANCH_SHARE = 0.25
+"""Largest delay of the search, as a share of a branch."""
+_FINE_SAMPLES = 5
+"""Largest correction of the delay in the finer records, in their samples."""
+_MAX_UNEVEN = 0.2
+"""Time steps that differ by a larger share are interpolated to even ones."""
+_MAX_TIPS = 16
+_MIN_WINDOW_SAMPLES = 4
+_MAX_WINDOW_SAMPLES = 60
+_WINDOW_PARTS = (5, 9)
+"""Windows of these parts of a branch must agree: the error that a knee makes grows with the window."""
+_PEAK = 0.03
+"""The first search includes all delays at which the output is within this share of its largest."""
+_POWERS = 3
+_RAMPS = np.linspace(0.0, 1.0, 9) ** 1.5
+"""Ends of the straight pieces of the curve after a reversal, as shares of the window."""
+_MIN_ERROR_BLOCKS = (0.05, 0.25)
+"""Least error of a delay, in samples and in averages of samples: the averages round the tip."""
+_MAX_EDGE_WEIGHT = 0.01
+"""A delay is found if the ends of the search have a smaller probability."""
+_SURE = 4.0
+"""Standard errors from which a delay is not noise."""
+_MIN_DELAY_SAMPLES = 0.4
+"""A smaller delay is one of a converter that samples one channel after the other."""
+_MIN_DELAY_SHARE = 0.002
+"""A delay of a smaller share of a branch changes the loop less than the noise does."""
+_AGREEMENT = 0.25
+"""The second estimate must be within this share of the first."""
+_NO_DELAY_SHARE = 0.02
+"""There is no delay if one of this share of a branch would have been found."""
+
+_THRESHOLDS = 0.5 * np.array([0.0, 0.004, 0.01, 0.02, 0.035, 0.06, 0.1, 0.16, 0.25, 0.4])
+"""Thresholds of the play operators of the second estimate, in ranges of the input."""
+_KNOTS = np.linspace(0.0, 1.0, 8)[1:-1]
+
+
+@dataclass(frozen=True, slots=True)
+class _Tip:
+    """A reversal of the input."""
+
+    row: int
+    width: int  # samples on each side
+    sign: float  # +1 where the input is largest
+    turn: float  # the same of the output
+
+
+@dataclass(frozen=True, slots=True)
+class _Estimate:
+    """A delay and its standard error, in samples."""
+
+    delay: float
+    error: float
+
+
+def skew(loop: Loop) -> float | None:
+    """Return the delay of the output behind the input in samples of the median time step.
+
+    Zero if the reversals show none, and ``None`` if they cannot show it: they are too few, or the
+    noise hides it.
+    """
+    drive, answer = _evenly_sampled(loop)
+    if np.ptp(drive) == 0.0:
+        return None
+    parts = branches(drive)
+    length = float(np.median([part.stop - part.start for part in parts]))
+    if len(parts) < 2 or length < _MIN_BRANCH_SAMPLES:
+        return None
+    seen = _at_reversals(drive, answer, length)
+    if seen is None:
+        return None
+    least = max(_MIN_DELAY_SAMPLES, _MIN_DELAY_SHARE * length)
+    if abs(seen.delay) <= max(_SURE * seen.error, least):
+        is_sharp = _SURE * seen.error < max(1.0, _NO_DELAY_SHARE * length)
+        return 0.0 if is_sharp else None
+    again = _along_path(drive, answer, parts, length)
+    if again is None or abs(again - seen.delay) > max(0.5, _AGREEMENT * abs(seen.delay)):
+        return None
+    return seen.delay
+
+
+def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
+    """Return the longest stretch of a record without a hole in its clock, at its median step."""
+    time = loop.time
+    if time is None:
+        return loop.input, loop.output
+    step = sampling(loop).step
+    edges = [0, *(hole.row + 1 for hole in find_holes(time)), loop.n]
+    start, stop = max(itertools.pairwise(edges), key=lambda ends: ends[1] - ends[0])
+    rows = slice(start, stop)
+    if not step or np.ptp(np.diff(time[rows])) < _MAX_UNEVEN * step:
+        return loop.input[rows], loop.output[rows]
+    grid = np.arange(time[start], time[stop - 1], step)
+    return tuple(np.interp(grid, time[rows], part[rows]) for part in (loop.input, loop.output))
+
+
+def _at_reversals(drive: FloatArray, answer: FloatArray, length: float) -> _Estimate | None:
+    """Search the delay around the reversals, first in a coarse record, then in finer ones."""
+    # Near a tip, noise on the input hides which of the samples is the tip.
+    rough = 2.0 * noise(drive) / float(np.ptp(drive))
+    finest = max(1, round((rough * length) ** (2.0 / 3.0)))
+    stride = max(finest, round(length / _BRANCH_SAMPLES))
+    found: _Estimate | None = None
+    delays: NDArray[np.intp] | None = None
+    while True:
+        shift = 0 if found is None else round(found.delay)
+        coarse = _averaged(drive, answer, stride, shift)
+        if delays is None:
+            delays = _near_peak(*coarse, int(_MAX_BRANCH_SHARE * length / stride))
+        seen = _estimate(*coarse, delays, _MIN_ERROR_BLOCKS[stride > 1])
+        if seen is None:
+            return found
+        seen = _Estimate(shift + stride * seen.delay, stride * seen.error)
+        if found is not None:
+            apart = abs(seen.delay - found.delay)
+            if seen.error > found.error or apart > _SURE * found.error:
+                return found
+        found = seen
+        if stride <= finest:
+            return found
+        stride = max(finest, stride // _REFINEMENT)
+        delays = np.arange(-_FINE_SAMPLES, _FINE_SAMPLES + 1)
+
+
+def _averaged(
+    drive: FloatArray, answer: FloatArray, stride: int, shift: int
+) -> tuple[FloatArray, FloatArray]:
+    """Average blocks of samples of the input, and of the output a number of samples later."""
+    first, later = drive[max(0, -shift) :], answer[max(0, shift) :]
+    count = min(first.size, later.size) // stride * stride
+    return (
+        first[:count].reshape(-1, stride).mean(axis=1),
+        later[:count].reshape(-1, stride).mean(axis=1),
+    )
+
+
+def _tips(drive: FloatArray, answer: FloatArray, parts: int) -> list[_Tip]:
+    """Find the reversals of an input, and whether the output has a maximum or a minimum there."""
+    tips = []
+    for first, second in itertools.pairwise(branches(drive)[: _MAX_TIPS + 1]):
+        length = min(first.stop - first.start, second.stop - second.start)
+        row, width = first.stop - 1, min(length // parts, _MAX_WINDOW_SAMPLES)
+        away = length // 3
+        turn = float(np.sign(2.0 * answer[row] - answer[row - away] - answer[row + away]))
+        if width >= _MIN_WINDOW_SAMPLES and turn != 0.0:
+            tips.append(_Tip(row, width, 1.0 if first.rising else -1.0, turn))
+    return tips
+
+
+def _near_peak(drive: FloatArray, answer: FloatArray, reach: int) -> NDArray[np.intp]:
+    """Return the delays at which the output is about largest, averaged over the reversals."""
+    reach = max(4, reach)
+    stack = [
+        tip.turn * answer[tip.row - reach : tip.row + reach + 1]
+        for tip in _tips(drive, answer, _WINDOW_PARTS[0])
+        if tip.row >= reach and tip.row + reach < answer.size
+    ]
+    if not stack:
+        return np.arange(-4, 5)
+    mean = np.mean(stack, axis=0)
+    best, low = int(np.argmax(mean)), mean < mean.max() - _PEAK * np.ptp(mean)
+    before, after = np.flatnonzero(low[:best]), np.flatnonzero(low[best:])
+    first = before[-1] if before.size else 0
+    last = best + after[0] if after.size else mean.size - 1
+    return np.arange(first - 3, last + 4) - reach
+
+
+def _estimate(
+    drive: FloatArray, answer: FloatArray, delays: NDArray[np.intp], least: float
+) -> _Estimate | None:
+    """Return the delay on which two windows agree; ``None`` if one finds none in the range."""
+    found = []
+    for parts in _WINDOW_PARTS:
+        tips = [
+            tip
+            for tip in _tips(drive, answer, parts)
+            if tip.row - tip.width + delays[0] >= 0
+            and tip.row + tip.width + delays[-1] < drive.size
+        ]
+        if not tips:
+            return None
+        costs = np.array([_misfits(drive, answer, tip, delays) for tip in tips])
+        count = sum(2 * tip.width + 1 - _POWERS - _RAMPS.size for tip in tips)
+        sigma2 = float(costs.sum(axis=0).min()) / max(1, count) + 1e-14 * float(np.var(answer))
+        seen = _most_probable(costs, delays, sigma2)
+        if seen is None:
+            return None
+        found.append(seen)
+    best = min(found, key=lambda one: one.error)
+    apart = 0.5 * abs(found[0].delay - found[1].delay)
+    return _Estimate(best.delay, max(best.error, apart, least))
+
+
+def _misfits(
+    drive: FloatArray, answer: FloatArray, tip: _Tip, delays: NDArray[np.intp]
+) -> FloatArray:
+    """Return the sum of squared deviations around a reversal, for each delay."""
+    rows = np.arange(tip.row - tip.width, tip.row + tip.width + 1)
+    depth = tip.sign * (drive[tip.row] - drive[rows])
+    is_after = rows > tip.row
+    before = np.where(is_after, 0.0, depth / (np.max(np.abs(depth[~is_after])) or 1.0))
+    after = np.where(is_after, depth / (np.max(np.abs(depth[is_after])) or 1.0), 0.0)
+    smooth, _ = np.linalg.qr(np.stack([before**power for power in range(_POWERS + 1)], axis=1))
+    pieces = itertools.pairwise(_RAMPS)
+    ramps = np.stack([np.clip(after, low, high) - low for low, high in pieces], axis=1)
+    falls = np.stack([-tip.turn * answer[rows + delay] for delay in delays], axis=1)
+    ramps, falls = (part - smooth @ (smooth.T @ part) for part in (ramps, falls))
+    return np.array([nnls(ramps, fall)[1] ** 2 for fall in falls.T])
+
+
+def _most_probable(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -> _Estimate | None:
+    """Return the mean of the delays, weighted with their probability, and its standard error."""
+    total = costs.sum(axis=0)
+    weights = np.exp(-0.5 * (total - total.min()) / sigma2)
+    weights /= weights.sum()
+    if weights[[0, -1]].max() > _MAX_EDGE_WEIGHT:
+        return None
+    delay = float(weights @ delays)
+    error = float(weights @ (delays - delay) ** 2) ** 0.5
+    best = int(np.argmin(total))
+    left, middle, right = total[best - 1 : best + 2]
+    bend = float(left - 2.0 * middle + right)
+    if error < 0.7:  # the minimum is narrower than the steps of the delays
+        delay = float(delays[best]) + 0.5 * float(left - right) / bend
+        error = max(error, (2.0 * sigma2 / bend) ** 0.5)
+    others = np.array([delays[np.argmin(total - cost)] for cost in costs])
+    if np.ptp(others) > 1:
+        error = max(error, float((len(costs) - 1) * np.var(others)) ** 0.5)
+    return _Estimate(delay, error)
+
+
+def _along_path(
+    drive: FloatArray, answer: FloatArray, parts: list[Branch], length: float
+) -> float | None:
+    """Return the delay at which curves over play operators of the input fit the output best."""
+    parts = parts[:_MAX_TIPS]
+    stride = max(1, round(length / _BRANCH_SAMPLES))
+    reach = max(3, int(_MAX_BRANCH_SHARE * length / stride)) * stride
+    stop = min(drive.size, parts[-1].stop + reach)
+    start = max(parts[0].stop if len(parts) > 3 else 0, reach)  # the first branch may be virgin
+    rows = np.arange(stop // stride) * stride
+    basis = _play_curves(np.add.reduceat(drive[:stop], rows)[: rows.size] / stride)
+    is_used = (rows >= start) & (rows < stop - reach - stride)
+    rows, basis = rows[is_used], basis[is_used]
+    if rows.size < 2 * basis.shape[1]:
+        return None
+    across, sizes, _ = np.linalg.svd(basis, full_matrices=False)
+    across = across[:, sizes > 1e-4 * sizes[0]]
+    sums = np.concatenate([[0.0], np.cumsum(answer - answer.mean())])
+
+    def minimum(delays: NDArray[np.intp]) -> int:
+        ends = rows[:, np.newaxis] + delays
+        outputs = (sums[ends + stride] - sums[ends]) / stride
+        left = outputs - across @ (across.T @ outputs)
+        return int(delays[np.argmin(np.sum(left**2, axis=0))])
+
+    rough = minimum(np.arange(-reach, reach + 1, stride))
+    step = max(1, stride // 8)
+    if stride == 1 or abs(rough) == reach:
+        return float(rough)
+    return float(minimum(np.clip(rough + np.arange(-stride, stride + 1, step), -reach, reach)))
+
+
+def _play_curves(drive: FloatArray) -> FloatArray:
+    """Return hinges over play operators of the input, a column each."""
+    size = (drive - drive.min()) / np.ptp(drive)
+    columns = [np.ones_like(size)]
+    for threshold in _THRESHOLDS.tolist():
+        position, positions = float(size[0]), []
+        for value in size.tolist():
+            position = min(max(position, value - threshold), value + threshold)
+            positions.append(position)
+        play = np.array(positions)
+        columns += [
+            play,
+            *(np.maximum(play - knot, 0.0) for knot in _KNOTS[:: 1 + (threshold > 0)]),
+        ]
+    return np.stack(columns, axis=1)

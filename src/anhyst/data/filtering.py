@@ -1,0 +1,191 @@
+"""Remove from the input what does not belong to the drive: the ripple of a switched amplifier and noise.
+
+Both would drive play operators and would move the reversals. A ripple is a steady line in the
+spectrum of the input, many times faster than its cycles. All channels are averaged over whole
+periods of it, twice, without a delay. White noise is removed from the input alone, by local
+parabolas that do not cross a reversal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from anhyst.data.estimates import noise, sampling
+from anhyst.data.holes import find_holes
+from anhyst.data.loops import Loop, Loops
+from anhyst.data.path import branches, reversal_count
+from anhyst.support.numeric import FloatArray
+
+_MIN_RIPPLE_SHARE = 0.002
+"""A ripple has at least this amplitude, in ranges of the input; a smaller one is noise."""
+_MAX_RIPPLE_SHARE = 0.2
+"""A larger one is a drive of its own."""
+_MIN_PERIODS = 200
+_MIN_PERIODS_PER_BRANCH = 60
+"""Fewer are minor loops that somebody drove."""
+_MIN_LINE = 20.0
+"""A line of the spectrum is higher than its surroundings by this factor."""
+_MAX_UNEVEN = 0.2
+"""Steadiness of the clock, as a share of its step."""
+_SEGMENTS = 12
+_STEADY_SEGMENTS = 0.75
+"""Share of the segments that must be steady."""
+_STEADY = (0.6, 1.4)
+"""The amplitude in most segments of the record is within these shares of its median."""
+
+_MIN_NOISE_SHARE = 4e-4
+"""Input noise below this share of the range does not move a parameter by more than its error."""
+_MIN_NOISE_STEPS = 1.0
+"""Noise turns the input back only if it is larger than the mean step between samples."""
+_LAG = 50
+"""Samples over which the mean step is taken: noise does not count in it."""
+_WINDOW_SIGMAS = 12.0
+"""Travel of the input within the window of a parabola, in standard deviations of its noise."""
+_MAX_WINDOW_SHARE = 0.1
+"""Largest window, as a share of a branch."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Ripple:
+    """A steady oscillation of an input."""
+
+    period: float  # samples
+    amplitude: float
+
+
+def ripple(loopset: Loops) -> Loops:
+    """Average all channels over whole periods of a fast and steady ripple of the input."""
+    loops, texts, largest = [], [], 0.0
+    for loop in loopset.loops:
+        found = _find_ripple(loop)
+        loops.append(loop if found is None else _without(loop, found))
+        if found is not None:
+            step, largest = sampling(loop).step, max(largest, found.amplitude)
+            rate = (
+                f"{1.0 / (found.period * step):.4g} Hz" if step else f"{found.period:.3g} samples"
+            )
+            size = f"{found.amplitude:.2g} {loopset.input.unit}"
+            texts.append(f"{rate}, {size} in loop '{loop.label}'")
+    if not texts:
+        return loopset
+    more = f" and {len(texts) - 2} more" if len(texts) > 2 else ""
+    return loopset.with_loops(
+        loops,
+        f"ripple: the {loopset.input.name} ripples at {'; '.join(texts[:2])}{more}; all channels are "
+        "averaged over its periods. If the iron follows the ripple, its loop without one is up to "
+        f"{2.0 * largest:.2g} {loopset.input.unit} wider",
+    )
+
+
+def denoise(loopset: Loops) -> Loops:
+    """Smooth the white noise of an input that is smooth between its reversals."""
+    loops = [_denoised(loop) for loop in loopset.loops]
+    count = sum(new is not old for new, old in zip(loops, loopset.loops, strict=True))
+    if not count:
+        return loopset
+    sigma = max(noise(loop.input) for loop in loopset.loops)
+    return loopset.with_loops(
+        loops,
+        f"denoise: noise of up to {sigma:.2g} {loopset.input.unit} smoothed in the "
+        f"{loopset.input.name} of {count} loops",
+    )
+
+
+def _find_ripple(loop: Loop) -> _Ripple | None:
+    """Find the strongest steady line of the input; ``None`` if it is no ripple."""
+    drive, span = loop.input, float(np.ptp(loop.input))
+    uneven = sampling(loop).uneven
+    if loop.n < 4 * _MIN_PERIODS or (uneven is not None and uneven > _MAX_UNEVEN):
+        return None
+    window = np.hanning(loop.n)
+    lines = np.abs(np.fft.rfft((drive - drive.mean()) * window)) * 2.0 / window.sum()
+    lines[:_MIN_PERIODS] = 0.0
+    peak = int(np.argmax(lines))
+    amplitude = float(lines[peak])
+    around = np.concatenate([lines[peak // 2 : peak - 4], lines[peak + 5 : 2 * peak]])
+    around = around[around > 0.0]
+    is_line = around.size and amplitude > _MIN_LINE * float(np.median(around))
+    if not is_line or not _MIN_RIPPLE_SHARE < amplitude / span < _MAX_RIPPLE_SHARE:
+        return None
+    if not 0 < peak < lines.size - 1:
+        return None
+    sides = lines[peak - 1], lines[peak + 1]
+    place = peak + (sides[1] - sides[0]) / (sides[0] + 2.0 * amplitude + sides[1]) * 2.0
+    period = loop.n / float(place)
+    slow = _averaged(_averaged(drive, period), period)
+    cut = (loop.n - slow.size) // 2
+    fast = drive[cut : cut + slow.size] - slow
+    found = _Ripple(period, 0.5 * float(np.diff(np.quantile(fast, (0.02, 0.98)))[0]))
+    return found if _is_ripple(drive, slow, fast, found) else None
+
+
+def _is_ripple(drive: FloatArray, slow: FloatArray, fast: FloatArray, found: _Ripple) -> bool:
+    """Whether an oscillation is steady, turns the input back, and is fast against its cycles."""
+    length = float(np.median([part.stop - part.start for part in branches(slow)]))
+    if length < _MIN_PERIODS_PER_BRANCH * found.period:
+        return False
+    if reversal_count(drive, 0.5 * found.amplitude) < drive.size / found.period:
+        return False  # the steps of a staircase
+    turned = fast * np.exp(-2j * np.pi * np.arange(fast.size) / found.period)
+    sizes = np.array([abs(part.mean()) for part in np.array_split(turned, _SEGMENTS)])
+    shares = sizes / (float(np.median(sizes)) or 1.0)
+    return float(np.mean((shares > _STEADY[0]) & (shares < _STEADY[1]))) >= _STEADY_SEGMENTS
+
+
+def _averaged(values: FloatArray, period: float) -> FloatArray:
+    """Average over a period, which need not be a whole number of samples; both ends are lost."""
+    half = int(np.ceil((period - 1.0) / 2.0))
+    weights = np.ones(2 * half + 1)
+    weights[[0, -1]] = (period - (2 * half - 1)) / 2.0
+    averaged: FloatArray = np.convolve(values, weights / period, mode="valid")
+    return averaged
+
+
+def _without(loop: Loop, found: _Ripple) -> Loop:
+    """Return a loop averaged over the periods of a ripple."""
+
+    def slow(values: FloatArray | None) -> FloatArray | None:
+        if values is None or np.ptp(values) == 0.0:
+            return None if values is None else values[cut : loop.n - cut][every]
+        return _averaged(_averaged(values, found.period), found.period)[every]
+
+    cut = 2 * int(np.ceil((found.period - 1.0) / 2.0))
+    every = slice(None, None, max(1, round(found.period)))  # averages in between say nothing new
+    time = None if loop.time is None else loop.time[cut : loop.n - cut][every]
+    drive, answer = slow(loop.input), slow(loop.output)
+    assert drive is not None
+    assert answer is not None
+    return replace(loop, input=drive, output=answer, schedule=slow(loop.schedule), time=time)
+
+
+def _denoised(loop: Loop) -> Loop:
+    """Return a loop with a smooth input, or the loop itself if its noise does no harm."""
+    drive, span = loop.input, float(np.ptp(loop.input))
+    sigma = noise(drive)
+    step = (
+        float(np.median(np.abs(drive[_LAG:] - drive[:-_LAG]))) / _LAG if loop.n > 4 * _LAG else span
+    )
+    if sigma < max(_MIN_NOISE_SHARE * span, _MIN_NOISE_STEPS * step) or find_holes(loop.time):
+        return loop
+    parts = branches(drive)
+    length = float(np.median([part.stop - part.start for part in parts]))
+    most = int(_MAX_WINDOW_SHARE * length)
+    wide = max(5, min(most, int(_WINDOW_SIGMAS * sigma / step) if step else most)) | 1
+    smooth = np.array(drive)
+    ends = []
+    for part in parts:
+        rows = part.rows
+        count = part.stop - part.start
+        if count <= wide:
+            continue
+        piece = savgol_filter(drive[rows], wide, 2, mode="interp")
+        ends.append((part.start, piece[0]))
+        ends.append((part.stop - 1, piece[-1]))
+        smooth[rows] = piece
+    # A reversal is where the curves of both sides meet.
+    for row in {row for row, _ in ends}:
+        smooth[row] = float(np.mean([value for place, value in ends if place == row]))
+    return replace(loop, input=smooth)

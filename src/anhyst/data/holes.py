@@ -1,0 +1,144 @@
+"""Missing stretches of a record: what the input did there is unknown, and so is the history.
+
+The extreme inputs of a record wipe out the history before them. A record with a hole is therefore
+cut there. The samples between the hole and the next extreme input are left out, and a loop with a
+known history begins at that input.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anhyst.data.loops import Loop, Loops
+from anhyst.data.path import History, is_bipolar
+from anhyst.support.numeric import FloatArray
+
+_MIN_CLOCK_SAMPLES = 20
+_USUAL_STEPS = 0.98
+"""Share of the time steps that are short in a record with holes; a slow logger has many sizes."""
+_MAX_USUAL_STEP = 2.5
+_MIN_HOLE_STEPS = 8.0
+"""A time step is a hole if it is longer than this number of median steps."""
+_NEAR = 0.01
+"""An input within this share of the range of an extreme one wipes out the history as well."""
+_MIN_LOOP_SAMPLES = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Hole:
+    """A missing stretch of a record."""
+
+    row: int  # the last sample before it
+    at: float  # time of that sample, s
+    seconds: float  # time without samples
+
+    def __str__(self) -> str:
+        """Length and place."""
+        return f"{self.seconds:.3g} s are missing after sample {self.row + 1} (at {self.at:.6g} s)"
+
+
+def find_holes(time: FloatArray | None) -> list[Hole]:
+    """Find the missing stretches of a clock whose other steps are about even."""
+    if time is None or time.size < _MIN_CLOCK_SAMPLES:
+        return []
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    if step <= 0.0 or float(np.quantile(steps, _USUAL_STEPS)) > _MAX_USUAL_STEP * step:
+        return []
+    rows = np.flatnonzero(steps > _MIN_HOLE_STEPS * step).tolist()
+    return [Hole(row, float(time[row]), float(steps[row]) - step) for row in rows]
+
+
+def cut_holes(loopset: Loops) -> Loops:
+    """Cut records at missing stretches; each later loop begins at an extreme input."""
+    for loop in loopset.loops:
+        found = find_holes(loop.time)
+        # A drive that waits while the logger sleeps goes on where it was.
+        found = [hole for hole in found if not _is_pause(loop, hole.row)]
+        pieces = _pieces(loop, found) if found else []
+        if not pieces:
+            continue
+        kept = sum(piece.n for piece in pieces)
+        loops = [piece for old in loopset.loops for piece in (pieces if old is loop else [old])]
+        more = f" and {len(found) - 1} more" if len(found) > 1 else ""
+        loopset = loopset.with_loops(
+            loops,
+            f"holes: in loop '{loop.label}' {found[0]}{more}; the history after it is unknown up to "
+            f"the next extreme {loopset.input.name}: {loop.n - kept} samples left out, "
+            f"{len(pieces)} loops remain",
+        )
+    return loopset
+
+
+def _is_pause(loop: Loop, row: int) -> bool:
+    """Whether input and output are the same after a hole as before it."""
+    around = slice(max(0, row - 3), row + 1), slice(row + 1, row + 5)
+    for values in (loop.input, loop.output):
+        before, after = values[around[0]], values[around[1]]
+        step = float(np.quantile(np.abs(np.diff(values)), 0.9))
+        if abs(float(after[0]) - float(before[-1])) > 2.0 * step:
+            return False
+    rising = [float(loop.input[rows][-1] - loop.input[rows][0]) for rows in around]
+    return rising[0] * rising[1] >= 0.0
+
+
+def _pieces(loop: Loop, found: list[Hole]) -> list[Loop]:
+    """Return the stretches of a record whose history is known."""
+    edges = [0, *(hole.row + 1 for hole in found), loop.n]
+    names = [loop.label, *(f"{loop.label} after {hole.at:.4g} s" for hole in found)]
+    pieces = []
+    for label, (start, stop) in zip(names, itertools.pairwise(edges), strict=True):
+        begin, past = start, loop.history
+        if start > 0 or past.kind == "settled":
+            known = _first_known(loop, start, stop)
+            if known is None:
+                continue
+            begin, past = known
+        rows = slice(begin, stop)
+        if stop - begin < _MIN_LOOP_SAMPLES or np.ptp(loop.input[rows]) == 0.0:
+            continue
+        new = replace(
+            loop,
+            label=label,
+            input=loop.input[rows],
+            output=loop.output[rows],
+            schedule=None if loop.schedule is None else loop.schedule[rows],
+            time=None if loop.time is None else loop.time[rows],
+            history=past,
+        )
+        if new.reverses:
+            pieces.append(new)
+    return pieces
+
+
+def _first_known(loop: Loop, start: int, stop: int) -> tuple[int, History] | None:
+    """Return the first sample of a stretch whose history is known, and that history.
+
+    At the largest input, the iron has forgotten all before it. At the smallest input, it has
+    forgotten all but the largest one.
+    """
+    low, high = float(loop.input.min()), float(loop.input.max())
+    tips = (low, high) if abs(high) >= abs(low) else (high, low)
+    near = _NEAR * (high - low)
+    was_largest = loop.history.kind == "settled" or bool(
+        np.any(np.abs(loop.input[:start] - tips[1]) <= near)
+    )
+    apart = np.abs(loop.input[start:stop] - tips[1])
+    is_near, past = apart <= near, (0.0, *tips)
+    if was_largest:
+        other = np.abs(loop.input[start:stop] - tips[0])
+        if np.any(other <= near) and (
+            not is_near.any() or np.argmax(other <= near) < np.argmax(is_near)
+        ):
+            apart, is_near, past = other, other <= near, (0.0, *tips[::-1])
+    if not is_near.any():
+        return None
+    first = int(np.argmax(is_near))
+    left = np.flatnonzero(~is_near[first:])
+    last = first + int(left[0]) if left.size else is_near.size
+    begin = start + first + int(np.argmin(apart[first:last]))
+    points = past if is_bipolar(loop.input) or past[-1] == tips[0] else (0.0, tips[1])
+    return begin, History("conditioned", (*points[:-1], float(loop.input[begin])))
