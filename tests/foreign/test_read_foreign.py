@@ -402,7 +402,7 @@ def test_a_fault_below_the_lines_of_a_logger_is_named_by_its_line(tmp_path: Path
     lines[40] = "1;NaN;0.2"
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
     complaint = refused("inspect", "log.csv", cwd=tmp_path)
-    assert says(complaint, "text-in-numbers: log.csv; F_N")
+    assert says(complaint, "not-finite: log.csv; line 41; F_N")
 
 
 def test_a_header_far_below_is_found(tmp_path: Path) -> None:

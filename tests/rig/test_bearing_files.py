@@ -540,8 +540,8 @@ def test_a_flux_table_is_a_grid_whatever_the_order_of_its_rows(tmp_path: Path) -
         (["2,0.4,0.05", "0,0.4,1e-3", *ROWS[2:]], "not-monotone: line 3; 0.4"),
         (["-2,0.4,-0.05", *ROWS], "currents-not-from-zero I_A: line 2"),
         (ROWS[:3], "too-few-values gap"),
-        (["2,0.4,nan", *ROWS[1:]], "text-in-numbers psi_Wb: line 2"),
-        (["2,0.4,", *ROWS[1:]], "text-in-numbers psi_Wb: line 2"),
+        (["2,0.4,nan", *ROWS[1:]], "not-finite psi_Wb: line 2"),
+        (["2,0.4,", *ROWS[1:]], "not-finite psi_Wb: line 2"),
     ],
 )
 def test_a_flux_table_that_is_none_is_reported_by_line_or_point(

@@ -60,9 +60,14 @@ def crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bo
     return other[at] + share * (other[at + 1] - other[at])
 
 
+def are_measured(values: FloatArray) -> NDArray[np.bool_]:
+    """Whether each sample can be a measured value: no NaN, infinity, or beyond `LARGEST`."""
+    return np.asarray(np.abs(values) <= LARGEST)
+
+
 def value_fault(values: FloatArray) -> int | None:
     """Find the index of the first sample that nobody measured: NaN, Inf, or beyond `LARGEST`."""
-    good = np.abs(values) <= LARGEST
+    good = are_measured(values)
     return None if good.all() else int(np.argmin(good))
 
 
@@ -73,9 +78,9 @@ def refuse_missing(
 ) -> None:
     """Refuse columns, by their headers, that have a sample without a measured value.
 
-    Such a sample is not finite: every format reads overrange and invalid samples as NaN.
+    Every format reads overrange and invalid samples as NaN.
     """
-    missing = [~np.isfinite(values) for _, values in columns]
+    missing = [~are_measured(values) for _, values in columns]
     for (name, _), is_missing in zip(columns, missing, strict=True):
         if is_missing.any():
             rows = np.logical_or.reduce(missing)

@@ -18,7 +18,7 @@ from anhyst.data.headers import map_headers
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, refuse_missing, time_fault
+from anhyst.data.path import History, are_measured, refuse_missing, time_fault
 from anhyst.data.plateaus import find_plateaus
 from anhyst.data.roles import (
     SHORTEST,
@@ -230,7 +230,7 @@ class _UsedRows:
         if drop is None:
             refuse_missing(self.where, list(held.items()), "leave them out: --drop invalid")
             return self, []
-        is_good = {name: np.isfinite(values) for name, values in held.items()}
+        is_good = {name: are_measured(values) for name, values in held.items()}
         is_valid = np.logical_and.reduce(list(is_good.values()))
         valid = np.flatnonzero(is_valid)
         if valid.size == is_valid.size:
