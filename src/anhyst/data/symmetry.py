@@ -38,13 +38,7 @@ _MIN_SAMPLES = 12
 
 
 def check_not_even(loopset: Loops) -> None:
-    """Refuse an output that is even in its input although no law here makes it so.
-
-    Raises
-    ------
-    InputError
-        The output is a butterfly.
-    """
+    """Refuse an output that is even in its input although no law here makes it so."""
     if output_map(loopset.output).even:
         return
     for loop in _bipolar(loopset):
