@@ -90,3 +90,13 @@ def test_centred_force_has_no_bias() -> None:
     measured = record(drive, (drive + play(drive, 0.2)) ** 2, ("current", "force"))
     assert find_bias(measured) == 0.0
     assert inspect(measured).notes == ()
+
+
+def test_output_that_turns_back_along_a_branch_gives_no_verdict() -> None:
+    phase = np.linspace(0.0, 4.0 * np.pi, 900)
+    late = record(np.sin(phase), np.sin(phase - 1.3), ("voltage", "displacement"))
+    verdict = inspect(late).verdict
+    assert verdict.level == "unknown"
+    assert "falls and rises again" in verdict.sentences[-1]
+    early = record(np.sin(phase), np.sin(phase - 0.2), ("voltage", "displacement"))
+    assert inspect(early).verdict.level == "yes"

@@ -38,13 +38,7 @@ _MIN_SAMPLES = 12
 
 
 def check_not_even(loopset: Loops) -> None:
-    """Refuse an output that is even in its input although no law here makes it so.
-
-    Raises
-    ------
-    InputError
-        The output is a butterfly.
-    """
+    """Refuse an output that is even in its input although no law here makes it so."""
     if output_map(loopset.output).even:
         return
     for loop in _bipolar(loopset):
@@ -57,6 +51,17 @@ def check_not_even(loopset: Loops) -> None:
                 code="output-even",
                 key=loopset.output.name,
             )
+
+
+def turning_line(loopset: Loops) -> str:
+    """Return a sentence about an odd output that turns back along a branch; empty without one."""
+    if output_map(loopset.output).even or not any(map(_turns_back, _bipolar(loopset))):
+        return ""
+    return (
+        f"the {loopset.output.name.replace('_', ' ')} falls and rises again while the "
+        f"{loopset.input.name} runs in one direction, which no law here follows; record one polarity "
+        f"of the {loopset.input.name} only, or measure more slowly"
+    )
 
 
 def recentre(loopset: Loops) -> tuple[Loops, bool]:
@@ -126,7 +131,7 @@ def _turns_back(loop: Loop) -> bool:
         _, answer = smooth(drive, output, _BINS)
         falls = float(np.max(np.maximum.accumulate(answer) - answer))
         rises = float(np.max(answer - np.minimum.accumulate(answer)))
-        if min(falls, rises) > MIN_TURN_BACK * float(np.ptp(answer)):
+        if min(falls, rises) > MIN_TURN_BACK * float(np.ptp(loop.output)):
             return True
     return False
 

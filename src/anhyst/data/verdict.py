@@ -17,7 +17,7 @@ from anhyst.data.loops import Loop, Loops, folded, is_even
 from anhyst.data.output_map import full_scale, name_full_scale
 from anhyst.data.path import Branch, branches, separation, smooth, turning_points
 from anhyst.data.resonance import resonance_line
-from anhyst.data.symmetry import recentre
+from anhyst.data.symmetry import recentre, turning_line
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import in_small_unit
 
@@ -186,7 +186,7 @@ def judge(loopset: Loops) -> Verdict:
     band_mean, band_noise = np.average(
         [each[:2] for each in band], axis=0, weights=[loop.n for loop in loopset.loops]
     ).tolist()
-    dynamics = resonance_line(loopset) or lag_line(loopset)
+    dynamics = resonance_line(loopset) or lag_line(loopset) or turning_line(loopset)
     counts = np.array([loop.n for loop in loopset.loops], dtype=np.float64)
     sigmas = np.array([noise(loop.output) for loop in loopset.loops])
     floor = _MEAN_OF_NORMAL * float(np.average(sigmas, weights=counts))
