@@ -103,7 +103,7 @@ def draw(seed: int) -> Variation:
     return Variation(
         seed=seed,
         language=pick(list(WORDS)),
-        units=tuple(pick(list(UNITS[name])) for name in QUANTITIES),  # type: ignore[arg-type]
+        units=tuple(pick(list(UNITS[name])) for name in QUANTITIES),
         header=pick(["brackets", "parentheses", "units row", "slash", "underscore"]),
         separator=separator,
         decimal="." if separator == "," else pick([".", ","]),
