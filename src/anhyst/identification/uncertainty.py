@@ -191,6 +191,10 @@ _UNBELIEVED = 25.0
 """What an unusual offset costs at most, and what contradicting a reading at rest costs, in twice
 the logarithm of the odds: the highest price that still lets plain evidence overrule either."""
 
+_MEASURED = 1000.0
+"""The same price if the sensor has read an offset: the error of a law in its shape, which an offset
+can hide, brought more than 100 (three gaps, 8000 samples each, 2 mA of noise)."""
+
 _EXACT = 1e-20
 """Mean square deviation, in parts of the largest output, below which nothing is distinguished."""
 
@@ -280,7 +284,8 @@ def _unlikely(value: float, reading: RestReading, span: float) -> float:
     usual = min((value / USUAL) ** 2, _UNBELIEVED)
     if reading.std is None:
         return usual
-    return min((value / max(reading.std / span, AT_REST)) ** 2, _UNBELIEVED + usual)
+    limit = _UNBELIEVED if reading.offset == 0.0 else _MEASURED
+    return min((value / max(reading.std / span, AT_REST)) ** 2, limit + usual)
 
 
 ALIKE = 1.5
