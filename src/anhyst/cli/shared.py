@@ -118,8 +118,9 @@ Clean = Annotated[
     str | None,
     typer.Option(
         metavar="STEP,...",
-        help="Cleaning steps: dedupe, spikes, steady, drift, offset, skew, thin; or 'none'. "
-        "[default: dedupe,thin]",
+        help="Cleaning steps: dedupe, spikes, steady, drift, offset, skew, holes, ripple, denoise, "
+        "thin; or 'none'. "
+        "[default: dedupe,holes,ripple,denoise,thin]",
         show_default=False,
     ),
 ]

@@ -120,7 +120,9 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
     if not step or np.ptp(np.diff(time[rows])) < _MAX_UNEVEN * step:
         return loop.input[rows], loop.output[rows]
     grid = np.arange(time[start], time[stop - 1], step)
-    return tuple(np.interp(grid, time[rows], part[rows]) for part in (loop.input, loop.output))
+    return np.interp(grid, time[rows], loop.input[rows]), np.interp(
+        grid, time[rows], loop.output[rows]
+    )
 
 
 def _at_reversals(drive: FloatArray, answer: FloatArray, length: float) -> _Estimate | None:

@@ -23,8 +23,8 @@ _MIN_RIPPLE_SHARE = 0.002
 """A ripple has at least this amplitude, in ranges of the input; a smaller one is noise."""
 _MAX_RIPPLE_SHARE = 0.2
 """A larger one is a drive of its own."""
-_MIN_PERIODS = 200
-_MIN_PERIODS_PER_BRANCH = 60
+_MIN_PERIODS = 120
+_MIN_PERIODS_PER_BRANCH = 40
 """Fewer are minor loops that somebody drove."""
 _MIN_LINE = 20.0
 """A line of the spectrum is higher than its surroundings by this factor."""

@@ -45,8 +45,8 @@ class RestReading:
     offset: float = 0.0
     # standard error of the reading, SI; None where the records do not come to rest
     std: float | None = None
-    # half-width of the interval that covers the offset with a probability of 90 %, SI; wider than
-    # that of a normal distribution, because few readings show how far they scatter
+    # half-width of the 95 % interval, SI; wider than that of a normal distribution, because few
+    # readings show how far they scatter
     half_width: float = 0.0
 
 
@@ -140,7 +140,7 @@ def _reading(values: Sequence[float], span: float) -> RestReading:
     mean = float(np.mean(values))
     std = float(np.std(values, ddof=1) / np.sqrt(len(values)))
     real = abs(mean) > _SURE * std and abs(mean) > _SAME * span
-    half_width = std * float(student.ppf(0.95, len(values) - 1))
+    half_width = std * float(student.ppf(0.975, len(values) - 1))
     return RestReading(mean if real else 0.0, std, half_width)
 
 
