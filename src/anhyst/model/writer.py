@@ -176,6 +176,8 @@ def _cells(cells: CellWeights) -> str:
         column("thresholds", "A/m"): cells.thresholds.tolist(),
         column("widths", "A/m"): cells.widths.tolist(),
     }
+    if cells.centres is not None:
+        table[column("centres", "A/m")] = cells.centres.tolist()
     weights = f"{column('weights', 'A/m')} = {_rows(cells.weights.tolist())}\n"
     return f"{CELLS}[cells]\n{_keys(table)}{weights}"
 
