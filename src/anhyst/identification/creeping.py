@@ -1,14 +1,16 @@
 """The fit of play cells with lag and creep: what deforms under a voltage, not what is magnetised.
 
-Where cells stand depends on the drive and their thresholds alone, so that all weights, the creep
-and the offset come from one least-squares problem with weights not below zero. Around it few
-numbers are tried: the lag, where the curves of the cells have their middle (``in_0``), and their
-widths. A loop that bends to one side has its middle beyond that side.
+The places of the cells depend on the drive and the thresholds alone. Therefore, all weights, the
+creep and the offset come from one least-squares problem with weights not below zero. Around it, a
+few numbers are tried: the lag, and where the curves of the cells have their middle (``in_0``). A
+loop that bends to one side has its middle beyond that side. If the residual exceeds the noise,
+curves on a grid are tried as well, and kept if they predict withheld samples better.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -17,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
+from anhyst.data.estimates import noise
 from anhyst.data.path import History, correlation
 from anhyst.data.speeds import rate_of
+from anhyst.identification.cell_basis import GRID_SMOOTH, SMOOTH, CellBasis, common_middle, grid
 from anhyst.identification.run import Outcome
-from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics
 from anhyst.model.schema import CandidateFit, Uncertainty
@@ -30,18 +33,8 @@ from anhyst.support.units import MU_0
 
 LAW = "play-cells"
 
-PLAYS = 12
-"""Cells with a threshold: as many as a compiled compensator takes."""
-
-FINEST = 0.04
-"""First threshold, in parts of the range of the input; the last is half of it. A finer one does what
-a lag does, and lets the inverse jump where the drive turns."""
-
 MIDDLES = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 """Of the curves, in ranges of the input above its lowest value."""
-
-WIDTHS = (0.5, 1.0, 2.0, 8.0)
-"""Of the curves, in ranges of the input; the last is all but straight."""
 
 LAGS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 """In samples."""
@@ -64,10 +57,6 @@ SLOWEST_SAMPLE = 3.0
 STRAIGHT = 0.02
 """Share of the straight part in the mean slope. The model must have one; what is straight beyond is a
 cell on the widest curve, so that the saturation of all cells is more than the output ever is."""
-
-SMOOTH = 1e-3
-"""Weight of the second differences over the thresholds; neighbours that no sample distinguishes
-share what they have."""
 
 WORTH = 0.98
 """Deviation, in parts of that without, from which on lag or creep say nothing."""
@@ -94,14 +83,33 @@ ALIKE = 0.995
 ROUNDS = 3
 """Creep follows what the last round found."""
 
+NOISE = 1.5
+"""Deviation, in parts of the noise, up to which the noise explains it and no grid is tried."""
+
+FOLDS = 5
+"""Maximum number of parts that are withheld one after the other: loops, or blocks of few loops."""
+
+BLOCKS = 4
+"""Blocks of a record that are withheld together."""
+
+MIN_LOOPS = 3
+"""Loops from which on whole loops are withheld."""
+
+GRID_WORTH = 0.9
+"""Error at withheld samples, in parts of that of few curves, up to which the grid is kept."""
+
+CENTRED = 0.1
+"""Middle of the range of the input, in parts of it, up to which an even grid is tried."""
+
 
 @dataclass(frozen=True)
 class _Try:
-    """One trial: lag in s, middle of the curves, creep times; and its result."""
+    """One trial: lag in s, middle of the curves, creep times, smoothness; and its result."""
 
     lag: float
     middle: float
     times: tuple[float, ...] = ()
+    smooth: float = SMOOTH
     weights: FloatArray | None = None
     rms: float = np.inf
 
@@ -123,10 +131,21 @@ def fit_creeping(loopset: Loops) -> Outcome:
         chosen = _with_creep(problem, plain, chosen)
     tries = [_listed(problem, "play cells", still)]
     if chosen is not still:
-        parts = [f"a lag of {chosen.lag:.3g} s"] * (chosen.lag > 0.0) + ["creep"] * bool(
-            chosen.times
-        )
-        tries.append(_listed(problem, f"play cells, {' and '.join(parts)}", chosen))
+        tries.append(_listed(problem, f"play cells{_late(chosen)}", chosen))
+    why = _why(chosen, still)
+    if problem.exceeds_noise(chosen):
+        on_grid, fit, own, others = _on_grid(problem, chosen)
+        tries[-1] = replace(tries[-1], left_out=others)
+        listed = replace(_listed(on_grid, f"play cells on a grid{_late(fit)}", fit), left_out=own)
+        if own <= GRID_WORTH * others:
+            problem, chosen = on_grid, fit
+            tries.append(listed)
+            why = (
+                "curves on a grid take the deviation at withheld samples to "
+                f"{own / others:.2f} of that of few curves"
+            )
+        else:
+            tries.insert(-1, listed)
     last = replace(tries[-1], note="chosen")
     model, statement = held(problem.model(chosen), loopset)
     assert chosen.weights is not None
@@ -138,7 +157,7 @@ def fit_creeping(loopset: Loops) -> Outcome:
         "nothing is scheduled",
         dead_band="none: play cells need none",
         candidates=(*tries[:-1], last),
-        why_law=_why(chosen, still),
+        why_law=why,
     )
 
 
@@ -157,6 +176,35 @@ def _with_creep(problem: _Problem, plain: Sequence[_Try], chosen: _Try) -> _Try:
         key=lambda start: start.lag,
     )
     return alike if alike.rms < WORTH * chosen.rms else chosen
+
+
+def _late(attempt: _Try) -> str:
+    parts = [f"a lag of {attempt.lag:.3g} s"] * (attempt.lag > 0.0)
+    parts += ["creep"] * bool(attempt.times)
+    return f", {' and '.join(parts)}" if parts else ""
+
+
+def _on_grid(problem: _Problem, few: _Try) -> tuple[_Problem, _Try, float, float]:
+    """Fit curves on a grid with the lag and the creep times of a fit with few curves.
+
+    Return the problem, the fit, and the errors of both at withheld samples, in parts of the height.
+    """
+    creeping = problem.creep(few, few.times) if few.times else []
+    (others,) = problem.system(few, creeping).withheld_errors([few.smooth])
+    best: tuple[float, _Problem, _Try] | None = None
+    for is_even in (True, False) if problem.is_centred else (False,):
+        on_grid = problem.on_grid(is_even=is_even)
+        start = replace(few, middle=on_grid.middles[0])
+        errors = on_grid.system(start, creeping).withheld_errors(GRID_SMOOTH)
+        own = min(errors)
+        if best is None or own < best[0]:
+            best = own, on_grid, replace(start, smooth=GRID_SMOOTH[errors.index(own)])
+    assert best is not None
+    own, on_grid, start = best
+    fit = on_grid.solve(start, creeping)
+    for _ in range(ROUNDS - 1 if few.times else 0):
+        fit = on_grid.solve(fit)
+    return on_grid, fit, own, others
 
 
 def held(model: Model, loopset: Loops) -> tuple[Model, str]:
@@ -199,6 +247,62 @@ def _why(chosen: _Try, still: _Try) -> str:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _System:
+    """A least-squares problem with weights not below zero."""
+
+    basis: CellBasis
+    matrix: FloatArray  # columns: weights of the cells, of the creep, and the offset either way
+    target: FloatArray
+    part: NDArray[np.intp]  # of each row: with which others it is withheld
+
+    @cached_property
+    def kept(self) -> NDArray[np.bool_]:
+        """The columns that are solved for."""
+        curves = self.basis.thresholds.size * self.basis.widths.size
+        kept = np.ones(self.matrix.shape[1], dtype=np.bool_)
+        kept[:curves] = self.basis.solved_columns(self.matrix[:, :curves])
+        return kept
+
+    @cached_property
+    def roughness(self) -> FloatArray:
+        """Sum of the squared second differences of the weights, as a quadratic form."""
+        differences = self.basis.differences(self.kept)
+        return np.asarray(differences.T @ differences)
+
+    def solve(self, attempt: _Try, height: float) -> _Try:
+        """Solve for the weights of a trial."""
+        seen = self.matrix[:, self.kept]
+        weights = self._weights(seen.T @ seen, seen.T @ self.target, attempt.smooth)
+        off = self.matrix @ weights - self.target
+        return replace(attempt, weights=weights, rms=float(np.linalg.norm(off)) * height)
+
+    def withheld_errors(self, smooths: Sequence[float]) -> list[float]:
+        """Return, for each smoothness, the deviation at parts withheld one after the other."""
+        seen = self.matrix[:, self.kept]
+        normal, pull = seen.T @ seen, seen.T @ self.target
+        squares = np.zeros(len(smooths))
+        for part in range(self.part.max() + 1):
+            out = self.part == part
+            own, target = seen[out], self.target[out]
+            rest = normal - own.T @ own, pull - own.T @ target
+            for index, smooth in enumerate(smooths):
+                weights = self._weights(*rest, smooth)[self.kept]
+                squares[index] += float(np.sum((own @ weights - target) ** 2))
+        return [float(rms) for rms in np.sqrt(squares)]
+
+    def _weights(self, normal: FloatArray, pull: FloatArray, smooth: float) -> FloatArray:
+        from scipy.optimize import nnls
+
+        size = np.sqrt(np.abs(np.diag(normal)))
+        normal = normal + smooth**2 * size[:, None] * self.roughness * size
+        normal += 1e-12 * np.trace(normal) * np.eye(normal.shape[0])
+        factor = np.linalg.cholesky(normal)
+        weights = np.zeros(self.kept.size)
+        weights[self.kept], _ = nnls(factor.T, np.linalg.solve(factor, pull), maxiter=10000)
+        return weights
+
+
 class _Problem:
     """Loops, and the columns of their least-squares problem."""
 
@@ -215,10 +319,30 @@ class _Problem:
                 code="output-falls",
             )
         self.slope = STRAIGHT * self.height / self.span
-        self.thresholds = np.concatenate([[0.0], self.span * np.geomspace(FINEST, 0.5, PLAYS)])
-        self.widths = self.span * np.array(WIDTHS)
+        self.basis = common_middle(self.span)
+        # where the curves may have their middle, in units of the input
+        self.middles = [self.low + part * self.span for part in MIDDLES]
         self._plays: dict[tuple[float, float], list[tuple[FloatArray, FloatArray]]] = {}
+        self._columns: tuple[tuple[float, float], list[FloatArray]] | None = None
         self.counted = [_known(loop) for loop in loopset.loops]
+
+    def on_grid(self, *, is_even: bool) -> _Problem:
+        """Return the same problem with curves on a grid."""
+        other = copy(self)
+        other.basis = grid(self.span, is_even=is_even)
+        other.middles = [self.low + 0.5 * self.span * is_even]
+        other._plays, other._columns = {}, None
+        return other
+
+    @property
+    def is_centred(self) -> bool:
+        """Whether the input goes about as far to either side of zero."""
+        return abs(self.low + 0.5 * self.span) <= CENTRED * self.span
+
+    def exceeds_noise(self, attempt: _Try) -> bool:
+        """Whether a fit has a larger residual than the noise of the sensor explains."""
+        noises = [noise(loop.output) for loop in self.loopset.loops]
+        return attempt.rms > NOISE * float(np.sqrt(np.mean(np.square(noises))))
 
     def leave_out_strays(self) -> None:
         """Leave out few samples that deviate from the best fit without a lag as no loop does."""
@@ -227,12 +351,11 @@ class _Problem:
             key=lambda attempt: attempt.rms,
         )
         assert best.weights is not None
-        off = []
-        for loop, (fields, _) in zip(
-            self.loopset.loops, self.plays(best.lag, best.middle), strict=True
-        ):
-            made = self.at_once(fields, best.weights) + best.weights[-2] - best.weights[-1]
-            off.append(np.abs(loop.output - made))
+        offset = float(best.weights[-2] - best.weights[-1])
+        off = [
+            np.abs(loop.output - made - offset)
+            for loop, (made, _) in zip(self.loopset.loops, self.outputs(best), strict=True)
+        ]
         usual = float(np.median(np.concatenate(off)))
         counted = [
             known & (deviation <= STRAY * usual)
@@ -243,11 +366,6 @@ class _Problem:
         )
         if before - after <= FEW * before:
             self.counted = counted
-
-    @property
-    def middles(self) -> list[float]:
-        """Where the curves may have their middle, in units of the input."""
-        return [self.low + part * self.span for part in MIDDLES]
 
     @cached_property
     def step(self) -> float:
@@ -286,86 +404,108 @@ class _Problem:
         return tuple(time for time in spread if time >= SLOWEST_SAMPLE * self.step)
 
     def plays(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
-        """Places of the cells over each loop, and at rest before it, from the middle."""
+        """Return the places of the cells over each loop, and at rest before it, from the middle."""
         if (lag, middle) not in self._plays:
-            cells = []
+            self._plays |= {(lag, other): [] for other in self.middles}
+            middles, thresholds = np.array(self.middles)[:, None], self.basis.thresholds
             for loop in self.loopset.loops:
                 drive = loop.input
                 if lag and loop.time is not None:
                     drive = Dynamics(lag).delayed(drive, loop.time)
-                before = _before(loop.history, drive)
-                lead = np.concatenate([[middle], before]) - middle
-                at_rest = moved(lead, self.thresholds, np.zeros(PLAYS + 1))[-1]
-                cells.append((moved(drive - middle, self.thresholds, at_rest), at_rest))
-            self._plays[lag, middle] = cells
+                # Cells begin in the middle.
+                lead = _before(loop.history, drive) - middles
+                lead = np.concatenate([np.zeros_like(middles), lead], axis=1)
+                start = np.zeros((middles.size, thresholds.size))
+                at_rest = moved(lead, thresholds, start)[-1]
+                places = moved(drive - middles, thresholds, at_rest)
+                for index, other in enumerate(self.middles):
+                    self._plays[lag, other].append((places[:, index], at_rest[index]))
         return self._plays[lag, middle]
 
-    def columns(self, fields: FloatArray) -> FloatArray:
-        """Return what each weight gives: each cell on each curve."""
-        return np.tanh(fields[:, :, None] / self.widths).reshape(fields.shape[0], -1)
-
-    def at_once(self, fields: FloatArray, weights: FloatArray) -> FloatArray:
-        """Return what weights make of cells, without creep and offset."""
-        columns = self.columns(fields)
-        return np.asarray(columns @ weights[: columns.shape[1]] + self.slope * fields[:, 0])
-
-    def solve(self, attempt: _Try) -> _Try:
-        """Solve for weights; with creep, that of what the weights given so far make."""
-        from scipy.optimize import nnls
-
-        self.solved += 1
-        rows, targets = [], []
-        for loop, counted, (fields, at_rest) in zip(
-            self.loopset.loops, self.counted, self.plays(attempt.lag, attempt.middle), strict=True
+    def outputs(self, attempt: _Try) -> list[tuple[FloatArray, float]]:
+        """Return the output of weights over each loop and before it, without creep and offset."""
+        assert attempt.weights is not None
+        found = []
+        for columns, (fields, at_rest) in zip(
+            self.columns(attempt), self.plays(attempt.lag, attempt.middle), strict=True
         ):
-            own = self.columns(fields)
-            if attempt.times:
-                own = np.hstack([own, self._creep(attempt, fields, at_rest, loop)])
+            weights = attempt.weights[: columns.shape[1]]
+            rest = self.basis.columns(at_rest[None])[0] @ weights + self.slope * at_rest[0]
+            found.append((columns @ weights + self.slope * fields[:, 0], float(rest)))
+        return found
+
+    def columns(self, attempt: _Try) -> list[FloatArray]:
+        """Return what each weight gives over each loop; the last ones are remembered."""
+        key = attempt.lag, attempt.middle
+        if self._columns is None or self._columns[0] != key:
+            self._columns = key, [self.basis.columns(fields) for fields, _ in self.plays(*key)]
+        return self._columns[1]
+
+    def solve(self, attempt: _Try, creeping: Sequence[FloatArray] = ()) -> _Try:
+        """Solve for weights; the creep follows the output of the weights that are known already."""
+        self.solved += 1
+        if attempt.times and not creeping:
+            creeping = self.creep(attempt, attempt.times)
+        return self.system(attempt, creeping).solve(attempt, self.height)
+
+    def system(self, attempt: _Try, creeping: Sequence[FloatArray] = ()) -> _System:
+        """Return the least-squares problem of a trial, with the slow responses over each loop."""
+        rows, targets, parts = [], [], []
+        plays = self.plays(attempt.lag, attempt.middle)
+        for index, (loop, own) in enumerate(
+            zip(self.loopset.loops, self.columns(attempt), strict=True)
+        ):
             weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
             ends = np.ones((loop.n, 1))
-            rows.append(weight * np.hstack([own, ends, -ends])[counted])
-            targets.append(weight * (loop.output - self.slope * fields[:, 0])[counted])
-        matrix, target = np.concatenate(rows), np.concatenate(targets)
-        smooth = SMOOTH * self._differences(matrix.shape[1], np.linalg.norm(matrix, axis=0))
-        normal = matrix.T @ matrix + smooth.T @ smooth
-        normal += 1e-12 * np.trace(normal) * np.eye(normal.shape[0])
-        factor = np.linalg.cholesky(normal)
-        weights, _ = nnls(factor.T, np.linalg.solve(factor, matrix.T @ target), maxiter=10000)
-        off = matrix @ weights - target
-        return replace(attempt, weights=weights, rms=float(np.linalg.norm(off)) * self.height)
+            slow = [creeping[index]] if creeping else []
+            counted = self.counted[index]
+            rows.append(weight * np.hstack([own, *slow, ends, -ends])[counted])
+            at_once = self.slope * plays[index][0][:, 0]
+            targets.append(weight * (loop.output - at_once)[counted])
+            parts.append(self.parts[index][counted])
+        return _System(self.basis, *map(np.concatenate, (rows, targets, parts)))
 
-    def _differences(self, columns: int, size: FloatArray) -> FloatArray:
-        """Second differences over the thresholds, one block a width."""
-        curves = len(WIDTHS)
-        rows = []
-        for width, cell in product(range(curves), range(2, PLAYS)):
-            row = np.zeros(columns)
-            for at, part in ((cell - 1, 1.0), (cell, -2.0), (cell + 1, 1.0)):
-                column = at * curves + width
-                row[column] = part * size[column]
-            rows.append(row)
-        return np.array(rows)
+    @cached_property
+    def parts(self) -> list[NDArray[np.intp]]:
+        """Return with which others each sample is withheld; -1 for samples that never are.
 
-    def _creep(
-        self, attempt: _Try, fields: FloatArray, at_rest: FloatArray, loop: Loop
-    ) -> FloatArray:
-        """Return the slow response to the instantaneous output, a column for each time constant."""
-        assert attempt.weights is not None
-        assert loop.time is not None
-        at_once = self.at_once(fields, attempt.weights)
-        rest = float(self.at_once(at_rest[None], attempt.weights)[0])
-        columns = []
-        for time in attempt.times:
-            single = Dynamics(0.0, (time,), (1.0,))
-            settled = loop.history.kind == "settled"
-            start = single.settled(at_once, loop.time, known=True) if settled else np.array([rest])
-            columns.append(single.added(at_once, loop.time, start).values - at_once)
-        return np.stack(columns, axis=1)
+        Without the ends of a record, or its largest loops, a fit has to extrapolate. All fits are
+        then alike.
+        """
+        if len(self.loopset) < MIN_LOOPS:
+            blocks = [np.arange(loop.n) * FOLDS * BLOCKS // loop.n for loop in self.loopset.loops]
+            ends = 0, FOLDS * BLOCKS - 1
+            return [np.where(np.isin(block, ends), -1, block % FOLDS) for block in blocks]
+        spans = [float(np.ptp(loop.input)) for loop in self.loopset.loops]
+        largest = [span >= REACHED * self.span for span in spans]
+        keep = not all(largest)
+        return [
+            np.full(loop.n, -1 if keep and is_largest else index % FOLDS)
+            for index, (loop, is_largest) in enumerate(
+                zip(self.loopset.loops, largest, strict=True)
+            )
+        ]
+
+    def creep(self, attempt: _Try, times: tuple[float, ...]) -> list[FloatArray]:
+        """Return the slow responses to the output of a trial, a column for each time constant."""
+        found = []
+        for loop, (at_once, rest) in zip(self.loopset.loops, self.outputs(attempt), strict=True):
+            assert loop.time is not None
+            columns = []
+            for time in times:
+                single = Dynamics(0.0, (time,), (1.0,))
+                settled = loop.history.kind == "settled"
+                start = (
+                    single.settled(at_once, loop.time, known=True) if settled else np.array([rest])
+                )
+                columns.append(single.added(at_once, loop.time, start).values - at_once)
+            found.append(np.stack(columns, axis=1))
+        return found
 
     def model(self, attempt: _Try) -> Model:
         """Return the model of a solution."""
         assert attempt.weights is not None
-        cells = (PLAYS + 1) * len(WIDTHS)
+        cells = self.basis.thresholds.size * self.basis.widths.size
         slope, weights = self.slope, attempt.weights[:cells] / self.slope
         slow = attempt.weights[cells:-2]
         kept = [(t, float(w)) for t, w in zip(attempt.times, slow, strict=True) if w > 1e-4]
@@ -381,9 +521,7 @@ class _Problem:
                 "out_0": float(attempt.weights[-2] - attempt.weights[-1]),
             },
             law=LAW,
-            cells=CellWeights(
-                self.thresholds, self.widths, weights.reshape(PLAYS + 1, len(WIDTHS))
-            ),
+            cells=self.basis.cells(weights),
             dynamics=Dynamics(
                 attempt.lag, tuple(t for t, _ in kept), tuple(w for _, w in kept), max(self.rates)
             ),
@@ -426,11 +564,11 @@ def _before(history: History, drive: FloatArray) -> FloatArray:
 
 
 def moved(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> FloatArray:
-    """Return the play of each cell over a drive, shape (n, cells)."""
-    low, high = drive[:, None] - thresholds, drive[:, None] + thresholds
+    """Return the place of each cell over some drives, (drives, n); shape (n, drives, cells)."""
+    along = drive.T[:, :, None]
+    low, high = along - thresholds, along + thresholds
     moved_to = np.empty_like(low)
     now = start
-    for i in range(drive.size):
-        now = np.minimum(np.maximum(now, low[i]), high[i])
-        moved_to[i] = now
+    for i, place in enumerate(moved_to):
+        now = np.minimum(np.maximum(now, low[i]), high[i], out=place)
     return moved_to

@@ -102,7 +102,7 @@ class CellWeights:
             return NotImplemented
         return self.shape == other.shape and all(
             np.array_equal(getattr(self, name), getattr(other, name))
-            for name in ("thresholds", "widths", "weights", "places")
+            for name in ("thresholds", "widths", "weights", "middles")
         )
 
     def __hash__(self) -> int:
