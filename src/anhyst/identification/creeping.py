@@ -210,6 +210,9 @@ def _on_grid(problem: _Problem, few: _Try) -> tuple[_Problem, _Try, float, float
     fit = on_grid.solve(start, creeping)
     for _ in range(ROUNDS - 1 if few.times else 0):
         fit = on_grid.solve(fit)
+    first = [own & ~other for own, other in zip(on_grid.counted, problem.counted, strict=True)]
+    own = float(np.hypot(own, on_grid.deviation(fit, creeping, first)))
+    others = float(np.hypot(others, problem.deviation(few, creeping, first)))
     return on_grid, fit, own, others
 
 
@@ -465,8 +468,21 @@ class _Problem:
             creeping = self.creep(attempt, attempt.times)
         return self.system(attempt, creeping).solve(attempt, self.height)
 
-    def system(self, attempt: _Try, creeping: Sequence[FloatArray] = ()) -> _System:
+    def deviation(
+        self, attempt: _Try, creeping: Sequence[FloatArray], some: list[NDArray[np.bool_]]
+    ) -> float:
+        """Return the root mean square deviation of a solved trial over some samples."""
+        system = self.system(attempt, creeping, some)
+        return float(np.linalg.norm(system.matrix @ attempt.weights - system.target))
+
+    def system(
+        self,
+        attempt: _Try,
+        creeping: Sequence[FloatArray] = (),
+        some: list[NDArray[np.bool_]] | None = None,
+    ) -> _System:
         """Return the least-squares problem of a trial, with the slow responses over each loop."""
+        rows_of = self.counted if some is None else some
         rows, targets, parts = [], [], []
         plays = self.plays(attempt.lag, attempt.middle)
         for index, (loop, own) in enumerate(
@@ -475,7 +491,7 @@ class _Problem:
             weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
             ends = np.ones((loop.n, 1))
             slow = [creeping[index]] if creeping else []
-            counted = self.counted[index]
+            counted = rows_of[index]
             rows.append(weight * np.hstack([own, *slow, ends, -ends])[counted])
             at_once = self.slope * plays[index][0][:, 0]
             targets.append(weight * (loop.output - at_once)[counted])
