@@ -14,7 +14,7 @@ from anhyst.data.output_map import output_map
 from anhyst.data.path import History, branches
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import rate_line
-from anhyst.data.start import Proposal, propose_histories
+from anhyst.data.start import Proposal, carry_histories, propose_histories
 from anhyst.data.verdict import Verdict, judge, largest_output, loop_width, single_valued
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, columns_of, dress, few, length_scale, shades
@@ -184,7 +184,7 @@ def inspect(loops: Loops) -> Inspection:
     warnings = list(check_plausible(loops))
     residuals = {id(loop): residual for loop, residual in single_valued(loops)}
     even = is_even(loops)
-    proposals = propose_histories(loops.loops, even=even)
+    proposals = carry_histories(loops.loops, propose_histories(loops.loops, even=even))
     figures = tuple(
         _figures(loop, np.abs(residuals[id(loop)]), proposal, even=even)
         for loop, proposal in zip(loops.loops, proposals, strict=True)

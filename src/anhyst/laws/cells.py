@@ -127,10 +127,15 @@ class CellWeights:
         arrays += [self.middles] if self.middles.any() else []
         return b"".join(array.tobytes() for array in arrays)
 
-    def curves(self, plays: FloatArray, of: Callable[[Shape, FloatArray], FloatArray]) -> FloatArray:
+    def curves(
+        self, plays: FloatArray, of: Callable[[Shape, FloatArray], FloatArray]
+    ) -> FloatArray:
         """Return each curve, or its derivative, at places of each cell; shape (n + 1, J, m)."""
         halves = [
-            of(self.shape, (plays[:, None, :] + side * self.middles[:, None]) / self.widths[:, None])
+            of(
+                self.shape,
+                (plays[:, None, :] + side * self.middles[:, None]) / self.widths[:, None],
+            )
             for side in ((-1.0, 1.0) if self.middles.any() else (1.0,))
         ]
         return np.asarray(sum(halves) / len(halves))
