@@ -43,8 +43,9 @@ GRID_SMOOTH = (1e-3, 1e-2, 5e-2)
 FAR = 19.0
 """Widths from the middle of a curve on, from which on it is 1 to the last digit."""
 
-MIN_MOTION = 1e-3
-"""Least change of a curve, in parts of the largest change, from which on the loops move it."""
+MIN_MOTION = 0.5
+"""Least change of a curve, in parts of the largest change, from which on the loops move it. The tail
+of a curve that they do not pass says nothing of its height."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +80,15 @@ class CellBasis:
     def solved_columns(self, matrix: FloatArray) -> NDArray[np.bool_]:
         """Return the columns that a fit solves for, given their values over the loops.
 
-        On the grid, these are the curves that the loops move, and those that another drive over
-        the same range can move. The loops do not show the second kind: their weights continue
-        those of their neighbours.
+        On the grid, these are the curves that the loops pass, and those that another drive over
+        the same range can pass after it was at both ends. Weights that the loops do not show
+        continue those of their neighbours.
         """
         if self.centres is None:
             return np.ones(matrix.shape[1], dtype=np.bool_)
         height = np.ptp(matrix, axis=0)
         r, b, slack = self.thresholds[:, None], self.centres, 0.5 * self.thresholds[1]
-        within = (b <= self.end - r + slack) & ((b >= r - slack) | self.is_even)
+        within = (b <= self.end - r + slack) & ((b >= r) | self.is_even)
         within[:, 0] = r[:, 0] < self.end
         moved: NDArray[np.bool_] = height > MIN_MOTION * height.max()
         return moved | within.ravel()
