@@ -90,8 +90,7 @@ class CellBasis:
         r, b, slack = self.thresholds[:, None], self.centres, 0.5 * self.thresholds[1]
         within = (b <= self.end - r + slack) & ((b >= r) | self.is_even)
         within[:, 0] = r[:, 0] < self.end
-        moved: NDArray[np.bool_] = height > MIN_MOTION * height.max()
-        return moved | within.ravel()
+        return np.asarray((height > MIN_MOTION * height.max()) | within.ravel())
 
     def differences(self, kept: NDArray[np.bool_]) -> FloatArray:
         """Return the second differences of the kept columns; columns after the curves have none."""
@@ -148,5 +147,5 @@ def grid(span: float, *, is_even: bool) -> CellBasis:
     count = LEVELS // 2 if is_even else LEVELS
     centres = np.concatenate([[0.0], step * (np.arange(count) + 0.5)])
     widths = np.concatenate([[WIDTHS[-1] * span], np.full(count, OVERLAP * step)])
-    thresholds = 0.5 * step * np.arange(LEVELS)
+    thresholds = np.asarray(0.5 * step * np.arange(LEVELS), dtype=np.float64)
     return CellBasis(thresholds, widths, centres, count * step, is_even)

@@ -323,6 +323,7 @@ class CellProblem:
         self, attempt: Trial, creeping: Sequence[FloatArray], some: list[NDArray[np.bool_]]
     ) -> float:
         """Return the root mean square deviation of a solved trial over some samples."""
+        assert attempt.weights is not None
         system = self.system(attempt, creeping, some)
         return float(np.linalg.norm(system.matrix @ attempt.weights - system.target))
 

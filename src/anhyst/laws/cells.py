@@ -130,7 +130,7 @@ class CellWeights:
     def curves(
         self, plays: FloatArray, of: Callable[[Shape, FloatArray], FloatArray]
     ) -> FloatArray:
-        """Return each curve, or its derivative, at places of each cell; shape (n + 1, J, m)."""
+        """Return each curve at places of each cell, or its slope over place/width; (n + 1, J, m)."""
         halves = [
             of(
                 self.shape,

@@ -117,7 +117,8 @@ class Dynamics:
 
 def _lagging(inputs: FloatArray, kept: FloatArray, start: float) -> FloatArray:
     """Return what follows a known input with one time constant, from a start; of floats, for speed."""
-    slow, before, found = float(start), 0.0, []
+    slow, before = float(start), 0.0
+    found: list[float] = []
     for part, value in zip(kept.tolist(), inputs.tolist(), strict=True):
         slow = before + part * (slow - before) if found else slow
         found.append(slow)
