@@ -75,12 +75,13 @@ class Actuator:
 
 def clustered(up: FloatArray, down: FloatArray) -> FloatArray:
     """Relays of much the same kind: steep, wide loops that saturate."""
-    return 1.0 / (1.0 + ((up - 0.75) / 0.08) ** 2) / (1.0 + ((down - 0.35) / 0.08) ** 2)
+    return np.asarray(1.0 / (1.0 + ((up - 0.75) / 0.08) ** 2) / (1.0 + ((down - 0.35) / 0.08) ** 2))
 
 
 def uneven(up: FloatArray, down: FloatArray) -> FloatArray:
     """Loops that are wider at the top."""
-    return np.exp(-0.5 * ((up + down - 1.3) / 0.3) ** 2 - 0.5 * ((up - down - 0.2) / 0.12) ** 2)
+    middle, width = (up + down - 1.3) / 0.3, (up - down - 0.2) / 0.12
+    return np.asarray(np.exp(-0.5 * (middle**2 + width**2)))
 
 
 ACTUATORS = {
@@ -101,8 +102,7 @@ class Trial:
 
 
 def one_loop(drive: FloatArray, output: FloatArray) -> Loop:
-    time = np.arange(drive.size) * 0.01
-    # Unipolar actuators begin at zero; the others were at their low end.
+    time = np.linspace(0.0, 0.01 * drive.size, drive.size)
     low = float(drive.min())
     return Loop("1", drive, output, None, time, History.parse(f"conditioned:{TOP:g},{low:g}"))
 

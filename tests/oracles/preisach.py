@@ -48,7 +48,8 @@ class Preisach:
         normal = matrix.T @ matrix
         normal += 1e-10 * np.trace(normal) / len(normal) * np.eye(len(normal))
         factor = np.linalg.cholesky(normal)
-        return nnls(factor.T, np.linalg.solve(factor, matrix.T @ output), maxiter=100_000)[0]
+        weights, _ = nnls(factor.T, np.linalg.solve(factor, matrix.T @ output), maxiter=100_000)
+        return np.asarray(weights)
 
     def predict(self, drive: FloatArray, weights: FloatArray) -> FloatArray:
         """Return the output of fitted weights over a record."""
