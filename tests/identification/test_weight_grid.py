@@ -75,13 +75,16 @@ class Actuator:
 
 def clustered(up: FloatArray, down: FloatArray) -> FloatArray:
     """Relays of much the same kind: steep, wide loops that saturate."""
-    return np.asarray(1.0 / (1.0 + ((up - 0.75) / 0.08) ** 2) / (1.0 + ((down - 0.35) / 0.08) ** 2))
+    density: FloatArray = 1.0 / (1.0 + ((up - 0.75) / 0.08) ** 2)
+    density /= 1.0 + ((down - 0.35) / 0.08) ** 2
+    return density
 
 
 def uneven(up: FloatArray, down: FloatArray) -> FloatArray:
     """Loops that are wider at the top."""
     middle, width = (up + down - 1.3) / 0.3, (up - down - 0.2) / 0.12
-    return np.asarray(np.exp(-0.5 * (middle**2 + width**2)))
+    density: FloatArray = np.exp(-0.5 * (middle**2 + width**2))
+    return density
 
 
 ACTUATORS = {

@@ -354,26 +354,22 @@ class CellProblem:
     def parts(self) -> list[NDArray[np.intp]]:
         """Return with which others each sample is withheld; -1 for samples that never are.
 
-        Without the ends of a record, or its largest loops, a fit has to extrapolate. All fits are
-        then alike.
+        Without the ends of a record, or its largest loops, a fit has to extrapolate, and all fits
+        are then alike. A first rise that few curves do not fit is no part of the comparison.
         """
-        if len(self.loopset) < MIN_LOOPS:
-            blocks = [np.arange(loop.n) * FOLDS * BLOCKS // loop.n for loop in self.loopset.loops]
+        loops = self.loopset.loops
+        if len(loops) < MIN_LOOPS:
+            blocks = [np.arange(loop.n) * FOLDS * BLOCKS // loop.n for loop in loops]
             ends = 0, FOLDS * BLOCKS - 1
             parts = [np.where(np.isin(block, ends), -1, block % FOLDS) for block in blocks]
-            # A first rise that few curves do not fit is no part of the comparison.
-            return [
-                np.where(known, part, -1) for known, part in zip(self.known, parts, strict=True)
+        else:
+            is_largest = [float(np.ptp(loop.input)) >= REACHED * self.span for loop in loops]
+            is_kept = [not all(is_largest) and largest for largest in is_largest]
+            parts = [
+                np.full(loop.n, -1 if kept else index % FOLDS)
+                for index, (loop, kept) in enumerate(zip(loops, is_kept, strict=True))
             ]
-        spans = [float(np.ptp(loop.input)) for loop in self.loopset.loops]
-        largest = [span >= REACHED * self.span for span in spans]
-        keep = not all(largest)
-        return [
-            np.full(loop.n, -1 if keep and is_largest else index % FOLDS)
-            for index, (loop, is_largest) in enumerate(
-                zip(self.loopset.loops, largest, strict=True)
-            )
-        ]
+        return [np.where(known, part, -1) for known, part in zip(self.known, parts, strict=True)]
 
     def creep(self, attempt: Trial, times: tuple[float, ...]) -> list[FloatArray]:
         """Return the slow responses to the output of a trial, a column for each time constant."""
