@@ -65,12 +65,12 @@ class Actuator:
                 place = min(max(place, value - reach), value + reach)
                 found.append(place)
             part = (np.array(found) - self.low) / span
-            return STROKE * (np.tanh(2.0 * part - 0.6) + np.tanh(0.6))
+            return np.asarray(STROKE * (np.tanh(2.0 * part - 0.6) + np.tanh(0.6)))
         plane = Preisach(self.low, TOP, 120)
         up, down = ((level - self.low) / span for level in plane.relays)
         weights = self.density(up, down)
         switched = plane.states(drive) @ (weights / weights.sum())
-        return 0.5 * STROKE * (switched + 0.3 * (drive - self.low) / span)
+        return np.asarray(0.5 * STROKE * (switched + 0.3 * (drive - self.low) / span))
 
 
 def clustered(up: FloatArray, down: FloatArray) -> FloatArray:
