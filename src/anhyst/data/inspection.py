@@ -16,7 +16,7 @@ from anhyst.data.output_map import name_full_scale
 from anhyst.data.path import History, branches
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import rate_line
-from anhyst.data.start import Proposal, propose_histories
+from anhyst.data.start import Proposal, carry_histories, propose_histories
 from anhyst.data.symmetry import bias_line, recentre
 from anhyst.data.verdict import Verdict, Width, judge, largest_output, loop_width, single_valued
 from anhyst.support.numeric import FloatArray
@@ -188,7 +188,7 @@ def inspect(loops: Loops) -> Inspection:
     warnings = list(check_plausible(loops))
     residuals = {id(loop): residual for loop, residual in single_valued(loops)}
     centred, even = recentre(loops)
-    proposals = propose_histories(centred.loops, even=even)
+    proposals = carry_histories(loops.loops, propose_histories(centred.loops, even=even))
     widths = [loop_width(loop, even=even) for loop in centred.loops]
     figures = tuple(
         _figures(loop, np.abs(residuals[id(loop)]), proposal, width, even=even)

@@ -29,7 +29,7 @@ from anhyst.data.roles import (
     may_label,
 )
 from anhyst.data.sidecar import FileDescription, is_sidecar
-from anhyst.data.start import propose_histories
+from anhyst.data.start import carry_histories, propose_histories
 from anhyst.data.table import find_clocks, is_frame, table_of
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -384,8 +384,16 @@ def _cut(
 
 def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
     """Fill in histories that were not stated with those that the data suggest, and note it."""
-    loops = [loop for part in parts for index, loop in enumerate(part.loops) if index in part.open]
-    proposals = iter(propose_histories(loops, even=are_even(loops, parts[0].output)))
+    loops = [loop for part in parts for loop in part.loops]
+    is_open = [index in part.open for part in parts for index in range(len(part.loops))]
+    unknown = [loop for loop, is_unknown in zip(loops, is_open, strict=True) if is_unknown]
+    own = iter(propose_histories(unknown, even=are_even(unknown, parts[0].output)))
+    known = [
+        next(own) if is_unknown else (loop.history, "stated")
+        for loop, is_unknown in zip(loops, is_open, strict=True)
+    ]
+    carried = zip(carry_histories(loops, known), is_open, strict=True)
+    proposals = (proposal for proposal, is_unknown in carried if is_unknown)
     completed = []
     for part in parts:
         judged, notes = list(part.loops), list(part.notes)

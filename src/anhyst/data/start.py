@@ -11,6 +11,7 @@ import numpy as np
 from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, folded
 from anhyst.data.path import DEMAGNETISED, SETTLED, History, branches, crossings
+from anhyst.data.speeds import slower_loops
 from anhyst.support.numeric import FloatArray
 
 Proposal = tuple[History, str]
@@ -66,6 +67,36 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[Proposal]:
     return [
         _propose(loop, parts, alike, even=even) for loop, parts in zip(loops, seen, strict=True)
     ]
+
+
+def carry_histories(loops: Sequence[Loop], proposals: Sequence[Proposal]) -> list[Proposal]:
+    """Return the proposals, with those of fast loops corrected by the slow loops of their gap.
+
+    Eddy currents make the first cycle of a fast loop differ from later ones, as an initial curve
+    would. A slow loop shows without them whether the session began demagnetised. If it did not, the
+    slow loop is what happened before the fast one.
+    """
+    carried = list(proposals)
+    for index, slower in enumerate(slower_loops(loops)):
+        known = [place for place in slower if proposals[place][0].kind != "demagnetised"]
+        if proposals[index][0].kind != "demagnetised" or not slower or len(known) < len(slower):
+            continue
+        slow = max((loops[place] for place in slower), key=lambda loop: float(np.ptp(loop.input)))
+        reason = (
+            "it is faster than others of its gap, and their first rise is not the initial curve; "
+            "eddy currents alone make its first cycle differ (state --history to change this)"
+        )
+        carried[index] = _after(slow, loops[index]), reason
+    return carried
+
+
+def _after(slow: Loop, fast: Loop) -> History:
+    """Return the history of a loop that begins at rest after a slow one."""
+    span, start = float(np.ptp(slow.input)), float(fast.input[0])
+    last = [slow.n - 1 - int(pick(slow.input[::-1])) for pick in (np.argmin, np.argmax)]
+    ends = [float(f"{slow.input[place]:.4g}") for place in sorted(last)]
+    back = [] if abs(ends[-1] - start) <= _NEAR * span else [float(f"{start:.4g}")]
+    return History("conditioned", (*ends, *back))
 
 
 def _all_virgin(seen: Sequence[list[_Rises]]) -> bool:

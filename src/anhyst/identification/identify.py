@@ -20,8 +20,8 @@ from anhyst.identification.any_law import fit_any
 from anhyst.identification.bare import form_of, model_of, valid_range
 from anhyst.identification.candidates import require_gaps
 from anhyst.identification.cell_kernel import LAW_OF
+from anhyst.identification.cell_problem import LAW as CREEPING_LAW
 from anhyst.identification.choice import FEWEST, outcome_of, search_models
-from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
 from anhyst.identification.default import TO_END, follow
 from anhyst.identification.fit_records import records_of, rest_of

@@ -278,6 +278,7 @@ class CellsTable(Table):
     thresholds: list[FiniteFloat]
     widths: list[FiniteFloat]
     weights: list[list[FiniteFloat]]
+    centres: list[FiniteFloat] | None = None
 
 
 class DynamicsTable(Table):
@@ -378,7 +379,8 @@ def section_names(
         ("schedule",): nodes,
         ("parameters",): parameter_names(law, drive, answer),
         ("cells",): {
-            name: (name, column(name, "A/m")) for name in ("thresholds", "widths", "weights")
+            name: (name, column(name, "A/m"))
+            for name in ("thresholds", "widths", "weights", "centres")
         },
         ("dynamics",): {
             "lag": ("lag", "lag_s"),
