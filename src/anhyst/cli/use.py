@@ -91,7 +91,7 @@ def _run(
     for text in summary.warnings:
         warn(text)
     if as_json:
-        print_json(asdict(summary))
+        print_json(summary.as_dict())
     else:
         _show(summary)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from anhyst.data.output_map import output_map
 from anhyst.data.path import branches, turning_points
 from anhyst.data.reading import read_loops
 from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
 
@@ -28,7 +29,7 @@ _SPIKE_SIGMA = 8.0
 _SPIKE_SHARE = 0.01
 
 
-def clean(loopset: Loops, steps: Sequence[str] | None = None) -> Loops:
+def clean(loopset: Loops, steps: Sequence[str] | str | None = None) -> Loops:
     """Apply cleaning steps in the order given.
 
     Parameters
@@ -36,7 +37,7 @@ def clean(loopset: Loops, steps: Sequence[str] | None = None) -> Loops:
     loopset
         The loops.
     steps
-        Names out of `STEPS`; `DEFAULT_STEPS` if ``None``.
+        Names out of `STEPS`, also as a text with commas; `DEFAULT_STEPS` if ``None``.
 
     Returns
     -------
@@ -48,7 +49,9 @@ def clean(loopset: Loops, steps: Sequence[str] | None = None) -> Loops:
     InputError
         If a step is not known.
     """
-    for name in DEFAULT_STEPS if steps is None else steps:
+    if not isinstance(loopset, Loops):
+        raise wrong_type("clean: loopset", "Loops (read_loops reads a file)", loopset)
+    for name in DEFAULT_STEPS if steps is None else names_of(steps, "clean: steps"):
         if name not in STEPS:
             raise InputError(
                 f"cleaning step '{name}' is not known; there are: {', '.join(STEPS)}",
@@ -287,7 +290,7 @@ class ReadOptions:
         return cls(
             columns=columns,
             constants={name: _number_or_text(text) for name, text in constants.items()},
-            clean=() if steps.strip() == "none" else tuple(_parts(steps)),
+            clean=names_of(steps, "clean"),
             **options,
         )
 
@@ -305,8 +308,10 @@ class ReadOptions:
             settings[PREFIX + item.name] = value
         return settings
 
-    def read(self, paths: Sequence[PathLike], progress: Progress | None = None) -> Loops:
-        """Read and clean loops."""
+    def read(
+        self, paths: Sequence[PathLike] | Any, progress: Progress | None = None, **more: Any
+    ) -> Loops:
+        """Read and clean loops; ``more`` are keywords of `read_loops` that are no options."""
         clean_steps = tuple(self.clean)
         loops = read_loops(
             paths,
@@ -317,8 +322,18 @@ class ReadOptions:
             constants=self.constants,
             sidecar=self.sidecar,
             progress=progress,
+            **more,
         )
         return clean(loops, clean_steps)
+
+
+def names_of(value: object, argument: str) -> tuple[str, ...]:
+    """Return a list of names; a text lists them with commas, and ``"none"`` is an empty list."""
+    if isinstance(value, str):
+        return () if value.strip() == "none" else tuple(_parts(value))
+    if isinstance(value, Sequence) and all(isinstance(name, str) for name in value):
+        return tuple(value)
+    raise wrong_type(argument, "a list of names", value)
 
 
 def _parts(text: str) -> list[str]:

@@ -15,7 +15,7 @@ from anhyst.data.formats.channels import Texts, is_number
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, time_fault, value_fault
+from anhyst.data.path import History, HistoryLike, time_fault, value_fault
 from anhyst.data.roles import (
     SHORTEST,
     Roles,
@@ -27,7 +27,7 @@ from anhyst.data.roles import (
 )
 from anhyst.data.sidecar import FileDescription, is_sidecar
 from anhyst.data.start import propose_histories
-from anhyst.data.table import is_frame, map_headers, table_of
+from anhyst.data.table import LOOP_SOURCES, check_source, is_frame, map_headers, table_of
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -60,7 +60,7 @@ def read_loops(
     paths: PathLike | Sequence[PathLike] | Any,
     *,
     columns: Mapping[str, str] | None = None,
-    history: History | str | None = None,
+    history: HistoryLike | None = None,
     schedule: str | None = None,
     loop: str | None = None,
     constants: Mapping[str, float | str] | None = None,
@@ -101,6 +101,7 @@ def read_loops(
         file_name=file_name,
     )
     beside = FileDescription.from_toml(sidecar) if sidecar is not None else None
+    check_source(paths, "read_loops: paths", LOOP_SOURCES.removeprefix("Loops, "))
     if is_frame(paths):
         table = table_of(paths)
         described = description if beside is None else description.over(beside)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst._core import status_text
-from anhyst.data.path import History
+from anhyst.data.path import History, HistoryLike
 from anhyst.laws.law import IronOperator
 from anhyst.model.dynamics import Dynamics, too_fast
 from anhyst.model.parameters import Circuit
@@ -80,7 +80,7 @@ def predict(
     drive: ArrayLike,
     schedule: ArrayLike | None = None,
     time: ArrayLike | None = None,
-    history: History | str | None = None,
+    history: HistoryLike | None = None,
 ) -> Prediction:
     """Compute the output that a drive gives."""
     prediction = run_through(model, "drive", drive, schedule, time, history)
@@ -93,7 +93,7 @@ def invert(
     demand: ArrayLike,
     schedule: ArrayLike | None = None,
     time: ArrayLike | None = None,
-    history: History | str | None = None,
+    history: HistoryLike | None = None,
 ) -> Prediction:
     """Compute the drive that a demanded output needs.
 
@@ -112,7 +112,7 @@ def run_through(
     values: ArrayLike,
     schedule: ArrayLike | None,
     time: ArrayLike | None,
-    history: History | str | None,
+    history: HistoryLike | None,
 ) -> Prediction:
     """Compute as `predict` (``"drive"``) or `invert` (``"demand"``), without a Python warning."""
     inputs = as_samples(values, kind)
@@ -129,7 +129,7 @@ def _run_at_once(
     inputs: FloatArray,
     schedule: ArrayLike | None,
     time: ArrayLike | None,
-    history: History | str | None,
+    history: HistoryLike | None,
 ) -> Prediction:
     """Compute a record of an actuator without lag and creep."""
     at = None if schedule is None else as_samples(schedule, "schedule", inputs.size)
@@ -366,11 +366,11 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
     return array
 
 
-def as_history(history: History | str | None, model: ActuatorRecord) -> History:
+def as_history(history: HistoryLike | None, model: ActuatorRecord) -> History:
     """Return the history that a call asks for, or that of the model."""
     if history is None:
         return model.history
-    return History.parse(history) if isinstance(history, str) else history
+    return History.of(history)
 
 
 def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> FloatArray | None:
