@@ -22,7 +22,7 @@ from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.study.bench import address_of, open_board, prepare_board, prepared_once
 from anhyst.study.prepared import Prepared, PreparedBearing, PreparedPiezo, PreparedStage
 from anhyst.study.tracking.beside import BearingLearner, BenchLearner, StageLearner
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.kinds import FileKind, kind_of
@@ -160,6 +160,7 @@ def live(
     InputError
         A file cannot be read or written, an address is not free, or no controller answers.
     """
+    check_path(rig, "live: rig", "the path of a rig file")
     url = address_of(xcp, port)
     if url is None and known is not None:
         raise InputError(

@@ -246,12 +246,14 @@ def table_of(frame: Any) -> MemoryTable:
         names = list(getattr(frame, "columns", frame))
     columns = tuple(_samples_of(name, frame[name]) for name in names)
     rows = {column.size for column in columns}
-    if len(rows) > 1 or rows <= {0}:
+    if rows == {0}:
+        raise InputError(f"{IN_MEMORY}: has no rows; give measured values", code="no-data")
+    if len(rows) > 1:
         lengths = ", ".join(
             f"'{name}' {column.size}" for name, column in zip(names, columns, strict=True)
         )
         raise InputError(
-            f"{IN_MEMORY}: columns need the same number of rows, at least one (rows: {lengths})",
+            f"{IN_MEMORY}: columns need the same number of rows (rows: {lengths})",
             code="length-differs",
             key=IN_MEMORY,
         )

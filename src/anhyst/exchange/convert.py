@@ -24,7 +24,7 @@ from anhyst.data.formats.channels import (
 from anhyst.data.table import check_recording, read_columns, write_sections
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.rewriting import rewrite_rig
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError, RenamedWarning
 from anhyst.support.jobs import Progress
 from anhyst.support.kinds import RIGS, FileKind, refuse_other
@@ -150,6 +150,8 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     InputError
         The source cannot be read, the format cannot be written, or holds nothing of the source.
     """
+    check_path(source, "convert: source", "the path of a measurement or of a rig file")
+    check_path(out, "convert: out")
     if refuse_other(source, [FileKind.MEASUREMENT, *RIGS], "convert") not in RIGS:
         return convert_measurement(source, out, progress)
     if not str(out).lower().endswith(".toml"):

@@ -38,7 +38,7 @@ Rows = NDArray[np.intp]
 Direction = Literal["predict", "invert"]
 GIVEN: Mapping[Direction, str] = {"predict": "drive", "invert": "demand"}
 """What the two verbs are given, as their argument is called."""
-_WANTED = "a file, a data frame or a dict of arrays"
+_WANTED = "a file, Loops, a data frame or a dict of arrays"
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ def predict(
     ----------
     model : Model or path-like
         The model, or its file.
-    drive : path-like, data frame or dict of arrays
+    drive : path-like, Loops, data frame or dict of arrays
         The drive and whatever the model runs over, with headers such as ``I_A`` and ``gap_m``.
     out : path-like, optional
         CSV file to write: the columns of the drive, the output, and ``valid``, 1 inside the valid
@@ -178,7 +178,7 @@ def invert(
     ----------
     model, out, columns, history, progress
         As of `predict`.
-    demand : path-like, data frame or dict of arrays
+    demand : path-like, Loops, data frame or dict of arrays
         The demanded output and whatever the model runs over.
 
     Returns
@@ -210,7 +210,9 @@ def _run(
     is one run; only where the history is ``settled``, each stretch at one value is a cycle. Cycles
     that clock and measured output show to have been run one after the other remember those before.
     """
-    if isinstance(source, Model | Loops | list | tuple):
+    if isinstance(source, Loops):
+        source = source.to_columns()
+    if isinstance(source, Model | list | tuple):
         raise wrong_type(f"{direction}: {GIVEN[direction]}", _WANTED, source)
     check_source(source, f"{direction}: {GIVEN[direction]}", _WANTED)
     if out is not None:
