@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 import anhyst
-from anhyst.cli.shared import AsJson, of_its_kind, print_json, progress_bar, show, table, warn
+from anhyst.cli.shared import (
+    AsJson,
+    Verbose,
+    of_its_kind,
+    print_json,
+    progress_bar,
+    show,
+    table,
+    warn,
+)
 from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
@@ -97,6 +106,7 @@ def compile_(
     accuracy: Accuracy = None,
     name: ActuatorName = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Compile a model, or the controller of a stage, into C in fixed point or single precision.
 
@@ -212,6 +222,7 @@ def verify(
         ),
     ] = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Run compiled C on real instruction sets and compare it bit for bit with the host.
 

@@ -23,6 +23,7 @@ from anhyst.cli.shared import (
     ModelPath,
     Schedule,
     Sidecar,
+    Verbose,
     of_its_kind,
     print_json,
     progress_bar,
@@ -89,6 +90,7 @@ def init(
     history: LoopHistory = None,
     clean: Clean = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Begin: write a rig of your own from measured loops, ready to run.
 
@@ -183,6 +185,7 @@ def excite(
         str | None, typer.Option(metavar="PORT", help="The same on a serial port that carries XCP.")
     ] = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Measure loops: design a drive within the limits of a rig, run it, write what was read.
 
@@ -390,6 +393,7 @@ def watch(
         float, typer.Option(metavar="CYCLES", min=100, help="Mean run to a false alarm.")
     ] = 1e5,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Say whether a model still fits its magnet, or since when it has drifted and by how much.
 

@@ -14,6 +14,7 @@ from anhyst.cli.shared import (
     BoardChoice,
     ControllerPath,
     Scheduler,
+    Verbose,
     of_its_kind,
     print_json,
     progress_bar,
@@ -26,9 +27,8 @@ from anhyst.cli.shared import (
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from rich.table import Table
-
     from anhyst import Benefit, BoardComparison
+    from anhyst.cli.printing import Table
     from anhyst.study.bearing.board_faults import Ending
     from anhyst.study.benefit import Comparison
     from anhyst.study.engine.table import StudyResult
@@ -87,6 +87,7 @@ def simulate(
     ] = None,
     scheduler: Scheduler = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Simulate a rig of any kind with and without compensation of its hysteresis.
 
@@ -260,6 +261,7 @@ def force_control(
         ),
     ] = "csv",
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Control the force of a magnet, open loop, with and without compensation.
 

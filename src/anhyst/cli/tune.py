@@ -11,6 +11,7 @@ import anhyst
 from anhyst.cli.shared import (
     AsJson,
     Scheduler,
+    Verbose,
     of_its_kind,
     print_json,
     progress_bar,
@@ -102,6 +103,7 @@ def tune(
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of everything random.")] = 0,
     scheduler: Scheduler = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Find the gains of a rig for stated aims, and say what limits them.
 
@@ -209,6 +211,7 @@ def calibrate(
         ),
     ] = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Learn from the motion of a stage or a bearing what its magnets are off by.
 

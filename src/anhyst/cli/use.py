@@ -14,6 +14,7 @@ from anhyst.cli.shared import (
     Columns,
     ModelPath,
     RunHistory,
+    Verbose,
     in_small_units,
     of_its_kind,
     print_json,
@@ -23,6 +24,7 @@ from anhyst.cli.shared import (
     table,
     warn,
 )
+from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,6 +43,7 @@ def predict(
     columns: Columns = None,
     history: RunHistory = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Compute the output that a drive gives: current to force, as the model was identified.
 
@@ -63,6 +66,7 @@ def invert(
     columns: Columns = None,
     history: RunHistory = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Compute the drive that a demanded output needs: force to current.
 
@@ -97,9 +101,9 @@ def _run(
 
 
 def _show(summary: RunSummary) -> None:
-    runs = "one run" if summary.runs == 1 else f"{summary.runs} runs, each"
+    runs = "1 run" if summary.runs == 1 else f"{summary.runs} runs, each"
     lines = [
-        f"{summary.out}: {summary.rows} rows, {runs} {summary.history}",
+        f"{summary.out}: {count_of(summary.rows, 'row')}, {runs} {summary.history}",
         f"{summary.column}: {summary.low:.6g} to {summary.high:.6g} {summary.unit}",
     ]
     apart = summary.deviation
@@ -112,7 +116,8 @@ def _show(summary: RunSummary) -> None:
             f"{worst:.3g} % of its largest ({apart.largest:.6g} {summary.unit})"
         )
     if summary.outside:
-        lines.append(f"{summary.outside} rows lie outside the valid range of the model (valid = 0)")
+        rows = "1 row lies" if summary.outside == 1 else f"{summary.outside} rows lie"
+        lines.append(f"{rows} outside the valid range of the model (valid = 0)")
     show(*lines)
 
 
@@ -122,6 +127,7 @@ def diff(
         Path, typer.Argument(metavar="B", help="Another model.toml.", callback=of_its_kind)
     ],
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Show what two models have different, and by how much in newtons.
 
@@ -191,6 +197,7 @@ def report(
         Path, typer.Option("--out", "-o", metavar="FILE", help="HTML file to write.")
     ] = Path("report.html"),
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Write the report of a model: one HTML file that needs nothing else.
 
@@ -271,6 +278,7 @@ def export(
         ),
     ] = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Export a model for other tools: its compensator or the actuator as FMU or S-function; tables.
 
