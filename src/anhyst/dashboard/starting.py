@@ -36,6 +36,7 @@ class Start:
         self.work = work
         self.share = 0.0
         self.error = ""
+        self._begun_at = time.monotonic()
         self._asked_at = float("-inf")
         self._is_told = Event()
 
@@ -62,6 +63,7 @@ class Start:
     async def _tell(self, _request: object) -> JSONResponse:
         self._asked_at = time.monotonic()
         reply = {name: getattr(self, name) for name in ("title", "work", "share", "error")}
+        reply["seconds"] = self._asked_at - self._begun_at
         if reply["error"]:
             self._is_told.set()
         return JSONResponse(reply)

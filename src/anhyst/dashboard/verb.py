@@ -186,7 +186,7 @@ def live(
     shown = secrets.token_urlsafe(16) if token else ""
     name = rig.resolve().parent.name if url is None else rig.resolve().name
     title = name if url is None else f"{name} at {url}"
-    work = f"building {name}" if url is None else f"connecting to {url}"
+    work = f"building model and controller of {name}" if url is None else f"connecting to {url}"
     with listen_on(*read_address(listen, token)) as taken:
         with start_page(taken, title, work) as start:
 

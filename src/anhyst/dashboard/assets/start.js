@@ -3,9 +3,9 @@
 const ASK_MS = 400;
 const part = (id) => document.getElementById(id);
 
-function show({ title, work, share, error }) {
+function show({ title, work, share, seconds, error }) {
   part("title").textContent = title;
-  part("work").textContent = error ? "The start failed." : `${work}: ${Math.round(100 * share)} %`;
+  part("work").textContent = error ? "The start failed." : `${work}: ${Math.round(100 * share)} %, ${Math.round(seconds)} s so far`;
   part("share").value = share;
   part("share").hidden = Boolean(error);
   part("error").textContent = error;
