@@ -20,6 +20,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
+from anhyst.support.wording import count_of
 
 MOST_POINTS = 4000
 """Samples that thinning leaves of a loop at most."""
@@ -76,7 +77,7 @@ def dedupe(loopset: Loops) -> Loops:
         return same
 
     keep = [np.concatenate(([True], ~repeated(loop))) for loop in loopset.loops]
-    return _kept(loopset, keep, "dedupe: {} repeated samples dropped")
+    return _kept(loopset, keep, "dedupe: {} dropped", "repeated sample")
 
 
 def spikes(loopset: Loops) -> Loops:
@@ -92,7 +93,7 @@ def spikes(loopset: Loops) -> Loops:
             spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is no spike
         return ~spike
 
-    return _kept(loopset, [good(loop) for loop in loopset.loops], "spikes: {} samples dropped")
+    return _kept(loopset, [good(loop) for loop in loopset.loops], "spikes: {} dropped")
 
 
 def steady(loopset: Loops) -> Loops:
@@ -107,7 +108,9 @@ def steady(loopset: Loops) -> Loops:
     if not settled:
         return loopset
     name = loopset.schedule.name if loopset.schedule else ""
-    return loopset.with_loops(loops, f"steady: {name} of {settled} loops settled to its median")
+    return loopset.with_loops(
+        loops, f"steady: {name} of {count_of(settled, 'loop')} settled to its median"
+    )
 
 
 def drift(loopset: Loops) -> Loops:
@@ -178,7 +181,8 @@ def thin(loopset: Loops, most: int = MOST_POINTS) -> Loops:
         return loopset
     loops = [_thinned(loop, most) if loop.n > most else loop for loop in loopset.loops]
     return loopset.with_loops(
-        loops, f"thin: {len(counts)} loops averaged to {most} samples (from up to {max(counts)})"
+        loops,
+        f"thin: {count_of(len(counts), 'loop')} averaged to {most} samples (from up to {max(counts)})",
     )
 
 
@@ -238,12 +242,14 @@ def _stays(values: FloatArray) -> NDArray[np.bool_]:
     return still
 
 
-def _kept(loopset: Loops, keep: Sequence[NDArray[np.bool_]], text: str) -> Loops:
+def _kept(
+    loopset: Loops, keep: Sequence[NDArray[np.bool_]], text: str, what: str = "sample"
+) -> Loops:
     dropped = sum(int(np.count_nonzero(~mask)) for mask in keep)
     if not dropped:
         return loopset
     loops = [_taken(loop, mask) for loop, mask in zip(loopset.loops, keep, strict=True)]
-    return loopset.with_loops(loops, text.format(dropped))
+    return loopset.with_loops(loops, text.format(count_of(dropped, what)))
 
 
 def _taken(loop: Loop, mask: NDArray[np.bool_]) -> Loop:

@@ -117,7 +117,7 @@ class Loop:
             )
         if array.size < 3:
             raise InputError(
-                f"loop '{self.label}': has {array.size} samples; a loop needs at least 3",
+                f"loop '{self.label}': has {count_of(array.size, 'sample')}; a loop needs at least 3",
                 code="too-few-samples",
                 key=self.label,
             )

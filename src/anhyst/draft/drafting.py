@@ -25,6 +25,7 @@ from anhyst.draft.text import Draft
 from anhyst.support.atomic import PathLike, check_path, whole_folder, write_texts
 from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.jobs import Progress
+from anhyst.support.wording import count_of
 
 NEXT: Mapping[str, tuple[str, ...]] = {
     "bearing": (
@@ -395,6 +396,6 @@ def _magnet(reach: MeasuredMagnet) -> str:
     gaps, forces = 1e3 * reach.gaps, reach.forces
     where = f"at {gaps[0]:.4g} mm" if gaps.size == 1 else f"{gaps[0]:.4g} to {gaps[-1]:.4g} mm"
     pull = f"{forces[0]:.4g} N" if gaps.size == 1 else f"{forces[0]:.4g} to {forces[-1]:.4g} N"
-    return f"{gaps.size} gaps, {where}: {pull} at {reach.current_high:.4g} A".replace(
+    return f"{count_of(gaps.size, 'gap')}, {where}: {pull} at {reach.current_high:.4g} A".replace(
         "1 gaps, at", "one gap of"
     )

@@ -18,6 +18,7 @@ from anhyst.model.prediction import BoolArray, Given, Prediction, flag, warn_if_
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
+from anhyst.support.wording import count_of
 
 OK = 0
 NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
@@ -352,7 +353,7 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
         )
     if size is not None and array.size != size:
         raise InputError(
-            f"{name}: has {array.size} samples for {size}; give one for each",
+            f"{name}: has {count_of(array.size, 'sample')} for {size}; give one for each",
             code="length-differs",
             key=name,
         )

@@ -30,6 +30,7 @@ from anhyst.model.stepper import Stepper
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.wording import count_of
 
 SMALLEST = 0.5
 """Allowance of a chart in standard deviations, at least: it is best for twice that."""
@@ -174,7 +175,7 @@ class Finding:
             )
         if self.learning:
             return f"learning: {self.cycles} of {LEARN} cycles of the current seen"
-        return f"the model fits, over {self.cycles} cycles"
+        return f"the model fits, over {count_of(self.cycles, 'cycle')}"
 
 
 @dataclass(slots=True)
