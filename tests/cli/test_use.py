@@ -82,7 +82,7 @@ def test_samples_outside_the_valid_range_are_warned_of(folder: Path) -> None:
     result = quick("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
     assert result.returncode == 0
     assert result.stderr.startswith("anhyst: warning: 1 of 59 rows lie outside the valid range")
-    assert "1 rows lie outside" in result.stdout
+    assert "1 row lies outside" in result.stdout
 
 
 def test_a_demand_that_settles_nowhere_is_a_negative_result(folder: Path) -> None:

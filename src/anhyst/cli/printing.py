@@ -99,7 +99,9 @@ def _lines_of(columns: Sequence[_Column]) -> list[str]:
 
 
 def wrapped(text: str, width: int) -> list[str]:
-    """Wrap a sentence between words; a path stays in one piece."""
+    """Wrap a sentence between words; a path and a command to paste stay in one piece."""
+    if text.lstrip().startswith("anhyst "):
+        return [text]
     start = text[: len(text) - len(text.lstrip())]
     lines = textwrap.wrap(
         _VALUE.sub("\\1\N{NO-BREAK SPACE}\\2", text),
