@@ -50,7 +50,7 @@ def folder(tmp_path: Path) -> Path:
 def test_current_goes_to_force_and_back(folder: Path) -> None:
     there = quick("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
     assert (there.returncode, there.stderr) == (0, "")
-    assert there.stdout.startswith("force.csv: 59 rows, one run demagnetised\nF_N: ")
+    assert there.stdout.startswith("force.csv: 59 rows, 1 run demagnetised\nF_N: ")
     rows = [line.split(",") for line in (folder / "force.csv").read_text().split()]
     assert rows[0] == ["I_A", "gap_mm", "F_N", "valid"]
     demand = "\n".join(",".join([row[1], row[2]]) for row in rows)

@@ -319,7 +319,7 @@ class History:
         return f"{self.kind}:{';'.join(stretches)}"
 
 
-HistoryLike = History | str | Sequence[float]
+HistoryLike = History | str | Sequence[float] | FloatArray
 """A history, its text form, or its turning points."""
 
 

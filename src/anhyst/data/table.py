@@ -223,7 +223,8 @@ def is_frame(source: object) -> bool:
 def check_source(source: object, argument: str, wanted: str = LOOP_SOURCES) -> None:
     """Refuse what names no files and has no columns; the argument is called ``"verb: argument"``."""
     if is_frame(source):
-        if len(getattr(source, "columns", source)) == 0:  # type: ignore[arg-type]
+        names = source if isinstance(source, Mapping) else getattr(source, "columns", ("?",))
+        if len(names) == 0:
             raise InputError(f"{argument}: has no columns", code="no-loops")
         return
     several = isinstance(source, list | tuple)
@@ -246,7 +247,7 @@ def table_of(frame: Any) -> MemoryTable:
         names = list(getattr(frame, "columns", frame))
     columns = tuple(_samples_of(name, frame[name]) for name in names)
     rows = {column.size for column in columns}
-    if rows == {0}:
+    if rows <= {0}:
         raise InputError(f"{IN_MEMORY}: has no rows; give measured values", code="no-data")
     if len(rows) > 1:
         lengths = ", ".join(
