@@ -290,7 +290,7 @@ def _candidates(fit: FitFigures) -> list[str | Table]:
     )
     shown = listed if printer.is_verbose else listed[:MAX_CANDIDATES]
     hidden = len(listed) - len(shown)
-    rows = table("candidates, best first", ["law", "gap map", "rms %", "left out %", "numbers"])
+    rows = table("candidates, the chosen one first", ["law", "gap map", "rms %", "left out %", "numbers"])
     for one in shown:
         note = f" ({one.note})" if one.note else ""
         left_out = "" if one.left_out is None else f"{100.0 * one.left_out:.3g}"

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from anhyst.cli.printing import Table, printer
+from anhyst.cli.printing import WIDTH, Table, printer, wrapped
 from anhyst.support.atomic import json_text
 from anhyst.support.jobs import Progress
 
@@ -168,8 +168,10 @@ def say_error(text: str) -> None:
 
 
 def warn(text: str) -> None:
-    """Print a warning as one line."""
-    print(f"anhyst: warning: {one_line(text)}", file=sys.stderr)
+    """Print a warning as one line, which a terminal folds between words."""
+    line = f"anhyst: warning: {one_line(text)}"
+    lines = wrapped(line, WIDTH) if sys.stderr.isatty() else [line]
+    print(*lines, sep="\n", file=sys.stderr)
 
 
 def one_line(text: str) -> str:
