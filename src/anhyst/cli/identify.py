@@ -35,7 +35,6 @@ from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
     from anhyst import IdentifyResult, Model
-    from anhyst.model.schema import FitFigures
 
 
 GapMapChoice = Literal["scaling", "reluctance", "circuit", "free", "auto"]
@@ -255,7 +254,7 @@ def _show(result: IdentifyResult, out: Path) -> None:
                 f"{100.0 * expected.error:.3g} % ({100.0 * expected.interval[0]:.2g} to "
                 f"{100.0 * expected.interval[1]:.2g} %)"
             )
-        lines += _candidates(fit)
+        lines += _candidates(model)
     if reason := model.provenance.settings.get("law_reason"):
         lines.append(str(reason))
     lines += _offsets(model)
@@ -282,15 +281,17 @@ MAX_CANDIDATES = 4
 """Candidates that are listed without ``--verbose``."""
 
 
-def _candidates(fit: FitFigures) -> list[str | Table]:
+def _candidates(model: Model) -> list[str | Table]:
     """List the candidates: the chosen one first, then by their error at withheld data."""
     listed = sorted(
-        fit.candidates,
+        model.fit.candidates if model.fit else (),
         key=lambda one: (one.note != "chosen", one.left_out is None, one.left_out or one.rms),
     )
     shown = listed if printer.is_verbose else listed[:MAX_CANDIDATES]
     hidden = len(listed) - len(shown)
-    rows = table("candidates, the chosen one first", ["law", "gap map", "rms %", "left out %", "numbers"])
+    rows = table(
+        "candidates, the chosen one first", ["law", "gap map", "rms %", "left out %", "numbers"]
+    )
     for one in shown:
         note = f" ({one.note})" if one.note else ""
         left_out = "" if one.left_out is None else f"{100.0 * one.left_out:.3g}"

@@ -222,15 +222,7 @@ class Loops(Result):
         return iter(self.loops)
 
     def __getitem__(self, index: int | str) -> Loop:
-        """Return a loop by its position or its label.
-
-        Raises
-        ------
-        InputError
-            If no loop has the label, or several at different scheduling values.
-        IndexError
-            If there is no loop at the position.
-        """
+        """Return a loop by its position or its label."""
         if not isinstance(index, str):
             return self.loops[index]
         found = [loop for loop in self.loops if loop.label == index]

@@ -15,7 +15,6 @@ from anhyst.data.reading import read_loops
 from anhyst.data.table import check_source
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, wrong_type
-from anhyst.support.jobs import Progress
 
 LoopSource = Loops | PathLike | Sequence[PathLike] | Mapping[str, Any] | Any
 """Loops, a file, a folder, several of them, a data frame, or a dict of arrays."""
@@ -35,23 +34,12 @@ def loops_from(
     reading: Mapping[str, Any],
     *,
     without: Collection[str] = (),
-    progress: Progress | None = None,
 ) -> ReadLoops:
     """Return the loops that a verb was given; files and data frames are read and cleaned.
 
-    Parameters
-    ----------
-    source
-        As `LoopSource`.
-    argument
-        Verb and argument, for messages: ``"identify: loops"``.
-    reading
-        Keywords of `read_loops`, and ``clean``. Without ``clean``, the steps are those of the
-        command line. Loops that are read already are returned unchanged.
-    without
-        Cleaning steps to leave out.
-    progress
-        Called with bytes read and size of the present file.
+    ``argument`` is the verb with its argument, for messages: ``"identify: loops"``. ``reading``
+    holds keywords of `read_loops`, and ``clean``, whose default is that of the command line.
+    Cleaning steps in ``without`` are left out. Loops that are read already stay unchanged.
     """
     if isinstance(source, Loops):
         for name in reading:
@@ -72,7 +60,7 @@ def loops_from(
     options = options_of(verb, **{name: reading[name] for name in reading if name in own})
     steps = tuple(step for step in options.clean if step not in without)
     options = replace(options, clean=steps)
-    return ReadLoops(options.read(source, progress, **more), options)
+    return ReadLoops(options.read(source, **more), options)
 
 
 def options_of(verb: str, **reading: Any) -> ReadOptions:

@@ -222,13 +222,7 @@ def read_model(path: PathLike) -> Model:
 
 
 def model_from(model: Model | PathLike, verb: str, argument: str = "model") -> Model:
-    """Return the model that a verb was given, read from its file if need be.
-
-    Raises
-    ------
-    InputError
-        It is neither a model nor a path, or the file cannot be read as one.
-    """
+    """Return the model that a verb was given, read from its file if need be."""
     if isinstance(model, Model):
         return model
     check_path(model, f"{verb}: {argument}", MODEL_SOURCES)
