@@ -41,6 +41,7 @@ def loops_from(
     holds keywords of `read_loops`, and ``clean``, whose default is that of the command line.
     Cleaning steps in ``without`` are left out. Loops that are read already stay unchanged.
     """
+    reading = {name: value for name, value in reading.items() if value is not None}
     if isinstance(source, Loops):
         for name in reading:
             raise InputError(
