@@ -248,7 +248,7 @@ class History:
             object.__setattr__(self, "schedule", ())
 
     @classmethod
-    def of(cls, value: History | str | Sequence[float]) -> History:
+    def of(cls, value: HistoryLike) -> History:
         """Return a history as the functions of the package accept it.
 
         A row of numbers lists the turning points before the first sample.
