@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.cli.printing import MAX_LINES, MIN_LINES, WIDTH, Printer, TextTable, wrapped
+from anhyst.cli.printing import MAX_LINES, MIN_LINES, WIDTH, Printer, TerminalTable, wrapped
 
 from .command import quick, unwrapped
 
@@ -15,15 +15,15 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def printed(
-    capsys: pytest.CaptureFixture[str], printer: Printer, *parts: str | TextTable
+    capsys: pytest.CaptureFixture[str], printer: Printer, *parts: str | TerminalTable
 ) -> list[str]:
     printer.print(parts)
     printer.finish()
     return capsys.readouterr().out.splitlines()
 
 
-def wide(columns: int, rows: int = 3) -> TextTable:
-    table = TextTable("wide", ["name", *(f"column {n}" for n in range(columns))])
+def wide(columns: int, rows: int = 3) -> TerminalTable:
+    table = TerminalTable("wide", ["name", *(f"column {n}" for n in range(columns))])
     for row in range(rows):
         table.add_row(f"row {row}", *(f"{n + 0.125 * row:.4f}" for n in range(columns)))
     return table
@@ -50,7 +50,7 @@ def test_table_shows_every_cell_below_when_verbose() -> None:
 
 
 def test_numbers_are_aligned_to_the_right_and_words_to_the_left() -> None:
-    table = TextTable("", ["name", "value", "kind"])
+    table = TerminalTable("", ["name", "value", "kind"])
     table.add_row("a", "1.5", "settled")
     table.add_row("long name", "-100", "new")
     assert table.lines(WIDTH, is_verbose=False) == [

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 import anhyst
-from anhyst.cli.printing import TextTable, printer
+from anhyst.cli.printing import TerminalTable, printer
 from anhyst.cli.shared import (
     AsJson,
     Clean,
@@ -231,7 +231,7 @@ def _as_dict(result: IdentifyResult, out: Path) -> dict[str, object]:
 
 def _show(result: IdentifyResult, out: Path) -> None:
     model, fit = result.model, result.model.fit
-    lines: list[str | TextTable] = [
+    lines: list[str | TerminalTable] = [
         f"{out}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
     ]
     if fit is not None and fit.largest_output > 0.0:
@@ -281,7 +281,7 @@ MAX_CANDIDATES = 4
 """Candidates that are listed without ``--verbose``."""
 
 
-def _candidates(model: Model) -> list[str | TextTable]:
+def _candidates(model: Model) -> list[str | TerminalTable]:
     """List the candidates: the chosen one first, then by their error at withheld data."""
     listed = sorted(
         model.fit.candidates if model.fit else (),

@@ -30,7 +30,7 @@ _NUMBER = re.compile(r"[-+<>~]?\d")
 
 
 @dataclass
-class TextTable:
+class TerminalTable:
     """Rows under a title; the first column and columns of words are aligned to the left."""
 
     title: str
@@ -127,14 +127,14 @@ class Printer:
         needed = sum(-(-len(text) // WIDTH) for text in texts)
         self.limit = max(MIN_LINES, MAX_LINES - needed)
 
-    def print(self, parts: Iterable[str | TextTable]) -> None:
+    def print(self, parts: Iterable[str | TerminalTable]) -> None:
         """Print tables and sentences as far as there are lines, and hold the others.
 
         A sentence is printed as a whole or not at all, and nothing is printed after a gap.
         """
         width = _width()
         for part in parts:
-            if isinstance(part, TextTable):
+            if isinstance(part, TerminalTable):
                 lines = part.lines(width, is_verbose=self.is_verbose)
                 fitting = len(lines) if self.is_verbose else self.limit - 1 - self.used
             else:
@@ -143,7 +143,7 @@ class Printer:
                 fitting = len(lines) if fits else 0
             fitting = 0 if self.held else max(fitting, 0)
             for index, line in enumerate(lines[:fitting]):
-                _print_line(line, is_bold=isinstance(part, TextTable) and index == 0)
+                _print_line(line, is_bold=isinstance(part, TerminalTable) and index == 0)
             self.used += len(lines[:fitting])
             self.held += lines[fitting:]
 

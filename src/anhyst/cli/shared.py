@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from anhyst.cli.printing import WIDTH, TextTable, printer, wrapped
+from anhyst.cli.printing import WIDTH, TerminalTable, printer, wrapped
 from anhyst.support.atomic import json_text
 from anhyst.support.jobs import Progress
 
@@ -185,12 +185,12 @@ def print_json(result: Mapping[str, Any]) -> None:
     print(json_text(result), end="")
 
 
-def table(title: str, headers: Sequence[str]) -> TextTable:
+def table(title: str, headers: Sequence[str]) -> TerminalTable:
     """Start a table."""
-    return TextTable(title, headers)
+    return TerminalTable(title, headers)
 
 
-def from_page(drawn: PageTable) -> tuple[TextTable, ...] | tuple[TextTable, str]:
+def from_page(drawn: PageTable) -> tuple[TerminalTable, ...] | tuple[TerminalTable, str]:
     """Return a table of a page for a terminal, and what stands below it."""
     from anhyst.support.page import NBSP
 
@@ -225,12 +225,12 @@ def in_small_units(quantity: Quantity | None) -> tuple[str, float]:
     return f"{quantity.symbol} {quantity.unit}", 1.0
 
 
-def show(*parts: str | TextTable) -> None:
+def show(*parts: str | TerminalTable) -> None:
     """Print tables and lines for a person, the most useful first."""
     printer.print(parts)
 
 
-def show_with(warnings: Sequence[str], *parts: str | TextTable) -> None:
+def show_with(warnings: Sequence[str], *parts: str | TerminalTable) -> None:
     """Print tables and lines, and then warnings, for which lines are kept free."""
     printer.reserve(warnings)
     show(*parts)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from anhyst import Benefit, BoardComparison
-    from anhyst.cli.printing import TextTable
+    from anhyst.cli.printing import TerminalTable
     from anhyst.study.bearing.board_faults import Ending
     from anhyst.study.benefit import Comparison
     from anhyst.study.engine.table import StudyResult
@@ -161,7 +161,7 @@ def _show_firmware(comparison: BoardComparison, out: Path) -> None:
     )
 
 
-def _faults(endings: Sequence[Ending]) -> TextTable:
+def _faults(endings: Sequence[Ending]) -> TerminalTable:
     rows = table(
         "what went wrong in the air, and how it ended",
         ["", "reason of the fault", "end", "after, ms", "at the rest, mm/s", "at the magnet, mm/s"],
@@ -200,7 +200,7 @@ def _show_map(benefit: Benefit, out: Path) -> None:
 
 def _map_against(
     benefit: Benefit, baseline: str, comparisons: Sequence[Mapping[str, Comparison]]
-) -> TextTable:
+) -> TerminalTable:
     first = benefit.metrics[0]
     cases = dict.fromkeys(cell.case for cell in benefit.cells)
     rows = table(
