@@ -15,7 +15,7 @@ from anhyst.rig.bearing.loop import check_controller
 from anhyst.rig.body import read_bearing
 from tests.refusals import says
 
-from .command import contents, quick, refused
+from .command import contents, quick, refused, unwrapped
 from .test_places import permissions_count
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -80,8 +80,8 @@ def test_what_is_given_is_no_guess_and_the_rest_is_marked_as_one(tmp_path: Path)
 
 def test_what_was_guessed_and_what_to_run_is_said(tmp_path: Path) -> None:
     result = quick("init", BEARING, "--mass", 5, "--out", "my", cwd=tmp_path)
-    assert "--load 49.1: the weight of the mass" in result.stdout
-    assert "--gap 0.00045: the middle of the measured gaps" in result.stdout
+    assert "--load 49.1: the weight of the mass" in unwrapped(result.stdout)
+    assert "--gap 0.00045: the middle of the measured gaps" in unwrapped(result.stdout)
     assert "--mass" not in result.stdout
     assert "anhyst simulate my/rig.toml --out my/run.csv" in result.stdout
     assert "anhyst tune my/rig.toml --out my/tuned" in result.stdout

@@ -275,6 +275,30 @@ class History:
             object.__setattr__(self, "schedule", ())
 
     @classmethod
+    def of(cls, value: HistoryLike) -> History:
+        """Return a history as the functions of the package accept it.
+
+        A row of numbers lists the turning points before the first sample.
+
+        >>> str(History.of([0, 2, 0]))
+        'conditioned:0.0,2.0,0.0'
+        """
+        if isinstance(value, History):
+            return value
+        if isinstance(value, str):
+            return cls.parse(value)
+        try:
+            points = tuple(float(point) for point in value)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"history: must be a text or a list of turning points, such as [0, 2, 0], not "
+                f"{value!r:.60}",
+                code="wrong-type",
+                key="history",
+            ) from None
+        return cls("conditioned", points)
+
+    @classmethod
     def parse(cls, text: str) -> History:
         """Read a history from its text form, such as ``settled`` or ``conditioned:0,2,0``.
 
@@ -320,6 +344,15 @@ class History:
             points = ",".join(repr(float(point)) for point, _ in stretch)
             stretches.append(points if value is None else f"{points}@{float(value)!r}")
         return f"{self.kind}:{';'.join(stretches)}"
+
+
+HistoryLike = History | str | Sequence[float] | FloatArray
+"""A history, its text form, or its turning points."""
+
+
+def history_text(history: HistoryLike) -> str:
+    """Return the text form of a history; a text stays as it was written."""
+    return history if isinstance(history, str) else str(History.of(history))
 
 
 SETTLED = History("settled")

@@ -18,7 +18,7 @@ from anhyst.data.headers import map_headers
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, are_measured, refuse_missing, time_fault
+from anhyst.data.path import History, HistoryLike, are_measured, refuse_missing, time_fault
 from anhyst.data.plateaus import find_plateaus
 from anhyst.data.roles import (
     SHORTEST,
@@ -30,7 +30,7 @@ from anhyst.data.roles import (
 )
 from anhyst.data.sidecar import FileDescription, is_sidecar
 from anhyst.data.start import carry_histories, propose_histories
-from anhyst.data.table import find_clocks, is_frame, table_of
+from anhyst.data.table import LOOP_SOURCES, check_source, find_clocks, is_frame, table_of
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -67,7 +67,7 @@ def read_loops(
     paths: PathLike | Sequence[PathLike] | Any,
     *,
     columns: Mapping[str, str] | None = None,
-    history: History | str | None = None,
+    history: HistoryLike | None = None,
     schedule: str | None = None,
     loop: str | None = None,
     constants: Mapping[str, float | str] | None = None,
@@ -121,6 +121,7 @@ def read_loops(
         drop=drop,
     )
     beside = FileDescription.from_toml(sidecar) if sidecar is not None else None
+    check_source(paths, "read_loops: paths", LOOP_SOURCES.removeprefix("Loops, "))
     if is_frame(paths):
         reading = description if beside is None else description.over(beside)
         return join(_with_histories([_read_table(table_of(paths), _ALONE, reading, progress)]))

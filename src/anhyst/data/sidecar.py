@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from anhyst.data.path import History
+from anhyst.data.path import History, HistoryLike
 from anhyst.support.atomic import PathLike, read_error
 from anhyst.support.errors import InputError
 
@@ -45,7 +45,7 @@ class FileDescription:
         cls,
         *,
         columns: Mapping[str, str] | None = None,
-        history: History | str | None = None,
+        history: HistoryLike | None = None,
         schedule: str | None = None,
         loop: str | None = None,
         constants: Mapping[str, float | str] | None = None,
@@ -60,7 +60,7 @@ class FileDescription:
             columns=dict(columns or {}),
             loop=loop,
             schedule=schedule,
-            history=History.parse(history) if isinstance(history, str) else history,
+            history=None if history is None else History.of(history),
             constants=dict(constants or {}),
             select={name: _choices(name, value) for name, value in (select or {}).items()},
             file_name=file_name,

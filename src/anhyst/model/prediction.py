@@ -16,6 +16,7 @@ from anhyst.support.errors import ImplausibleWarning
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, few, length_scale, range_text
 from anhyst.support.units import DIMENSIONS, UNITS, Quantity
+from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -202,7 +203,7 @@ class Prediction(Result):
             drive.name: range_text(self.drive.min(), self.drive.max(), drive.unit),
             answer.name: range_text(self.output.min(), self.output.max(), answer.unit),
             "history": str(self.history),
-            "outside the valid range": f"{int((~self.valid).sum())} samples",
+            "outside the valid range": count_of(int((~self.valid).sum()), "sample"),
         }
 
     def to_columns(self) -> dict[str, Any]:
