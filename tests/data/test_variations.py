@@ -17,6 +17,7 @@ from anhyst.data import Loops
 from anhyst.data.clean import ReadOptions
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.wording import command_line
 from tests.data.variations import Truth, Variation, draw, write
 
 Outcome = Literal["read", "proposed", "refused", "wrong"]
@@ -52,9 +53,11 @@ def outcome(variation: Variation, folder: Path) -> tuple[Outcome, str]:
     said = ""
     for attempt in range(MAX_PROPOSALS + 1):
         try:
-            loops = read(path, options)
+            with command_line():
+                loops = read(path, options)
         except InputError as error:
-            said = str(error)
+            with command_line():
+                said = str(error)
             more = {name: text for name, text in options_in(said).items() if name != "clean"}
             if not more or more.items() <= options.items():
                 return "refused", said

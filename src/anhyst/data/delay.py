@@ -56,6 +56,8 @@ _MIN_DELAY_SHARE = 0.002
 """A delay of a smaller share of a branch changes the loop less than the noise does."""
 _AGREEMENT = 0.25
 """The second estimate must be within this share of the first."""
+_MAX_EXCESS_SHARE = 0.03
+"""It may be larger by this share of a branch: play operators take some of the loop for a delay."""
 _NO_DELAY_SHARE = 0.02
 """There is no delay if one of this share of a branch would have been found."""
 
@@ -103,9 +105,14 @@ def skew(loop: Loop) -> float | None:
         is_sharp = _SURE * seen.error < max(1.0, _NO_DELAY_SHARE * length)
         return 0.0 if is_sharp else None
     again = _along_path(drive, answer, parts, length)
-    if again is None or abs(again - seen.delay) > max(0.5, _AGREEMENT * abs(seen.delay)):
-        return None
-    return seen.delay
+    return seen.delay if again is not None and _agree(seen.delay, again, length) else None
+
+
+def _agree(delay: float, again: float, length: float) -> bool:
+    """Whether the second estimate confirms a delay, in branches of a length."""
+    is_near = abs(again - delay) <= max(0.5, _AGREEMENT * abs(delay))
+    excess = float(np.sign(delay)) * (again - delay)
+    return is_near or 0.0 < excess <= _MAX_EXCESS_SHARE * length
 
 
 def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:

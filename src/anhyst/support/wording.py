@@ -14,7 +14,7 @@ from contextlib import contextmanager
 
 _ARGUMENTS = {"as": "as_", "rig": "known"}
 """Arguments that have another name than their option."""
-_LISTS = frozenset({"clean", "drop", "flip"})
+_LISTS = frozenset({"clean", "flip"})
 """Options whose value is a list in Python."""
 _CHOICES = frozenset(
     {"auto", "default", "paper", "free", "reluctance", "scaling", "circuit", "none", "invalid"}
