@@ -81,14 +81,32 @@ def _local_extremes(values: FloatArray) -> NDArray[np.intp]:
     return np.unique(np.concatenate(([0], inner, [values.size - 1]))).astype(np.intp)
 
 
-def thinned(drive: FloatArray, most: int) -> NDArray[np.intp]:
-    """Places of at most about `most` samples spread evenly over the way, and of every reversal."""
+_FINER = 4
+"""Samples over those that are kept, among which the way of the output counts too."""
+
+
+def thinned(drive: FloatArray, most: int, output: FloatArray | None = None) -> NDArray[np.intp]:
+    """Return the places of at most about `most` samples, and of every reversal.
+
+    The samples are spread evenly over the way of the drive. With an output they are spread over the
+    ways of both, each in parts of its range, so that a steep part keeps its samples. Noise adds to
+    the way of the output, so it is taken from a limited number of samples.
+    """
     if drive.size <= most:
         return np.arange(drive.size)
-    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
-    nearest = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], most))
     turns = turning_points(drive, 0.02 * float(np.ptp(drive)))
-    return np.union1d(np.clip(nearest, 0, drive.size - 1), turns)
+    if output is None or not np.ptp(output):
+        return np.union1d(_spread_evenly(np.abs(np.diff(drive)), most), turns)
+    finer = thinned(drive, _FINER * most)
+    steps = sum(np.abs(np.diff(values[finer])) / np.ptp(values) for values in (drive, output))
+    return np.union1d(finer[_spread_evenly(np.asarray(steps), most)], turns)
+
+
+def _spread_evenly(steps: FloatArray, most: int) -> NDArray[np.intp]:
+    """Return the places of at most `most` samples, spread evenly over a way with these steps."""
+    travelled = np.concatenate([[0.0], np.cumsum(steps)])
+    nearest = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], most))
+    return np.clip(nearest, 0, travelled.size - 1)
 
 
 _WOBBLE = 0.05

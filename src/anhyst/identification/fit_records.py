@@ -207,7 +207,7 @@ class FitRecords:
         """
         loops = []
         for record in self.loops:
-            kept = thinned(record.input, most)
+            kept = thinned(record.input, most, record.output)
             loops.append(
                 replace(
                     record,
