@@ -81,32 +81,40 @@ def _local_extremes(values: FloatArray) -> NDArray[np.intp]:
     return np.unique(np.concatenate(([0], inner, [values.size - 1]))).astype(np.intp)
 
 
-_FINER = 4
-"""Samples over those that are kept, among which the way of the output counts too."""
+_STEEP = 4.0
+"""Largest step of the output over its mean step, beyond which samples in steep parts are added."""
 
 
 def thinned(drive: FloatArray, most: int, output: FloatArray | None = None) -> NDArray[np.intp]:
     """Return the places of at most about `most` samples, and of every reversal.
 
-    The samples are spread evenly over the way of the drive. With an output they are spread over the
-    ways of both, each in parts of its range, so that a steep part keeps its samples. Noise adds to
-    the way of the output, so it is taken from a limited number of samples.
+    The samples are spread evenly over the way of the drive. If an output is steep somewhere, more
+    are added, so that no step of it exceeds the mean step: at most twice as many in all.
     """
     if drive.size <= most:
         return np.arange(drive.size)
-    turns = turning_points(drive, 0.02 * float(np.ptp(drive)))
-    if output is None or not np.ptp(output):
-        return np.union1d(_spread_evenly(np.abs(np.diff(drive)), most), turns)
-    finer = thinned(drive, _FINER * most)
-    steps = sum(np.abs(np.diff(values[finer])) / np.ptp(values) for values in (drive, output))
-    return np.union1d(finer[_spread_evenly(np.asarray(steps), most)], turns)
+    nearest = _spread_evenly(_way(drive), most)
+    kept = np.union1d(nearest, turning_points(drive, 0.02 * float(np.ptp(drive))))
+    steps = np.zeros(1) if output is None else np.abs(np.diff(output[kept]))
+    if output is None or steps.max() <= _STEEP * steps.mean():
+        return kept
+    parts, way = np.ceil(steps / steps.mean()).astype(np.intp), _way(output)
+    between = [
+        kept[place] + _spread_evenly(way[kept[place] : kept[place + 1] + 1], parts[place] + 1)
+        for place in np.flatnonzero(parts > 1)
+    ]
+    return np.unique(np.concatenate([kept, *between]))
 
 
-def _spread_evenly(steps: FloatArray, most: int) -> NDArray[np.intp]:
-    """Return the places of at most `most` samples, spread evenly over a way with these steps."""
-    travelled = np.concatenate([[0.0], np.cumsum(steps)])
-    nearest = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], most))
-    return np.clip(nearest, 0, travelled.size - 1)
+def _way(values: FloatArray) -> FloatArray:
+    """Return the way travelled up to each sample."""
+    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
+
+
+def _spread_evenly(way: FloatArray, most: int) -> NDArray[np.intp]:
+    """Return the places of `most` samples, spread evenly over a way."""
+    nearest = np.searchsorted(way, np.linspace(way[0], way[-1], most))
+    return np.clip(nearest, 0, way.size - 1)
 
 
 _WOBBLE = 0.05
