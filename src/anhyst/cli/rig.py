@@ -78,7 +78,7 @@ def init(
         typer.Option(
             metavar="NAME",
             help="Instead, copy an example that comes with anhyst: 'bearing', 'electromagnet', "
-            "'magnetostrictive', 'piezo', 'solenoid' or 'stage'.",
+            "'magnetostrictive', 'piezo', 'solenoid', 'stage' or 'steels'.",
         ),
     ] = None,
     columns: Columns = None,
