@@ -126,13 +126,18 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
     if gap_map != "auto":
         return [ModelCandidate(gap_map, held)]
     candidates = [ModelCandidate("scaling", held)]
-    if loopset.schedule is None or loopset.schedule.name != "gap":
-        others = map_candidates(run, loopset, "free") if gaps >= 3 else []
+    if not is_over_gap(loopset):
+        others = map_candidates(run, loopset, "free")
         return candidates + [replace(other, rank=other.rank + 1) for other in others]
     if not run.form.kernel.coupled:
         candidates.append(ModelCandidate("reluctance", held))
         candidates += [ModelCandidate("leakage", held, rank=1)] if gaps >= 3 else []
     return candidates
+
+
+def is_over_gap(loopset: Loops) -> bool:
+    """Whether the loops are scheduled over a gap, which moves and does not change the iron."""
+    return loopset.schedule is not None and loopset.schedule.name == "gap"
 
 
 def cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandidate:
@@ -244,7 +249,8 @@ class Contest:
         tried = [entrant for entrant in self.entrants if self.is_tried(entrant, besides)]
         missed = {entrant: self.misses(entrant, besides) for entrant in tried}
         if not any(missed.values()):
-            return min(self._simplest(), key=lambda entrant: self._cost(entrant, besides))
+            simplest = min(self._simplest(), key=lambda entrant: self._cost(entrant, besides))
+            return self._replaced(simplest, self.entrants, besides)
         best = None
         for rank in sorted({entrant.rank for entrant in tried}):
             alike = [entrant for entrant in tried if entrant.rank == rank]
@@ -254,6 +260,12 @@ class Contest:
             if best is None or self._is_better(first, best, besides):
                 best = first
         assert best is not None
+        return self._replaced(best, tried, besides)
+
+    def _replaced(
+        self, best: ModelCandidate, tried: Sequence[ModelCandidate], besides: Fold
+    ) -> ModelCandidate:
+        """Return the simplest candidate that fits several times better and predicts as well."""
         while able := [other for other in tried if self._should_replace(best, other, besides)]:
             best = min(able, key=lambda other: (other.rank, self._cost(other, besides)))
         return best
@@ -268,11 +280,19 @@ class Contest:
 
     def _should_replace(self, best: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
         """Whether another candidate fits several times better and predicts as well."""
-        own, least = (self._excess(each, besides) for each in (best, other))
-        if own <= _SEVERAL**2 * least:
+        if not self.is_several_times_worse(best, other, besides):
             return False
+        if not self.left_out:
+            return True
         mean, error = mean_difference(self.misses(best, besides), self.misses(other, besides))
         return mean >= -error
+
+    def is_several_times_worse(
+        self, entrant: ModelCandidate, other: ModelCandidate, besides: Fold = frozenset()
+    ) -> bool:
+        """Whether a candidate fits the loops several times worse than another."""
+        own, least = (self._excess(each, besides) for each in (entrant, other))
+        return own > _SEVERAL**2 * least
 
     def _excess(self, entrant: ModelCandidate, besides: Fold) -> float:
         """Return the cost of a fit above that of the noise, and above what nobody sees."""
