@@ -412,3 +412,40 @@ def test_no_two_candidates_carry_the_same_name() -> None:
     names = zip(titles(every, "effective-field"), (one.gap_map for one in every), strict=True)
     written = [(name, "circuit" if gap_map == "leakage" else gap_map) for name, gap_map in names]
     assert len(set(written)) == len(every)
+
+
+def loops_of_two_temperatures(output: str, **changes: tuple[float, float]) -> Loops:
+    """Loops of a magnet or a core whose iron changes with the temperature."""
+    truth = core() if output == "flux_density" else magnet("scaling", output, gaps=GAPS[:2])
+    warm = replace(
+        truth,
+        gap_map="free" if changes else "scaling",
+        schedule=QUANTITIES["temperature"],
+        nodes=(20.0, 80.0),
+        parameters={**truth.parameters, **changes},
+    )
+    return loops_of(warm, noise=NOISE, samples=60)
+
+
+@pytest.mark.parametrize(
+    ("output", "changes"),
+    [
+        ("flux_density", {"k": (11.0, 3.3), "M_s": (4e5, 2.8e5)}),
+        ("force", {"k": (700.0, 210.0), "c_out": (60.0, 42.0)}),
+    ],
+)
+def test_auto_lets_an_iron_change_with_the_temperature_and_warns(
+    output: str, changes: dict[str, tuple[float, float]]
+) -> None:
+    loops = loops_of_two_temperatures(output, **changes)
+    result = identify(loops)
+    assert result.model.gap_map == "free"
+    assert fit_of(result).rms < 1.2 * NOISE * largest(loops)
+    assert any("would change with the temperature" in text for text in result.warnings)
+    assert "with two values of the temperature none can be withheld" in reason(result)
+
+
+def test_auto_prefers_a_map_that_can_be_compiled_if_it_fits_about_as_well() -> None:
+    result = identify(loops_of_two_temperatures("force"))
+    assert result.model.gap_map == "scaling"
+    assert not any("would change with the temperature" in text for text in result.warnings)

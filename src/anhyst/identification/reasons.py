@@ -12,11 +12,8 @@ import numpy as np
 
 from anhyst.data import Loops
 from anhyst.identification.candidates import Contest, ModelCandidate, is_over_gap, titles
-from anhyst.identification.cross_validation import LeftOut
 from anhyst.identification.space import WRITTEN
 from anhyst.model.schema import CHOSEN, CandidateFit
-
-_WITHHELD: dict[LeftOut, str] = {"gap": "gaps", "loop": "loops", "block": "blocks of samples"}
 
 _FITS_BETTER = 1.5
 """Rms deviation over that of a map that cannot be compiled, from which on the reason offers it."""
@@ -52,16 +49,17 @@ def _note(contest: Contest, candidate: ModelCandidate, best: ModelCandidate) -> 
     return "" if candidate in contest.entrants else "passed over"
 
 
-def explain_law(contest: Contest, best: ModelCandidate, law: str) -> str:
+def explain_law(contest: Contest, best: ModelCandidate, law: str, loopset: Loops) -> str:
     """Say why this law was chosen."""
     names = dict(zip(contest.fits, titles(list(contest.fits), law), strict=True))
+    withheld = {"gap": _places(loopset), "loop": "loops", "block": "blocks of samples"}
     own = contest.finite_error(best)
     if own is None:
         return (
-            f"law {names[best]}: no candidate has an answer at all withheld samples; simplest law"
+            f"law {names[best]}: the simplest, no candidate has an answer at all withheld samples"
         )
     text = (
-        f"law {names[best]} predicts withheld {_WITHHELD[contest.by]} with a mean error of "
+        f"law {names[best]} predicts withheld {withheld[contest.by]} with a mean error of "
         f"{_percent(own)} of the largest output"
     )
     errors = {model: contest.finite_error(model) for model in contest.entrants if model != best}
@@ -69,7 +67,8 @@ def explain_law(contest: Contest, best: ModelCandidate, law: str) -> str:
     if not others:
         return text
     least = min(others, key=lambda model: others[model])
-    text += f"; {names[least]} has an error of {_percent(others[least])}"
+    under = "" if written_map(least) == written_map(best) else f" under '{written_map(least)}'"
+    text += f"; {names[least]}{under} has an error of {_percent(others[least])}"
     return text + (_why_not(contest, best, least) if others[least] < own else "")
 
 
@@ -92,10 +91,9 @@ def explain_gap_map(
 ) -> str:
     """Say why this gap map was chosen."""
     name = written_map(best)
-    over = loopset.schedule.name if loopset.schedule else "gap"
-    gaps = "gaps" if over == "gap" else f"values of the {over}"
-    count = len(loopset.schedule_values)
+    gaps, count = _places(loopset), len(loopset.schedule_values)
     if count < 2:
+        over = loopset.schedule.name if loopset.schedule else "gap"
         return f"there are loops at one {over} only, so no parameter depends on the {over}"
     if count == 2:
         why = (
@@ -153,6 +151,13 @@ def _offer(contest: Contest, best: ModelCandidate, loopset: Loops) -> str:
         f"; --gap-map free fits the loops with {rms[1]} rms instead of {rms[0]}, but cannot be "
         "compiled"
     )
+
+
+def _places(loopset: Loops) -> str:
+    """Return what the values of the schedule are called."""
+    if loopset.schedule is None or is_over_gap(loopset):
+        return "gaps"
+    return f"values of the {loopset.schedule.name}"
 
 
 def _percent(part: float) -> str:
