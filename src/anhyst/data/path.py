@@ -81,8 +81,8 @@ def _local_extremes(values: FloatArray) -> NDArray[np.intp]:
     return np.unique(np.concatenate(([0], inner, [values.size - 1]))).astype(np.intp)
 
 
-_STEEP = 4.0
-"""Largest step of the output over its mean step, beyond which samples in steep parts are added."""
+_MAX_STEP = 0.5
+"""Largest step of the output, in parts of its range, beyond which samples in steep parts are added."""
 
 
 def thinned(drive: FloatArray, most: int, output: FloatArray | None = None) -> NDArray[np.intp]:
@@ -96,7 +96,7 @@ def thinned(drive: FloatArray, most: int, output: FloatArray | None = None) -> N
     nearest = _spread_evenly(_way(drive), most)
     kept = np.union1d(nearest, turning_points(drive, 0.02 * float(np.ptp(drive))))
     steps = np.zeros(1) if output is None else np.abs(np.diff(output[kept]))
-    if output is None or steps.max() <= _STEEP * steps.mean():
+    if output is None or steps.max() <= _MAX_STEP * np.ptp(output):
         return kept
     parts, way = np.ceil(steps / steps.mean()).astype(np.intp), _way(output)
     between = [
