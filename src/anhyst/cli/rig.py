@@ -86,7 +86,7 @@ def init(
         typer.Option(
             metavar="NAME",
             help="Copy a bundled example instead: 'bearing', 'electromagnet', "
-            "'magnetostrictive', 'piezo', 'solenoid' or 'stage'.",
+            "'magnetostrictive', 'piezo', 'solenoid', 'stage' or 'steels'.",
         ),
     ] = None,
     columns: Columns = None,

@@ -46,6 +46,10 @@ NEXT: Mapping[str, tuple[str, ...]] = {
     ),
     "solenoid": ("anhyst force-control {out}/rig.toml --out {out}/run",),
     "stage": ("anhyst simulate {out}/rig.toml --out {out}/run.csv",),
+    "steels": (
+        "anhyst inspect {out}/m270_50a.csv",
+        "anhyst identify {out}/m270_50a.csv --out {out}/model.toml",
+    ),
 }
 """The examples, and what to run in a copy of one."""
 
@@ -57,7 +61,7 @@ RUN_PIEZO = (
 """The same in a drafted piezo stage."""
 
 KINDS = (".csv", ".md", ".toml")
-"""What is copied: no scripts, which make what is there."""
+"""Suffixes of the files that are copied, and the licence of data of others: no scripts."""
 
 
 def example_files(name: str) -> dict[str, Path]:
@@ -88,8 +92,9 @@ def example_files(name: str) -> dict[str, Path]:
     package = Path(__file__).resolve().parents[1]
     for root in (package.parents[1] / "examples", package / "_examples"):
         folder = root / name
-        if (folder / "loops.csv").is_file():
-            files = sorted(path for path in folder.rglob("*") if path.suffix in KINDS)
+        every = (path for path in folder.rglob("*") if path.is_file())
+        files = sorted(path for path in every if path.suffix in KINDS or path.name == "LICENSE")
+        if files:
             return {path.relative_to(folder).as_posix(): path for path in files}
     raise InputError(
         f"{package}: the examples are missing; install anhyst again", code="installation-incomplete"

@@ -164,11 +164,14 @@ class FitRecord:
     clock: FloatArray
     # samples that are left out of a fit, although the drive went through them; None: none
     unseen: NDArray[np.bool_] | None = None
+    # number of measured samples that each one represents, over the mean of it; None: all alike
+    shares: FloatArray | None = None
 
     @property
     def weights(self) -> FloatArray:
         """Weight of the deviation of each sample; zero of those that a fit does not see."""
         whole = np.full(self.input.size, self.weight)
+        whole = whole if self.shares is None else whole * np.sqrt(self.shares)
         return whole if self.unseen is None else np.where(self.unseen, 0.0, whole)
 
     @cached_property
@@ -193,8 +196,30 @@ class FitRecord:
                 settled=False,
                 clock=self.clock[part],
                 unseen=None if self.unseen is None else self.unseen[part],
+                shares=None if self.shares is None else self.shares[part],
             )
             lead = lead.then(self.input[part], self.gap).remembered()
+
+    def thinned(self, most: int) -> FitRecord:
+        """Take at most about `most` samples, and more in steep parts.
+
+        With more in steep parts, each sample represents the measured samples around it.
+        """
+        kept = thinned(self.input, most, self.output)
+        shares = None if self.shares is None else self.shares[kept]
+        if kept.size > thinned(self.input, most).size:
+            begins = np.concatenate([[0], (kept[1:] + kept[:-1] + 1) // 2])
+            every = np.ones(self.input.size) if self.shares is None else self.shares
+            represented = np.add.reduceat(every, begins)
+            shares = represented * (kept.size / represented.sum())
+        return replace(
+            self,
+            input=self.input[kept],
+            output=self.output[kept],
+            weight=self.weight * float(np.sqrt(self.input.size / kept.size)),
+            clock=self.clock[kept],
+            shares=shares,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,19 +286,7 @@ class FitRecords:
 
         The exact step does not care how densely a path is sampled, so a search may.
         """
-        loops = []
-        for record in self.loops:
-            kept = thinned(record.input, most)
-            loops.append(
-                replace(
-                    record,
-                    input=record.input[kept],
-                    output=record.output[kept],
-                    weight=record.weight * float(np.sqrt(record.input.size / kept.size)),
-                    clock=record.clock[kept],
-                )
-            )
-        return replace(self, loops=tuple(loops))
+        return replace(self, loops=tuple(record.thinned(most) for record in self.loops))
 
 
 def blocks_along(drive: FloatArray, blocks: int) -> NDArray[np.intp]:

@@ -462,13 +462,9 @@ def _freed(model: Model, cells: CellWeights, count: int) -> Model:
 
 
 def _deviation(model: Model, loops: Loops) -> float:
-    """Mean square of what a model misses, over all samples."""
-    off = [
-        model.predict(
-            loop.input, loop.schedule if model.needs_schedule else None, loop.time, loop.history
-        ).output
-        - loop.output
-        for loop in loops.loops
-    ]
-    every = np.concatenate(off)
+    """Return the mean square deviation over all samples; infinite if the model has no answer."""
+    try:
+        every = np.concatenate([model.on(loop) - loop.output for loop in loops.loops])
+    except (InputError, NegativeResult):
+        return float("inf")
     return float(every @ every) / every.size

@@ -287,9 +287,11 @@ def obstacle(model: Model) -> str | None:
         others = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
         return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {others}"
     if model.fixed_gap_only:
+        over = model.schedule.name if model.schedule else "gap"
+        others = "scaling or reluctance" if over == "gap" else "scaling"
         return (
-            "gap map 'free' cannot be compiled: the iron itself would change with the gap; "
-            "identify with --gap-map scaling or reluctance"
+            f"gap map 'free' cannot be compiled: the iron itself would change with the {over}; "
+            f"identify with --gap-map {others}"
         )
     if model.has_eddy_currents and not has_layers(model):
         return "gamma: what answers late cannot be compiled; take the model at rest (at_rest)"

@@ -242,7 +242,7 @@ def section_laws(subject: ModelSubject) -> Section | None:
             Cell(candidate.gap_map),
             Cell(candidate.note),
             Cell(str(candidate.numbers)),
-            Cell(percent(candidate.rms)),
+            Cell("" if candidate.rms is None else percent(candidate.rms)),
             Cell("" if candidate.left_out is None else percent(candidate.left_out),
                  bar=candidate.left_out / most if candidate.left_out is not None and most else None),
         ]
