@@ -303,7 +303,11 @@ def _candidates(model: Model) -> list[str | TerminalTable]:
     """List the candidates: the chosen one first, then by their error at withheld data."""
     listed = sorted(
         model.fit.candidates if model.fit else (),
-        key=lambda one: (one.note != "chosen", one.left_out is None, one.left_out or one.rms),
+        key=lambda one: (
+            one.note != "chosen",
+            one.left_out is None,
+            one.left_out or one.rms or 0.0,
+        ),
     )
     shown = listed if printer.is_verbose else listed[:MAX_CANDIDATES]
     hidden = len(listed) - len(shown)
@@ -313,7 +317,7 @@ def _candidates(model: Model) -> list[str | TerminalTable]:
     for one in shown:
         note = f" ({one.note})" if one.note else ""
         left_out = "" if one.left_out is None else f"{100.0 * one.left_out:.3g}"
-        rms = f"{100.0 * one.rms:.3g}"
+        rms = "" if one.rms is None else f"{100.0 * one.rms:.3g}"
         rows.add_row(f"{one.law}{note}", one.gap_map, rms, left_out, str(one.numbers))
     more = [f"{count_of(hidden, 'more candidate')}: --verbose"] if hidden else []
     return [rows, *more] if listed else []
