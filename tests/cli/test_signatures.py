@@ -14,7 +14,9 @@ from anhyst.cli.app import app
 
 VERBS: dict[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
 
-READING = frozenset({"columns", "sidecar", "schedule", "loop", "constants", "history"})
+READING = frozenset(
+    {"columns", "sidecar", "schedule", "loop", "constants", "history", "scale", "flip", "drop"}
+)
 """How files are read: of `read_loops`, where a function takes loops."""
 
 OWN = {

@@ -74,7 +74,7 @@ def read_loops(
     select: Mapping[str, object] | None = None,
     file_name: str | None = None,
     scale: Mapping[str, float | str] | None = None,
-    flip: Sequence[str] | str = (),
+    flip: Sequence[str] | str | None = None,
     drop: str | None = None,
     sidecar: PathLike | None = None,
     progress: Progress | None = None,

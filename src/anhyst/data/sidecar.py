@@ -52,7 +52,7 @@ class FileDescription:
         select: Mapping[str, object] | None = None,
         file_name: str | None = None,
         scale: Mapping[str, float | str] | None = None,
-        flip: Sequence[str] | str = (),
+        flip: Sequence[str] | str | None = None,
         drop: str | None = None,
     ) -> FileDescription:
         """Collect keyword arguments."""
@@ -65,7 +65,7 @@ class FileDescription:
             select={name: _choices(name, value) for name, value in (select or {}).items()},
             file_name=file_name,
             scale=dict(scale or {}),
-            flip=(flip,) if isinstance(flip, str) else tuple(flip),
+            flip=(flip,) if isinstance(flip, str) else tuple(flip or ()),
             drop=drop,
         )
 

@@ -142,11 +142,11 @@ def read_columns(
     columns: Mapping[str, str] | None = None,
     progress: Progress | None = None,
     scale: Mapping[str, float | str] | None = None,
-    flip: Collection[str] = (),
+    flip: Collection[str] | None = None,
 ) -> DataTable:
     """Read every column of a file or a data frame, such as a drive or a demand."""
     opened = table_of(path) if is_frame(path) else open_table(path, least=1)
-    headers = map_headers(opened, columns or {}, scale, flip)
+    headers = map_headers(opened, columns or {}, scale, flip or ())
     (first,) = opened.first_rows(1)
     known = {index for index, header in enumerate(headers) if header.is_known}
     texts = {

@@ -184,7 +184,7 @@ def init(
     history: HistoryLike | None = None,
     clean: Sequence[str] | None = None,
     scale: Mapping[str, float | str] | None = None,
-    flip: Sequence[str] | str = (),
+    flip: Sequence[str] | str | None = None,
     drop: str | None = None,
     progress: Progress | None = None,
 ) -> Drafted:

@@ -132,7 +132,7 @@ def predict(
     *,
     columns: Mapping[str, str] | None = None,
     scale: Mapping[str, float | str] | None = None,
-    flip: Collection[str] = (),
+    flip: Collection[str] | None = None,
     history: HistoryLike | None = None,
     progress: Progress | None = None,
 ) -> RunSummary:
@@ -181,7 +181,7 @@ def invert(
     *,
     columns: Mapping[str, str] | None = None,
     scale: Mapping[str, float | str] | None = None,
-    flip: Collection[str] = (),
+    flip: Collection[str] | None = None,
     history: HistoryLike | None = None,
     progress: Progress | None = None,
 ) -> RunSummary:
