@@ -148,14 +148,18 @@ def _show_inspection(inspection: Inspection) -> None:
     figures = table(f"{loops}, {drive.name} to {answer.name}", headers)
     for loop in inspection.loops:
         figures.add_row(*_row(loop, scale if schedule else None, small))
+    # How the columns were read matters more than the histories, which the table shows, too.
+    histories = tuple(note for note in inspection.notes if ": history of loop" in note)
+    reading = tuple(note for note in inspection.notes if note not in histories)
     show_with(
         inspection.warnings,
         "is it worth it?",
         *_indented(inspection.verdict.sentences),
+        *_titled("read", reading),
         *_titled("repaired", inspection.repairs),
         *_titled("speed", (inspection.rate,) if inspection.rate else ()),
         figures,
-        *_titled("noted", inspection.notes),
+        *_titled("histories", histories),
     )
 
 

@@ -45,6 +45,8 @@ _MAX_HOLE = 0.05
 _DWELL = 6
 """Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
 _MOST_LOOPS = 2000
+_MAX_GAP_NOISE = 0.01
+"""Noise of a gap sensor at contact, as a share of the largest gap."""
 _ALONE = "1"
 """Label of a loop that nobody labelled."""
 
@@ -295,6 +297,8 @@ def _scheduled(used: _UsedRows, roles: Roles) -> tuple[_UsedRows, FloatArray | N
         return used, np.full(drive.size, roles.fixed), []
     if schedule is None or roles.quantity is None:
         return used, schedule, []
+    if roles.quantity == QUANTITIES["gap"]:
+        _refuse_negative_gaps(schedule, used.where)
     plateaus = find_plateaus(schedule, drive, roles.quantity)
     if plateaus is None:
         return used, schedule, []
@@ -354,8 +358,6 @@ def _cut(
     assert answer is not None
     answer = answer_of(drive, answer)
     quantity, remarks = roles.quantity, [*roles.notes(headers), *notes]
-    if quantity == QUANTITIES["gap"]:
-        _refuse_negative_gaps(columns)
     blocks = _blocks(columns)
     moving = columns.schedule is not None and any(
         np.ptp(columns.schedule[rows]) != 0.0 for rows in blocks
@@ -415,13 +417,13 @@ def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
     return completed
 
 
-def _refuse_negative_gaps(columns: _Columns) -> None:
-    assert columns.schedule is not None
-    below = np.flatnonzero(columns.schedule < 0.0)
+def _refuse_negative_gaps(gaps: FloatArray, where: Callable[[int], str]) -> None:
+    """Refuse gaps below contact; near contact, the noise of the sensor may make some negative."""
+    below = np.flatnonzero(gaps < -_MAX_GAP_NOISE * float(np.max(gaps)))
     if below.size:
         row = int(below[0])
         raise InputError(
-            f"{columns.where(row)}: negative gap {columns.schedule[row]:g} m; {GAP_ADVICE}",
+            f"{where(row)}: negative gap {gaps[row]:g} m; {GAP_ADVICE}",
             code="negative-gap",
             key="gap_m",
         )

@@ -105,10 +105,11 @@ def far_outside(
 
 
 def likely_unit(quantity: Quantity, times: float) -> str:
-    """Name the unit that is smaller than the SI unit by about this factor; empty if none is."""
+    """Name the decimal part of the SI unit that is smaller by about this factor; empty if none is."""
     dimension = DIMENSIONS.get(quantity.name, quantity.name)
+    parts = (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02)
     nearest = min(
-        (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02),
+        (unit for unit in parts if math.log10(unit.scale) == round(math.log10(unit.scale))),
         key=lambda unit: abs(math.log(unit.scale * times)),
         default=None,
     )
