@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from anhyst.data.estimates import noise, sampling
 from anhyst.data.holes import find_holes
@@ -233,6 +232,8 @@ def _misfits(
     drive: FloatArray, answer: FloatArray, tip: _Tip, delays: NDArray[np.intp]
 ) -> FloatArray:
     """Return the sum of squared deviations around a reversal, for each delay."""
+    from scipy.optimize import nnls  # slow to load, and needed by `inspect` only
+
     rows = np.arange(tip.row - tip.width, tip.row + tip.width + 1)
     depth = tip.sign * (drive[tip.row] - drive[rows])
     is_after = rows > tip.row

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from anhyst.data.estimates import noise, sampling
 from anhyst.data.holes import find_holes
@@ -207,6 +206,8 @@ def _denoised(loop: Loop) -> Loop:
     is_fast = float(np.median(np.abs(np.diff(drive)))) > _MAX_STEP_SIGMAS * sigma
     if is_smooth or is_fast or find_holes(loop.time):
         return loop
+    from scipy.signal import savgol_filter  # slow to load, and needed for noisy inputs only
+
     parts = branches(drive)
     length = float(np.median([part.stop - part.start for part in parts]))
     most = int(_MAX_WINDOW_SHARE * length)

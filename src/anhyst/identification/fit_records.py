@@ -10,7 +10,6 @@ from itertools import chain, pairwise
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from anhyst.data import Loop, Loops
 from anhyst.data.path import branches, thinned
@@ -135,12 +134,14 @@ def _begins(loop: Loop, offset: float, span: float) -> NDArray[np.bool_]:
 
 
 def _reading(values: Sequence[float], span: float) -> RestReading:
+    from scipy.special import stdtrit
+
     if len(values) < 2:  # one reading does not show how far it scatters
         return RestReading()
     mean = float(np.mean(values))
     std = float(np.std(values, ddof=1) / np.sqrt(len(values)))
     real = abs(mean) > _SURE * std and abs(mean) > _SAME * span
-    half_width = std * float(student.ppf(0.975, len(values) - 1))
+    half_width = std * float(stdtrit(len(values) - 1, 0.975))
     return RestReading(mean if real else 0.0, std, half_width)
 
 
