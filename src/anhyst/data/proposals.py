@@ -111,11 +111,16 @@ def _is_doubted(header: Header) -> bool:
 def _pasted(headers: Sequence[Header], found: Sequence[tuple[int, str]]) -> str:
     """Return the options that map columns, with scales to complete."""
     pairs = [(headers[column], name) for column, name in found]
-    mapped = {header.text: header.target for header in headers if header.target is not None}
+    mapped = mapped_so_far(headers)
     mapped |= {header.text: _target(header, name) for header, name in pairs}
     scales = {header.text: _unknown_scale(header, name) for header, name in pairs}
     unknown = {name: text for name, text in scales.items() if text}
     return option("columns", mapped) + scale_advice(headers, unknown)
+
+
+def mapped_so_far(headers: Sequence[Header]) -> dict[str, str]:
+    """Return what the user maps already, for a proposal to repeat."""
+    return {header.text: header.target for header in headers if header.target is not None}
 
 
 def _equals(
@@ -226,11 +231,12 @@ def _is_piezo(headers: Sequence[Header]) -> bool:
 def map_one(header: Header, headers: Sequence[Header] = ()) -> str:
     """Advise how to map a column whose unit is the problem."""
     name = header.quantity.name if header.quantity else ""
-    if header.conflict and name in QUANTITIES:
+    if name in QUANTITIES and header.conflict and all(map(find_unit, header.conflict)):
         targets = [
             f"{QUANTITIES[name].symbol}_{unit.replace('/', '_per_')}" for unit in header.conflict
         ]
-        choices = [option("columns", {header.text: target}) for target in targets]
+        mapped = mapped_so_far(headers)
+        choices = [option("columns", mapped | {header.text: target}) for target in targets]
         return f"; say which one is true: {' or '.join(choices)}"
     if name in QUANTITIES and header.unit is not None and header.unit.dimension == "number":
         unit = QUANTITIES[name].unit
@@ -251,7 +257,7 @@ def map_as(header: Header, name: str, headers: Sequence[Header]) -> str:
 
 def choose_one(header: Header, headers: Sequence[Header]) -> str:
     """Return the option that makes a column the only one of its quantity."""
-    mapped = {other.text: other.target for other in headers if other.target is not None}
+    mapped = mapped_so_far(headers)
     alike = [other for other in headers if other.quantity == header.quantity]
     certain = {other.text: "" for other in alike if other.is_certain and other is not header}
     return option("columns", mapped | certain | {header.text: header.name})
@@ -295,6 +301,8 @@ def _may_be(header: Header, name: str) -> bool:
     is_named = name in _suggested(header)
     if has_qualifier(header.name) and not is_named:
         return False
+    first = find_unit(re.split(r"\W", header.stated)[0])  # ampere-turns are amperes to scale
+    is_named = is_named or (first is not None and first.dimension == DIMENSIONS.get(name, name))
     is_raw = header.stated in {"", "-"} or fold(header.stated) in RAW_UNITS
     return is_raw or (is_named and not re.search(r"[/^*²³]", header.stated))
 
@@ -318,7 +326,7 @@ def _likeness(header: Header, name: str) -> int:
     score = _NAMED if name in like else -_NAMED if like else 0
     score += is_measured(header.name) - _DOUBT * _is_doubted(header)
     if name in INPUTS and is_sensor(header.name):
-        score -= _FIT
+        score -= 2 * _FIT
     # Volts may be anything that a sensor gives, as a column without a unit may.
     if _fits(header, name) and (name != "voltage" or is_drive(header.name)):
         score += _FIT
