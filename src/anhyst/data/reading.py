@@ -480,11 +480,11 @@ def _by_value(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
     if not cut.all() and rows.size < _DWELL * runs:
         return [rows]
     parts = np.split(rows, steps)
-    is_each_loop = all(has_loop(columns.input, part) for part in parts)
-    if is_each_loop or runs == np.unique(values[np.concatenate(([0], steps))]).size:
+    if runs == np.unique(values[np.concatenate(([0], steps))]).size:
         return parts
     if columns.time is not None and time_fault(columns.time[rows]) is None:
-        return [rows]  # one record in time through which the value steps to and fro
+        # A record in time through which the value steps to and fro, or one that returns to a gap.
+        return parts if all(has_loop(columns.input, part) for part in parts) else [rows]
     seen: dict[float, int] = {}
     for start in [0, *steps.tolist()]:
         value = float(values[start])
