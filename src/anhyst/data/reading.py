@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.distinct import refuse_different_loops
-from anhyst.data.file_names import gap_note, gaps_of_names, with_file_name
+from anhyst.data.file_names import gap_note, gaps_of_names, refuse_other_gap, with_file_name
 from anhyst.data.formats import FORMATS, OpenTable, open_table
 from anhyst.data.formats.channels import RawColumns, Texts, is_number, is_value
 from anhyst.data.headers import map_headers
@@ -141,6 +141,8 @@ def read_loops(
             reading = replace(reading, constants={**reading.constants, "gap_m": gaps[path]})
         name = _ALONE if len(files) == 1 else path.stem
         parts.append(_read_table(open_table(path), name, reading, progress))
+        if parts[-1].schedule == QUANTITIES["gap"] and reading.schedule is None:
+            refuse_other_gap(path, [loop.schedule_value for loop in parts[-1].loops])
     loops = join(_with_histories(parts))
     if gaps:
         return replace(loops, notes=(gap_note(gaps), *loops.notes))
