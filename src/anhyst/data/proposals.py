@@ -247,7 +247,26 @@ def map_one(header: Header, headers: Sequence[Header] = ()) -> str:
         )
     if name not in QUANTITIES or not (header.unit is None or _may_be(header, name)):
         return ""
+    if is_without_unit(header):
+        # All that have no unit are asked for together: one round instead of four.
+        alike = {other.quantity: other for other in [*without_units(headers), header]}
+        names = {other.text: QUANTITIES[kind.name] for kind, other in alike.items() if kind}
+        if len(names) > 1:
+            columns = {text: _target(header, quantity.name) for text, quantity in names.items()}
+            columns = mapped_so_far(headers) | columns
+            return f"; or map them in their units: {option('columns', columns)}"
     return f"; or map it: {map_as(header, name, headers)}"
+
+
+def is_without_unit(header: Header) -> bool:
+    """Whether a column is a known quantity whose unit nobody says."""
+    is_open = header.unit is None and not header.stated and header.target is None
+    return header.is_known and is_open and "has no unit" in (header.problem or "")
+
+
+def without_units(headers: Sequence[Header]) -> list[Header]:
+    """Return the columns whose units are asked for together."""
+    return [header for header in headers if is_without_unit(header)]
 
 
 def map_as(header: Header, name: str, headers: Sequence[Header]) -> str:

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from anhyst.data.formats.channels import Texts, is_number
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import reversal_count
-from anhyst.data.proposals import choose_one, map_as, map_one, mapped_so_far, mapping, option
+from anhyst.data.proposals import (
+    choose_one,
+    is_without_unit,
+    map_as,
+    map_one,
+    mapped_so_far,
+    mapping,
+    option,
+    without_units,
+)
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -224,8 +233,12 @@ def _only(source: str, headers: Sequence[Header], name: str) -> int | None:
         )
     if indices and not healthy:
         header = headers[indices[0]]
+        others = [f"'{other.text}'" for other in without_units(headers) if other is not header]
+        together = (
+            f"; {', '.join(others)} have none either" if others and is_without_unit(header) else ""
+        )
         raise InputError(
-            f"{source}: column '{header.text}': {header.problem}{map_one(header, headers)}",
+            f"{source}: column '{header.text}': {header.problem}{together}{map_one(header, headers)}",
             code="bad-header",
             key=header.text,
         )
