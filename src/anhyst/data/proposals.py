@@ -347,7 +347,8 @@ def _likeness(header: Header, name: str) -> int:
     if name in INPUTS and is_sensor(header.name):
         score -= 2 * _FIT
     # Volts may be anything that a sensor gives, as a column without a unit may.
-    if _fits(header, name) and (name != "voltage" or is_drive(header.name)):
+    is_plain = header.unit is not None and header.unit.symbol == "-"
+    if _fits(header, name) and not is_plain and (name != "voltage" or is_drive(header.name)):
         score += _FIT
     return score
 

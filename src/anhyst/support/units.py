@@ -259,6 +259,10 @@ _FORMULA = re.compile(
     r"(?<![A-Za-z])(?:sqrt|log|log10|ln|lg|exp|abs|squared?)(?![A-Za-z])"
 )
 """Signs of a name that is calculated from a quantity, such as ``2*F`` or ``I/Imax``."""
+_OTHER_UNITS = re.compile(
+    r"\w\s*/\s*\(?([mk]?Nm|Nc?m+|[mk]?W|k?Ohm|Ω|rpm|[µun]?C|[kM]?V/[mc]?m)\)?$"
+)
+"""Units behind a stroke that no quantity here has."""
 _NUMBER = r"(\d+(?:\.\d+)?)"
 _PRODUCTS = (rf"{_NUMBER}\s*[*×]\s*[^*/^|]+", rf"[^*/^|]+[*×]\s*{_NUMBER}")
 _QUOTIENT = rf"[^*/^|]+/\s*{_NUMBER}"
@@ -350,9 +354,13 @@ def parse_header(text: str, unit: str | None = None) -> Header:
         return Header(text, LABEL, None, None)
     known = _known(name)
     stated = written if unit or _BRACKETS.match(text) or fold(written) in RAW_UNITS else ""
+    if not written and (other := _OTHER_UNITS.search(text)):
+        stated = other[1]
     axis = find_unit(written) or find_unit(written.lower())
     if name.lower() in _ABSCISSAS and axis is not None and axis.dimension == "time":
         known = QUANTITIES["time"]
+    if name in {"lambda", "λ", "Λ"} and axis is not None and axis.dimension == "flux_linkage":
+        known = QUANTITIES["flux_linkage"]
     if problem is not None:
         known = known or _said(name, find_unit(conflict[1])) or Quantity(name, name, "1")
         return Header(text, name, known, None, problem, stated, conflict=conflict)
@@ -437,7 +445,8 @@ def _split_brackets(text: str) -> tuple[str, str]:
         name, written = brackets["name"].strip(), brackets["unit"].strip()
         own, own_unit = _split(name.replace(" ", "_"))
         return (f"{own} ({written})", own_unit) if find_unit(own_unit) else (name, written)
-    return _split_stroke(text) or _split(text.replace(" ", "_"))
+    plain = re.sub(r"\s+in\s+", " ", text)
+    return _split_stroke(text) or _split(plain.replace(" ", "_"))
 
 
 def _split_stroke(text: str) -> tuple[str, str] | None:
@@ -446,19 +455,21 @@ def _split_stroke(text: str) -> tuple[str, str] | None:
     pairs += [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer(r"\.", text)]
     pairs += [(sign, text.removeprefix(sign)) for sign in _SYMBOLS
               if text.startswith(sign) and len(text) > len(sign) + 1]  # fmt: skip
+    free = None
     for head, tail in pairs:
         name, written = head.strip(" _"), tail.strip(" _")
         unit, known = find_unit(written), _known(name)
         if unit is None or not name or find_unit(text) or not _may_end(name, unit):
             continue
         names = {known.name} if known else named_quantities(name)
-        fits = unit.dimension in {DIMENSIONS.get(one, one) for one in names}
-        is_free = (
-            not known and text[len(head)] == "/" and written != "1" and len(name + written) > 2
-        )
-        if fits or is_free or (text[len(head)] == "/" and name == "T" and unit.dimension == "time"):
+        is_stroke, is_time = text[len(head)] == "/", name == "T" and unit.dimension == "time"
+        if unit.dimension in {DIMENSIONS.get(one, one) for one in names} or (is_time and is_stroke):
             return name, written
-    return None
+        # 'J/T' names a column, 'F/A' and 'm/s' are ratios.
+        is_named = len(written) > 1 if known else find_unit(name) is None
+        if free is None and is_stroke and is_named and written != "1":
+            free = name, written
+    return free
 
 
 def is_formula(name: str) -> bool:

@@ -47,7 +47,8 @@ _QUALIFIER_WORDS = (
     "bereich alarm friction reibung reib residual tolerance toleranz total both double twice sum summe "
     "velocity rate speed geschwindigkeit density dichte stromdichte status flag index sample samples "
     "record number scan step steps extra length increment cycle direction branch delta diff "
-    "differenz bias idle quiescent ruhe heater heiz earth residualstrom inrush squared"
+    "differenz bias idle quiescent ruhe heater heiz earth inrush squared "
+    "eff effective effektiv mmf ni turns durchflutung gewichts norm normalised normalized normiert"
 )
 """Words that make another quantity of the one beside them, or not the measured one."""
 
