@@ -103,7 +103,7 @@ def test_doubtful_header_is_a_question(tmp_path: Path, header: str, said: tuple[
     options = ReadOptions.from_text(
         columns=shlex.split(option[1])[0], scale=shlex.split(scale[1])[0] if scale else None
     )
-    assert options.read([path]).loops[0].n == SAMPLES
+    assert len(options.read([path])) == 1
 
 
 @pytest.mark.parametrize(
