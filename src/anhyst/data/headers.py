@@ -15,11 +15,10 @@ from anhyst.support.units import (
     Header,
     Quantity,
     find_unit,
-    is_formula,
     parse_header,
     split_header,
 )
-from anhyst.support.vocabulary import has_qualifier
+from anhyst.support.vocabulary import has_qualifier, is_formula
 
 _PAIRED = frozenset(
     QUANTITIES[name] for name in (*INPUTS, "force", "thrust", "flux_density", "flux_linkage")

@@ -16,17 +16,17 @@ from anhyst.support.units import (
     QUANTITIES,
     Header,
     find_unit,
-    is_formula,
-    undo_formula,
 )
 from anhyst.support.vocabulary import (
     RAW_UNITS,
     fold,
     has_qualifier,
     is_drive,
+    is_formula,
     is_measured,
     is_sensor,
     named_quantities,
+    undo_formula,
     words_of,
 )
 

@@ -22,6 +22,7 @@ from anhyst.support.vocabulary import (
     fold,
     has_qualifier,
     is_drive,
+    is_formula,
     named_quantities,
     symbol_of_word,
     words_of,
@@ -253,21 +254,10 @@ _INNER_BRACKETS = re.compile(
     r"^(?P<name>[^\[(<{]+?)[\s_/]*[\[(<{](?P<unit>[^\])>}]+)[\])>}]\s*(?P<tail>.+)$"
 )
 """A unit in brackets before something else, such as ``I [mA] (range 2 A)``."""
-_FORMULA = re.compile(
-    r"[*^|²³√×÷∫∂Δ]|^[-+]|^\d+\s*/|/\s*\d+(?:\.\d+)?$|[\s(]x\s?\d|^d[A-Z]\b|^d\w+\s*/\s*d\w+|"
-    r"^(?P<symbol>[A-Za-z])\s*/\s*(?:(?P=symbol)\w+|[A-Za-z])$|"
-    r"(?<![A-Za-z])(?:sqrt|log|log10|ln|lg|exp|abs|squared?)(?![A-Za-z])"
-)
-"""Signs of a name that is calculated from a quantity, such as ``2*F`` or ``I/Imax``."""
 _OTHER_UNITS = re.compile(
     r"\w\s*/\s*\(?([mk]?Nm|Nc?m+|[mk]?W|k?Ohm|Ω|rpm|[µun]?C|[kM]?V/[mc]?m)\)?$"
 )
 """Units behind a stroke that no quantity here has."""
-_NUMBER = r"(\d+(?:\.\d+)?)"
-_PRODUCTS = (rf"{_NUMBER}\s*[*×]\s*[^*/^|]+", rf"[^*/^|]+[*×]\s*{_NUMBER}")
-_QUOTIENT = rf"[^*/^|]+/\s*{_NUMBER}"
-
-
 _INVERSE = re.compile(r"^(.+?)[\s.·*]*(cm|mm|m|metre|meter)\s*\^?-1$")
 """A unit per length, such as ``A m^-1``."""
 
@@ -470,33 +460,6 @@ def _split_stroke(text: str) -> tuple[str, str] | None:
         if free is None and is_stroke and is_named and written != "1":
             free = name, written
     return free
-
-
-def is_formula(name: str) -> bool:
-    """Whether a name is calculated from a quantity, and does not name the quantity itself.
-
-    >>> is_formula("2*F"), is_formula("I/Imax"), is_formula("Strom/Current")
-    (True, True, False)
-    """
-    return _FORMULA.search(name) is not None
-
-
-def undo_formula(name: str) -> str:
-    """Return the factor that undoes a formula, ``FACTOR`` if the user has to know it, or nothing.
-
-    >>> undo_formula("2*F"), undo_formula("F/10"), undo_formula("I/Imax"), undo_formula("F^2")
-    ('0.5', '10', 'FACTOR', '')
-    """
-    plain = name.replace("_", " ").strip()
-    for pattern in _PRODUCTS:
-        if (match := re.fullmatch(pattern, plain)) and float(match[1]):
-            return f"{1.0 / float(match[1]):.6g}"
-    if match := re.fullmatch(_QUOTIENT, plain):
-        return match[1]
-    if re.fullmatch(r"-\s*\w+", plain):
-        return "-1"
-    found = _FORMULA.search(plain)
-    return "FACTOR" if found and (found["symbol"] or re.search(r"[\s(]x\s?\d", plain)) else ""
 
 
 def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:

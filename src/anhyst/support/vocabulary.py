@@ -67,6 +67,16 @@ _MEASURED = frozenset(_MEASURED_WORDS.split())
 RAW_UNITS = frozenset(_RAW_UNIT_WORDS.split())
 """Units of values that have no unit yet."""
 
+_FORMULA = re.compile(
+    r"[*^|²³√×÷∫∂Δ]|^[-+]|^\d+\s*/|/\s*\d+(?:\.\d+)?$|[\s(]x\s?\d|^d[A-Z]\b|^d\w+\s*/\s*d\w+|"
+    r"^(?P<symbol>[A-Za-z])\s*/\s*(?:(?P=symbol)\w+|[A-Za-z])$|"
+    r"(?<![A-Za-z])(?:sqrt|log|log10|ln|lg|exp|abs|squared?)(?![A-Za-z])"
+)
+"""Signs of a name that is calculated from a quantity, such as ``2*F`` or ``I/Imax``."""
+_NUMBER = r"(\d+(?:\.\d+)?)"
+_PRODUCTS = (rf"{_NUMBER}\s*[*×]\s*[^*/^|]+", rf"[^*/^|]+[*×]\s*{_NUMBER}")
+_QUOTIENT = rf"[^*/^|]+/\s*{_NUMBER}"
+
 _BASES = {
     "A": "amp amps ampere amperes",
     "V": "volt volts vdc",
@@ -190,3 +200,30 @@ def is_measured(name: str) -> bool:
 def is_sensor(name: str) -> bool:
     """Whether a word says that a sensor of an output gives a column."""
     return bool(_parts(name) & _SENSORS)
+
+
+def is_formula(name: str) -> bool:
+    """Whether a name is calculated from a quantity, and does not name the quantity itself.
+
+    >>> is_formula("2*F"), is_formula("I/Imax"), is_formula("Strom/Current")
+    (True, True, False)
+    """
+    return _FORMULA.search(name) is not None
+
+
+def undo_formula(name: str) -> str:
+    """Return the factor that undoes a formula, ``FACTOR`` if the user has to know it, or nothing.
+
+    >>> undo_formula("2*F"), undo_formula("F/10"), undo_formula("I/Imax"), undo_formula("F^2")
+    ('0.5', '10', 'FACTOR', '')
+    """
+    plain = name.replace("_", " ").strip()
+    for pattern in _PRODUCTS:
+        if (match := re.fullmatch(pattern, plain)) and float(match[1]):
+            return f"{1.0 / float(match[1]):.6g}"
+    if match := re.fullmatch(_QUOTIENT, plain):
+        return match[1]
+    if re.fullmatch(r"-\s*\w+", plain):
+        return "-1"
+    found = _FORMULA.search(plain)
+    return "FACTOR" if found and (found["symbol"] or re.search(r"[\s(]x\s?\d", plain)) else ""
