@@ -318,10 +318,10 @@ def _may_be(header: Header, name: str) -> bool:
     if unit is not None and unit.symbol != "-":
         return _fits(header, name) or unit.dimension in {DIMENSIONS.get(name, name), "voltage"}
     is_named = name in _suggested(header)
-    if has_qualifier(header.name) and not is_named:
-        return False
     first = find_unit(re.split(r"\W", header.stated)[0])  # ampere-turns are amperes to scale
     is_named = is_named or (first is not None and first.dimension == DIMENSIONS.get(name, name))
+    if has_qualifier(header.name) and not is_named:
+        return False
     is_raw = header.stated in {"", "-"} or fold(header.stated) in RAW_UNITS
     return is_raw or (is_named and not re.search(r"[/^*²³]", header.stated))
 
