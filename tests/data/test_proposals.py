@@ -148,11 +148,11 @@ def test_two_columns_in_the_missing_unit_are_a_choice(tmp_path: Path) -> None:
 
 def test_two_words_for_a_quantity_are_a_choice(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("Strom Soll [A],Strom Ist [mA],Kraft [N]\n" + "0,1,2\n1,2,3\n" * 20)
+    path.write_text("Strom oben [A],Strom unten [mA],Kraft [N]\n" + "0,1,2\n1,2,3\n" * 20)
     with pytest.raises(InputError) as caught:
         ReadOptions().read([path])
     assert caught.value.code == "column-twice"
-    loops = ReadOptions.from_text(columns="Strom Ist [mA]=I").read([path])
+    loops = ReadOptions.from_text(columns="Strom unten [mA]=I").read([path])
     assert loops.loops[0].input.max() == pytest.approx(2e-3)
 
 

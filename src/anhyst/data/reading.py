@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.distinct import refuse_different_loops
-from anhyst.data.file_names import gap_note, gaps_of_names, with_file_name
+from anhyst.data.file_names import gap_note, gaps_of_names, refuse_other_gap, with_file_name
 from anhyst.data.formats import FORMATS, OpenTable, open_table
 from anhyst.data.formats.channels import RawColumns, Texts, is_number, is_value
 from anhyst.data.headers import map_headers
@@ -19,13 +20,15 @@ from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
 from anhyst.data.path import History, HistoryLike, are_measured, refuse_missing, time_fault
-from anhyst.data.plateaus import find_plateaus
+from anhyst.data.plateaus import find_plateaus, has_loop
 from anhyst.data.roles import (
     SHORTEST,
     Roles,
+    ask_for_gap,
     find_column,
     find_label,
     find_roles,
+    may_be_gap,
     may_label,
 )
 from anhyst.data.sidecar import FileDescription, is_sidecar
@@ -35,10 +38,11 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, parse_header
+from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse_header
 
 Rows = NDArray[np.intp]
 
+_ANY = Quantity("value", "value", "1")
 _OUTPUTS_OF_GAPS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
 _MAX_HOLE = 0.05
 """Part of a record that invalid samples may leave out in a row; a longer hole is remarked on."""
@@ -140,6 +144,8 @@ def read_loops(
             reading = replace(reading, constants={**reading.constants, "gap_m": gaps[path]})
         name = _ALONE if len(files) == 1 else path.stem
         parts.append(_read_table(open_table(path), name, reading, progress))
+        if parts[-1].schedule == QUANTITIES["gap"] and reading.schedule is None:
+            refuse_other_gap(path, [loop.schedule_value for loop in parts[-1].loops])
     loops = join(_with_histories(parts))
     if gaps:
         return replace(loops, notes=(gap_note(gaps), *loops.notes))
@@ -269,6 +275,7 @@ def _read_table(
     raw = table.read([index for index in parts if index is not None], sorted(texts), progress)
     keep = _selection(source_name, description, {name: raw.texts[i] for name, i in chosen.items()})
     used, remarks = _UsedRows(table, headers, raw, keep).with_valid(description.drop)
+    _refuse_hidden_gaps(used, roles, words)
     used, schedule, found = _scheduled(used, roles)
     drive, answer = used.si(roles.input), used.si(roles.output)
     assert drive is not None
@@ -303,6 +310,27 @@ def _scheduled(used: _UsedRows, roles: Roles) -> tuple[_UsedRows, FloatArray | N
     if plateaus is None:
         return used, schedule, []
     return used.at(plateaus.rows), plateaus.values, [plateaus.note]
+
+
+def _refuse_hidden_gaps(used: _UsedRows, roles: Roles, texts: Sequence[int]) -> None:
+    """Ask about a column that nobody uses and that rests at several values, as a gap does."""
+    output, drive = used.headers[roles.output].quantity, used.si(roles.input)
+    if roles.quantity is not None or roles.chosen or roles.label is not None:
+        return
+    if drive is None or output is None or output.name not in _OUTPUTS_OF_GAPS:
+        return
+    for index in roles.idle:
+        header = used.headers[index]
+        if index in texts or header.target is not None or not may_be_gap(header):
+            continue
+        try:
+            column = used.table.read([index]).numbers[index]
+        except InputError:
+            continue  # a column that nobody asked for may hold anything
+        values = column if used.rows is None else column[used.rows]
+        if not np.isfinite(values).all() or find_plateaus(values, drive, _ANY) is None:
+            continue
+        ask_for_gap(used.table.source_name, header, used.headers)
 
 
 def _unlabelled(roles: Roles) -> tuple[int, ...]:
@@ -367,8 +395,13 @@ def _cut(
         columns, quantity = replace(columns, schedule=None), None
         blocks = _blocks(columns)
     loops, unstated = [], []
+    seen: Counter[tuple[str, float | None]] = Counter()
     for index, rows in enumerate(blocks):
         loop = _loop(columns, rows)
+        seen[loop.label, loop.schedule_value] += 1
+        if loop.schedule_value is not None and seen[loop.label, loop.schedule_value] > 1:
+            count = seen[loop.label, loop.schedule_value]
+            loop = replace(loop, label=f"{loop.label}-{count}")  # the same gap once more
         stated: History | None = description.histories.get(loop.label, description.history)
         loops.append(loop if stated is None else replace(loop, history=stated))
         unstated += [index] if stated is None else []
@@ -459,10 +492,12 @@ def _by_value(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
         cut |= columns.time[rows[steps]] < columns.time[rows[steps - 1]]
     if not cut.all() and rows.size < _DWELL * runs:
         return [rows]
+    parts = np.split(rows, steps)
     if runs == np.unique(values[np.concatenate(([0], steps))]).size:
-        return np.split(rows, steps)
+        return parts
     if columns.time is not None and time_fault(columns.time[rows]) is None:
-        return [rows]  # one record in time through which the value steps to and fro
+        # A record in time through which the value steps to and fro, or one that returns to a gap.
+        return parts if all(has_loop(columns.input, part) for part in parts) else [rows]
     seen: dict[float, int] = {}
     for start in [0, *steps.tolist()]:
         value = float(values[start])
