@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.data.blocks import Breaks, find_blocks, stated_gap
 from anhyst.data.distinct import refuse_different_loops
 from anhyst.data.file_names import gap_note, gaps_of_names, with_file_name
 from anhyst.data.formats import FORMATS, OpenTable, open_table
@@ -137,11 +138,11 @@ def read_loops(
             reading = replace(reading, constants={**reading.constants, "gap_m": gaps[path]})
         name = _ALONE if len(files) == 1 else path.stem
         parts.append(_read_table(open_table(path), name, reading, progress))
-    loops = join(_with_histories(parts))
+    loops = join(_with_histories(_with_stated_gaps(parts)))
     if gaps:
         return replace(loops, notes=(gap_note(gaps), *loops.notes))
     if all(one.schedule is None for one in described.values()):
-        refuse_different_loops(loops)
+        refuse_different_loops(loops, has_blocks=any(part.has_blocks for part in parts))
     return loops
 
 
@@ -158,6 +159,39 @@ def _gaps_of_names(described: Mapping[Path, FileDescription]) -> dict[Path, floa
         if "gap" in names or "field" in names or names.isdisjoint(_OUTPUTS_OF_GAPS):
             return {}
     return gaps
+
+
+def _with_stated_gaps(parts: list[LoopPart]) -> list[LoopPart]:
+    """Use the gaps that the heads of several files state, if all state one and they differ."""
+    gaps = {part.source_name: part.stated_gap[0] for part in parts if part.stated_gap is not None}
+    found = {name: gap for name, gap in gaps.items() if gap is not None}
+    if len(found) == len(parts) and len(set(found.values())) > 1:
+        return [_at_gap(part, found[part.source_name]) for part in parts]
+    return [_with_gap_advice(part) for part in parts]
+
+
+def _at_gap(part: LoopPart, gap: float) -> LoopPart:
+    """Put the loops of a file at the gap that its head states."""
+    loops = tuple(
+        replace(loop, label=_ALONE, schedule=np.full(loop.n, gap)) if len(part.loops) == 1
+        else replace(loop, schedule=np.full(loop.n, gap))
+        for loop in part.loops
+    )  # fmt: skip
+    note = f"{part.source_name}: gap taken from the head of the file: {1e3 * gap:.4g} mm"
+    return replace(part, loops=loops, schedule=QUANTITIES["gap"], notes=(note, *part.notes))
+
+
+def _with_gap_advice(part: LoopPart) -> LoopPart:
+    """Name a gap that is stated above the data and not used."""
+    if part.stated_gap is None:
+        return part
+    gap, text = part.stated_gap
+    value = "NUMBER" if gap is None else f"{1e3 * gap:.4g}"
+    note = (
+        f"{part.source_name}: the gap above the data ('{text[:60]}') is not used; to use it: "
+        f"--constants gap_mm={value}"
+    )
+    return replace(part, notes=(note, *part.notes))
 
 
 def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None) -> list[Path]:
@@ -224,6 +258,24 @@ class _UsedRows:
         """Return the same columns at some of the used rows."""
         return replace(self, rows=rows if self.rows is None else self.rows[rows])
 
+    def breaks(self) -> Breaks:
+        """Return the first used row of each block of rows, and the remarks above it."""
+        if self.rows is None:
+            return self.raw.breaks
+        merged: dict[int, tuple[str, ...]] = {}
+        for row, texts in self.raw.breaks:
+            at = int(np.searchsorted(self.rows, row))
+            if at < self.rows.size:
+                merged[at] = (*merged.get(at, ()), *texts)
+        return sorted(merged.items())
+
+    def with_breaks(self, rows: Rows) -> _UsedRows:
+        """Begin new blocks at some used rows."""
+        first = rows if self.rows is None else self.rows[rows]
+        known = self.raw.breaks or ((0, ()),)
+        breaks = sorted([*known, *((int(row), ()) for row in first)], key=lambda found: found[0])
+        return replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
+
     def with_valid(self, drop: str | None) -> tuple[_UsedRows, list[str]]:
         """Leave out rows without a measured value, with a note; refuse them if nobody asks for it."""
         held = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
@@ -245,7 +297,8 @@ class _UsedRows:
             raise InputError(f"{self.table.source_name}: {note}; none remains", code="no-data")
         if holes.max() > _MAX_HOLE * is_valid.size:
             note += "; the history after such a hole is not known"
-        return self.at(valid), [note]
+        are_empty = ~np.logical_or.reduce(list(is_good.values()))
+        return self.with_breaks(np.flatnonzero(are_empty)).at(valid), [note]
 
 
 def _read_table(
@@ -272,7 +325,16 @@ def _read_table(
     assert answer is not None
     idle = {index: used.texts(index) for index in asked}
     roles = roles.with_label(find_label(source_name, headers, idle, drive, answer, schedule))
-    if roles.label is None:
+    takes_gap = _takes_gap(headers, roles, description)
+    blocks = None
+    if roles.label is None and roles.fixed_label is None and roles.schedule is None:
+        own = "" if name == _ALONE else name
+        blocks = find_blocks(source_name, used.breaks(), drive, has_gaps=takes_gap, name=own)
+    if blocks is not None:
+        labels, found = blocks.labels, [*found, blocks.note]
+        if blocks.gaps is not None:
+            schedule, roles = blocks.gaps, replace(roles, quantity=QUANTITIES["gap"])
+    elif roles.label is None:
         # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
         # there is to distinguish them by.
         own = _ALONE if roles.quantity is not None else name
@@ -283,7 +345,24 @@ def _read_table(
     time = used.si(roles.time)
     columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, used.where)
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
-    return _cut(columns, headers, roles, description, source, [*raw.notes, *remarks, *found])
+    part = _cut(columns, headers, roles, description, source, [*raw.notes, *remarks, *found])
+    heads = raw.breaks[0][1] if raw.breaks else raw.notes
+    stated = stated_gap(heads) if takes_gap and roles.quantity is None else None
+    return replace(part, has_blocks=blocks is not None, stated_gap=stated)
+
+
+def _takes_gap(
+    headers: Sequence[Header], roles: Roles, description: FileDescription
+) -> bool:
+    """Whether a gap that remarks state would be the scheduling variable."""
+    drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
+    return (
+        roles.quantity is None
+        and description.schedule in (None, "gap")
+        and answer is not None
+        and answer.name in _OUTPUTS_OF_GAPS
+        and drive != QUANTITIES["field"]
+    )
 
 
 def _scheduled(used: _UsedRows, roles: Roles) -> tuple[_UsedRows, FloatArray | None, list[str]]:

@@ -261,6 +261,8 @@ class RawColumns:
     numbers: Mapping[int, FloatArray]
     texts: Mapping[int, Texts]
     notes: tuple[str, ...]
+    # First row of each block of rows, and what is written above it; () if a file has no blocks.
+    breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()
 
 
 class TextInNumbersError(InputError):

@@ -19,6 +19,8 @@ Lines = list[tuple[str, int]]
 _DELIMITERS = (";", "\t", ",", None)
 _RUN = 8
 """Rows of numbers from which on a run of them is the data; of shorter ones the longest is."""
+FACTOR = re.compile(r"[*×x]\s*[\d.,]+([eE][+-]?\d+)?")
+"""A field of a row of factors, such as *0.001."""
 _SIGNS = "#% ;/"
 """Signs with which comments begin, and the blanks after them."""
 
@@ -149,6 +151,8 @@ def _rows_below(
         if begin == len(lines):
             break
         fields = split_line(lines[begin][0], delimiter)
+        if FACTOR.fullmatch(fields[0]):
+            return remarks, begin, units
         found = unit_row(lines[begin][0], delimiter, names) if units is None else None
         if not found and (any(is_value(field) for field in fields) or _is_stamped(fields)):
             return remarks, begin, units

@@ -1,0 +1,202 @@
+"""Rows and numbers of a text table that look like samples: statistics, factors, thousands."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from anhyst.data.formats.channels import is_mark, is_number
+from anhyst.data.formats.layout import Layout
+from anhyst.data.formats.preamble import (
+    FACTOR,
+    delimiter_of,
+    header_fields,
+    is_comment,
+    unit_text,
+)
+from anhyst.support.errors import InputError
+from anhyst.support.units import find_unit, parse_header
+
+_DIGITS = b"0123456789+-.,;eE \t\r\n\""
+_STATISTICS = re.compile(
+    r"(mean|average|avg|aver|mittel(wert)?|moyenne|media|min|minimum|max|maximum|std\.?|st\.?[ -]?dev"
+    r"|std[ ._-]?dev(iation)?|stddev|standard[ -]?(deviation|abweichung)|stabw|sum|summe|total|median"
+    r"|variance|varianz|range|spannweite|rms|count|anzahl|peak|ø|σ|x̄)[.:]?",
+    re.IGNORECASE,
+)
+_FACTORS = re.compile(
+    r"(scale|scaling|scal(e|ing)?[ -]?factor|factor|faktor|skalierung|gain|verst(ä|ae)rkung"
+    r"|offset|slope|multiplier|sensitivity|conversion)[.:]?",
+    re.IGNORECASE,
+)
+_ODD_LINE = re.compile(
+    rf"^[\s\";,]*({_STATISTICS.pattern}|{_FACTORS.pattern})[\s\";,]",
+    re.IGNORECASE | re.MULTILINE,
+)
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?P<sign>[.,])\d{3}")
+_DECIMAL = re.compile(r"[+-]?\d*(?P<sign>[.,])\d+([eE][+-]?\d+)?")
+_WHOLE = re.compile(r"[+-]?[1-9]\d\d")
+_NOT_GROUPED = re.compile(rb"(?<!\d)0[.,]|[.,]\d{0,2}(?!\d)|[.,]\d{4}")
+
+
+def has_odd_rows(chunk: bytes, layout: Layout) -> bool:
+    """Whether a piece of a file has lines that begin with a word for statistics or factors."""
+    if not chunk.translate(None, _DIGITS):
+        return False
+    return _ODD_LINE.search(chunk.decode(layout.encoding, "replace")) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class TextRow:
+    """A line of a text table: a sample, or a remark between samples."""
+
+    line: int
+    fields: list[str]
+    is_sample: bool = True
+    remark: str = ""  # empty for a blank line
+    word: str = ""  # for statistics or a label, with which the line begins
+
+
+def sort_rows(texts: Iterable[str], layout: Layout, line: int = 0) -> Iterator[TextRow]:
+    """Separate the samples from headers, statistics and remarks between them.
+
+    A word for statistics in consecutive rows is the label of these samples.
+    """
+    waiting: list[TextRow] = []  # from a row of statistics to the next row
+    before = ""
+    for number, text in enumerate(texts, start=line or layout.line):
+        row = _sort(text, layout, number)
+        if waiting and not row.is_sample:
+            waiting.append(row)
+            continue
+        if waiting:
+            first, *others = waiting
+            yield first if row.word == first.word else _as_statistics(first)
+            yield from others
+            waiting = []
+        if row.word and row.word != before:
+            waiting, before = [row], row.word
+            continue
+        before = row.word if row.is_sample else before
+        yield row
+    if waiting:
+        yield _as_statistics(waiting[0])
+        yield from waiting[1:]
+
+
+def _as_statistics(row: TextRow) -> TextRow:
+    remark = f"line {row.line} is left out, because it holds statistics: '{' '.join(row.fields)}'"
+    return replace(row, is_sample=False, remark=remark)
+
+
+def _sort(text: str, layout: Layout, line: int) -> TextRow:
+    text = text.strip("\r\n \ufeff")
+    if is_comment(text):
+        remark = text.lstrip("#%;/ ")
+        _refuse_other_header(header_fields(remark, delimiter_of(remark)), layout, line)
+        return TextRow(line, [], is_sample=False, remark=remark)
+    fields = layout.split(text)
+    held = [field for field in fields if field]
+    if not held:
+        return TextRow(line, fields, is_sample=False)
+    if held[0][0].isdigit() or held[0][0] in "+-.":
+        return TextRow(line, fields)
+    _refuse_factors(f"{layout.path}: line {line}", held)
+    if not any(is_number(field) or is_mark(field) for field in held):
+        if _is_header(fields, layout):
+            remark = f"line {line} is left out, because it repeats the header"
+            return TextRow(line, fields, is_sample=False, remark=remark)
+        _refuse_other_header(fields, layout, line)
+    is_cut = len(held) < min(layout.width, len(layout.header))
+    if is_cut and re.match(r"[^\W\d]{2}|[-=_*]{2}", held[0]) and not is_mark(held[0]):
+        remark = f"line {line} is left out, because it is not a sample: '{text[:60]}'"
+        return TextRow(line, fields, is_sample=False, remark=remark)
+    is_word = len(held[0]) < 30 and _STATISTICS.fullmatch(held[0])
+    return TextRow(line, fields, word=held[0].lower() if is_word else "")
+
+
+def _is_header(fields: Sequence[str], layout: Layout) -> bool:
+    """Whether a row repeats the names of the columns, or their units."""
+    own = [
+        (" ".join(fields[column.position].split()), column)
+        for column in layout.table.columns
+        if column.position is not None and column.position < len(fields)
+    ]
+    is_units = any(column.unit for _, column in own) and all(
+        unit_text(field) == column.unit or field == column.unit for field, column in own
+    )
+    return is_units or all(field == column.name for field, column in own)
+
+
+def _refuse_other_header(fields: Sequence[str], layout: Layout, line: int) -> None:
+    """Refuse another header between the samples: what is below it has other columns or units."""
+    if len(fields) < 2 or _is_header(fields, layout):
+        return
+    headers = [parse_header(field) for field in fields if field]
+    known = [header for header in headers if header.quantity and header.unit]
+    has_names = len(known) > 1 and len(known) == len({header.text for header in known})
+    if has_names or (layout.units and all(find_unit(unit_text(field)) for field in fields)):
+        raise InputError(
+            f"{layout.path}: a second header in line {line} ('{', '.join(fields)[:60]}') differs "
+            "from the first; split the file there, so that each file has one header",
+            code="second-header",
+        )
+
+
+def _refuse_factors(where: str, held: Sequence[str]) -> None:
+    """Refuse a row that holds the factors of the columns."""
+    is_marked = len(held) > 1 and all(FACTOR.fullmatch(field) for field in held)
+    if is_marked or (_FACTORS.fullmatch(held[0]) and len(held) > 1 and is_number(held[1])):
+        raise InputError(
+            f"{where}: '{held[0]}' begins a row of factors or offsets, which are not applied; apply "
+            'them to the numbers, or remove the line and state each factor: --scale "COLUMN=FACTOR"',
+            code="factor-row",
+        )
+
+
+class Thousands:
+    """Finds numbers such as 1,234 whose sign separates thousands, or may do so.
+
+    The sign separates thousands if it is not the decimal sign of the other numbers. It may do so if
+    its column has whole numbers of three digits and no other decimals.
+    """
+
+    def __init__(self, delimiter: str | None) -> None:
+        self.delimiter = delimiter
+        self.decimals: set[str] = set()
+        self.own_decimals: set[int] = set()
+        self.whole: set[int] = set()
+        self.grouped: dict[tuple[int, str], tuple[int, str]] = {}  # first of a column and sign
+
+    def may_occur(self, chunk: bytes) -> bool:
+        """Whether a piece of the file needs a look at each field."""
+        if self.delimiter == ",":
+            return b'"' in chunk
+        return (b"." in chunk and b"," in chunk) or _NOT_GROUPED.search(chunk) is None
+
+    def see(self, line: int, fields: Sequence[str]) -> None:
+        """Look at the fields of one row."""
+        for column, field in enumerate(fields):
+            if (match := _GROUPED.fullmatch(field)) and (
+                self.delimiter != "," or match["sign"] == ","
+            ):
+                self.grouped.setdefault((column, match["sign"]), (line, field))
+            elif match := _DECIMAL.fullmatch(field):
+                self.decimals.add(match["sign"])
+                self.own_decimals.add(column)
+            elif _WHOLE.fullmatch(field):
+                self.whole.add(column)
+
+    def refuse(self, path: object, columns: Sequence[int]) -> None:
+        """Refuse the first such number in some columns."""
+        for (column, sign), (line, field) in self.grouped.items():
+            is_other = bool(self.decimals) and sign not in self.decimals
+            is_doubtful = column in self.whole and column not in self.own_decimals
+            if column in columns and (is_other or is_doubtful):
+                raise InputError(
+                    f"{path}: line {line}: '{field}' may have a separator of thousands, because "
+                    "the other numbers are written differently; export the numbers without "
+                    "separators of thousands",
+                    code="thousands-separator",
+                )
