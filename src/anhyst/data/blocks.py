@@ -93,9 +93,7 @@ def find_blocks(
     return _as_labels(starts, drive.size, name, gaps)
 
 
-def _as_labels(
-    starts: Sequence[int], rows: int, name: str, gaps: Sequence[float] | None
-) -> Blocks:
+def _as_labels(starts: Sequence[int], rows: int, name: str, gaps: Sequence[float] | None) -> Blocks:
     """Number the blocks at each gap."""
     sizes = np.diff([*starts, rows])
     seen = Counter[float | None]()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from anhyst.data.headers import map_headers
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, are_measured, refuse_missing, time_fault
+from anhyst.data.path import History, are_measured, overrange_mark, refuse_missing, time_fault
 from anhyst.data.plateaus import find_plateaus
 from anhyst.data.roles import (
     SHORTEST,
@@ -276,9 +276,28 @@ class _UsedRows:
         breaks = sorted([*known, *((int(row), ()) for row in first)], key=lambda found: found[0])
         return replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
 
-    def with_valid(self, drop: str | None) -> tuple[_UsedRows, list[str]]:
+    def _refuse_mark(self, name: str, mark: float, is_mark: NDArray[np.bool_]) -> None:
+        raise InputError(
+            f"{self.where(int(np.argmax(is_mark)))}, column '{name}': {mark:.9g} looks like an "
+            f"overrange mark, because it is far outside all other values, as in "
+            f"{np.count_nonzero(is_mark)} of {is_mark.size} samples; leave them out: --drop invalid",
+            code="overrange-mark",
+            key=name,
+        )
+
+    def with_valid(self, drop: str | None, signals: Collection[int]) -> tuple[_UsedRows, list[str]]:
         """Leave out rows without a measured value, with a note; refuse them if nobody asks for it."""
         held = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
+        main = [self.headers[index].text for index in signals]
+        marks = []
+        for name in held:
+            while (mark := overrange_mark(held[name], is_signal=name in main)) is not None:
+                is_mark = held[name] == mark
+                if drop is None:
+                    self._refuse_mark(name, mark, is_mark)
+                held[name] = np.where(is_mark, np.nan, held[name])
+                count = int(np.count_nonzero(is_mark))
+                marks.append(f"column '{name}': {mark:.9g} is an overrange mark, {count} times")
         if drop is None:
             refuse_missing(self.where, list(held.items()), "leave them out: --drop invalid")
             return self, []
@@ -297,8 +316,8 @@ class _UsedRows:
             raise InputError(f"{self.table.source_name}: {note}; none remains", code="no-data")
         if holes.max() > _MAX_HOLE * is_valid.size:
             note += "; the history after such a hole is not known"
-        are_empty = ~np.logical_or.reduce(list(is_good.values()))
-        return self.with_breaks(np.flatnonzero(are_empty)).at(valid), [note]
+        are_empty = ~np.logical_or.reduce([is_good[name] for name in main])
+        return self.with_breaks(np.flatnonzero(are_empty)).at(valid), [note, *marks]
 
 
 def _read_table(
@@ -318,7 +337,9 @@ def _read_table(
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
     raw = table.read([index for index in parts if index is not None], sorted(texts), progress)
     keep = _selection(source_name, description, {name: raw.texts[i] for name, i in chosen.items()})
-    used, remarks = _UsedRows(table, headers, raw, keep).with_valid(description.drop)
+    used, remarks = _UsedRows(table, headers, raw, keep).with_valid(
+        description.drop, (roles.input, roles.output)
+    )
     used, schedule, found = _scheduled(used, roles)
     drive, answer = used.si(roles.input), used.si(roles.output)
     assert drive is not None
@@ -351,9 +372,7 @@ def _read_table(
     return replace(part, has_blocks=blocks is not None, stated_gap=stated)
 
 
-def _takes_gap(
-    headers: Sequence[Header], roles: Roles, description: FileDescription
-) -> bool:
+def _takes_gap(headers: Sequence[Header], roles: Roles, description: FileDescription) -> bool:
     """Whether a gap that remarks state would be the scheduling variable."""
     drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
     return (

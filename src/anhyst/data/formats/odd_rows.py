@@ -18,7 +18,7 @@ from anhyst.data.formats.preamble import (
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header
 
-_DIGITS = b"0123456789+-.,;eE \t\r\n\""
+_DIGITS = b'0123456789+-.,;eE \t\r\n"'
 _STATISTICS = re.compile(
     r"(mean|average|avg|aver|mittel(wert)?|moyenne|media|min|minimum|max|maximum|std\.?|st\.?[ -]?dev"
     r"|std[ ._-]?dev(iation)?|stddev|standard[ -]?(deviation|abweichung)|stabw|sum|summe|total|median"
@@ -100,7 +100,7 @@ def _sort(text: str, layout: Layout, line: int) -> TextRow:
     held = [field for field in fields if field]
     if not held:
         return TextRow(line, fields, is_sample=False)
-    if held[0][0].isdigit() or held[0][0] in "+-.":
+    if re.match(r"[+-]?[.,]?\d", held[0]):
         return TextRow(line, fields)
     _refuse_factors(f"{layout.path}: line {line}", held)
     if not any(is_number(field) or is_mark(field) for field in held):
@@ -109,7 +109,9 @@ def _sort(text: str, layout: Layout, line: int) -> TextRow:
             return TextRow(line, fields, is_sample=False, remark=remark)
         _refuse_other_header(fields, layout, line)
     is_cut = len(held) < min(layout.width, len(layout.header))
-    if is_cut and re.match(r"[^\W\d]{2}|[-=_*]{2}", held[0]) and not is_mark(held[0]):
+    is_text = re.match(r"[^\W\d]{2}", held[0]) is not None and not is_mark(held[0])
+    is_line = len(fields) == 1 and re.fullmatch(r"[-=_*~]{3,}", held[0]) is not None
+    if is_cut and (is_text or is_line):
         remark = f"line {line} is left out, because it is not a sample: '{text[:60]}'"
         return TextRow(line, fields, is_sample=False, remark=remark)
     is_word = len(held[0]) < 30 and _STATISTICS.fullmatch(held[0])
