@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -50,7 +51,9 @@ def stated_gap(texts: Sequence[str]) -> tuple[float | None, str] | None:
         for match in _STATED.finditer(text):
             if parse_header(match["name"], "mm").quantity != QUANTITIES["gap"]:
                 continue
-            unit = find_unit(match["inner"] or match["unit"] or "")
+            written = match["inner"] or match["unit"] or ""
+            own = parse_header(match["name"]).unit
+            unit = find_unit(written) or own
             if unit is not None and unit.dimension != "length":
                 continue
             number = float(match["number"].replace(",", "."))
@@ -94,7 +97,7 @@ def find_blocks(
 
 
 def _as_labels(starts: Sequence[int], rows: int, name: str, gaps: Sequence[float] | None) -> Blocks:
-    """Number the blocks at each gap."""
+    """Label the blocks by their number at each gap."""
     sizes = np.diff([*starts, rows])
     seen = Counter[float | None]()
     numbers = []
@@ -118,7 +121,7 @@ def _are_loops(parts: Sequence[FloatArray]) -> bool:
     if not all(reversal_count(part, _REVERSAL * float(np.ptp(part))) for part in parts):
         return False
     are_closed = all(abs(part[-1] - part[0]) <= _CLOSED * np.ptp(part) for part in parts)
-    pairs = zip(parts, parts[1:], strict=False)
+    pairs = pairwise(parts)
     return are_closed or all(_jumps(first, second) for first, second in pairs)
 
 

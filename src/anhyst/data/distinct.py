@@ -29,6 +29,7 @@ _OUTPUTS = ("force", "thrust", "flux_density", "flux_linkage")
 
 def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
     """Ask for the gap if files or blocks without one hold loops that no hysteresis explains."""
+    files = {loop.source for loop in loopset.loops}
     sources = {(loop.source, loop.label if has_blocks else "") for loop in loopset.loops}
     if loopset.schedule == QUANTITIES["gap"] or loopset.input.name == "field" or len(sources) < 2:
         return
@@ -50,7 +51,7 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
         if loop.source != other.source and _differ(loop, other):
             names = " and ".join(PurePath(one.source).name for one in (other, loop))
             raise InputError(
-                f"{loop.source}: the {len({loop.source for loop in loopset.loops})} files hold different loops of the same "
+                f"{loop.source}: the {len(files)} files hold different loops of the same "
                 f"quantities without a gap ({names}); state the gap in the file names, such as "
                 "'loop_gap_0.5mm.csv', in a column 'gap_mm', or in a file of the same name, .toml: "
                 "constants = {gap_mm = 0.5}; if there is no gap: --schedule none",

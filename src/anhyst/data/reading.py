@@ -32,6 +32,7 @@ from anhyst.data.roles import (
 from anhyst.data.sidecar import FileDescription, is_sidecar
 from anhyst.data.start import propose_histories
 from anhyst.data.table import find_clocks, is_frame, table_of
+from anhyst.data.wide import refuse_wide
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -290,7 +291,7 @@ class _UsedRows:
         held = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
         main = [self.headers[index].text for index in signals]
         marks = []
-        for name in held:
+        for name in tuple(held):
             while (mark := overrange_mark(held[name], is_signal=name in main)) is not None:
                 is_mark = held[name] == mark
                 if drop is None:
@@ -326,6 +327,7 @@ def _read_table(
     """Read a table; ``name`` labels its loop where the table has no label of its own."""
     source_name = table.source_name
     headers = map_headers(table, description.columns, description.scale, description.flip)
+    refuse_wide(source_name, headers)
     head = table.first_rows(SHORTEST)
     words = [index for row in head[:1] for index, field in enumerate(row) if not is_value(field)]
     others = [index for index in range(len(headers)) if index not in words]

@@ -60,6 +60,7 @@ class ChannelFile:
     channels: tuple[Channel, ...]
     samples: ReadChannels
     notes: tuple[str, ...] = ()
+    breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()  # as in `RawColumns`
 
     def read(self, wanted: Sequence[Channel], count: int | None = None) -> list[Values]:
         """Read channels whole, or only their first samples."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -142,8 +143,21 @@ def _find_layout(
     table = replace(table, first=data, width=max(table.width, needed))
     rows = [split_line(text, table.delimiter) for text, _ in lines[table.first :][:_ROWS_SEEN]]
     table, stamp = _with_stamps(table, rows)
+    table = replace(table, columns=_with_own_names(table.columns))
     offset = start + lines[table.first][1]
     return Layout(path, size, encoding, eol, table, stamp, (*notes, *table.notes), offset, content)
+
+
+def _with_own_names(columns: tuple[Column, ...]) -> tuple[Column, ...]:
+    """Give each column a name of its own: ``I``, ``I#2``, ..."""
+    seen = Counter[str]()
+    named = []
+    for column in columns:
+        seen[column.name] += 1
+        count = seen[column.name]
+        name = column.name if count == 1 or not column.name else f"{column.name}#{count}"
+        named.append(replace(column, name=name))
+    return tuple(named)
 
 
 def _with_stamps(table: TextColumns, rows: list[list[str]]) -> tuple[TextColumns, int | None]:

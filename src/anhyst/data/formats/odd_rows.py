@@ -25,6 +25,7 @@ _STATISTICS = re.compile(
     r"|variance|varianz|range|spannweite|rms|count|anzahl|peak|ø|σ|x̄)[.:]?",
     re.IGNORECASE,
 )
+_MAX_WORD = 30
 _FACTORS = re.compile(
     r"(scale|scaling|scal(e|ing)?[ -]?factor|factor|faktor|skalierung|gain|verst(ä|ae)rkung"
     r"|offset|slope|multiplier|sensitivity|conversion)[.:]?",
@@ -102,7 +103,7 @@ def _sort(text: str, layout: Layout, line: int) -> TextRow:
         return TextRow(line, fields, is_sample=False)
     if re.match(r"[+-]?[.,]?\d", held[0]):
         return TextRow(line, fields)
-    _refuse_factors(f"{layout.path}: line {line}", held)
+    refuse_factors(f"{layout.path}: line {line}", held)
     if not any(is_number(field) or is_mark(field) for field in held):
         if _is_header(fields, layout):
             remark = f"line {line} is left out, because it repeats the header"
@@ -114,8 +115,12 @@ def _sort(text: str, layout: Layout, line: int) -> TextRow:
     if is_cut and (is_text or is_line):
         remark = f"line {line} is left out, because it is not a sample: '{text[:60]}'"
         return TextRow(line, fields, is_sample=False, remark=remark)
-    is_word = len(held[0]) < 30 and _STATISTICS.fullmatch(held[0])
-    return TextRow(line, fields, word=held[0].lower() if is_word else "")
+    return TextRow(line, fields, word=held[0].lower() if is_statistics(held) else "")
+
+
+def is_statistics(held: Sequence[str]) -> bool:
+    """Whether the first filled field says that a row is a mean, an extreme or the like."""
+    return len(held[0]) < _MAX_WORD and _STATISTICS.fullmatch(held[0]) is not None
 
 
 def _is_header(fields: Sequence[str], layout: Layout) -> bool:
@@ -146,7 +151,7 @@ def _refuse_other_header(fields: Sequence[str], layout: Layout, line: int) -> No
         )
 
 
-def _refuse_factors(where: str, held: Sequence[str]) -> None:
+def refuse_factors(where: str, held: Sequence[str]) -> None:
     """Refuse a row that holds the factors of the columns."""
     is_marked = len(held) > 1 and all(FACTOR.fullmatch(field) for field in held)
     if is_marked or (_FACTORS.fullmatch(held[0]) and len(held) > 1 and is_number(held[1])):
