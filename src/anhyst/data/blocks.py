@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from anhyst.data.formats.channels import Texts
+from anhyst.data.joining import LoopPart
 from anhyst.data.path import reversal_count
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -101,7 +102,8 @@ def _as_labels(starts: Sequence[int], rows: int, name: str, gaps: Sequence[float
     sizes = np.diff([*starts, rows])
     seen = Counter[float | None]()
     numbers = []
-    for gap in gaps or [None] * len(starts):
+    each: Sequence[float | None] = gaps or [None] * len(starts)
+    for gap in each:
         seen[gap] += 1
         numbers.append(f"{name} {seen[gap]}".strip())
     order = {text: code for code, text in enumerate(dict.fromkeys(numbers))}
@@ -141,3 +143,36 @@ def _refuse_tail(source: str, parts: Sequence[FloatArray]) -> None:
             "else remove the blank line",
             code="rows-below-data",
         )
+
+
+def with_stated_gaps(parts: list[LoopPart]) -> list[LoopPart]:
+    """Use the gaps that the heads of several files state, if all state one and they differ."""
+    gaps = {part.source_name: part.stated_gap[0] for part in parts if part.stated_gap is not None}
+    found = {name: gap for name, gap in gaps.items() if gap is not None}
+    if len(found) == len(parts) and len(set(found.values())) > 1:
+        return [_at_gap(part, found[part.source_name]) for part in parts]
+    return [_with_gap_advice(part) for part in parts]
+
+
+def _at_gap(part: LoopPart, gap: float) -> LoopPart:
+    """Put the loops of a file at the gap that its head states."""
+    loops = tuple(
+        replace(loop, label="1", schedule=np.full(loop.n, gap)) if len(part.loops) == 1
+        else replace(loop, schedule=np.full(loop.n, gap))
+        for loop in part.loops
+    )  # fmt: skip
+    note = f"{part.source_name}: gap taken from the head of the file: {1e3 * gap:.4g} mm"
+    return replace(part, loops=loops, schedule=QUANTITIES["gap"], notes=(note, *part.notes))
+
+
+def _with_gap_advice(part: LoopPart) -> LoopPart:
+    """Name a gap that is stated above the data and not used."""
+    if part.stated_gap is None:
+        return part
+    gap, text = part.stated_gap
+    value = "NUMBER" if gap is None else f"{1e3 * gap:.4g}"
+    note = (
+        f"{part.source_name}: the gap above the data ('{text[:60]}') is not used; to use it: "
+        f"--constants gap_mm={value}"
+    )
+    return replace(part, notes=(note, *part.notes))

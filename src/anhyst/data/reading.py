@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.blocks import Breaks, find_blocks, stated_gap
+from anhyst.data.blocks import find_blocks, stated_gap, with_stated_gaps
 from anhyst.data.distinct import refuse_different_loops
 from anhyst.data.file_names import gap_note, gaps_of_names, with_file_name
 from anhyst.data.formats import FORMATS, OpenTable, open_table
-from anhyst.data.formats.channels import RawColumns, Texts, is_number, is_value
+from anhyst.data.formats.channels import Texts, is_number, is_value
 from anhyst.data.headers import map_headers
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, are_measured, overrange_mark, refuse_missing, time_fault
+from anhyst.data.path import History, time_fault
 from anhyst.data.plateaus import find_plateaus
 from anhyst.data.roles import (
     SHORTEST,
@@ -32,6 +32,7 @@ from anhyst.data.roles import (
 from anhyst.data.sidecar import FileDescription, is_sidecar
 from anhyst.data.start import propose_histories
 from anhyst.data.table import find_clocks, is_frame, table_of
+from anhyst.data.used_rows import UsedRows
 from anhyst.data.wide import refuse_wide
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -42,8 +43,6 @@ from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, parse_header
 Rows = NDArray[np.intp]
 
 _OUTPUTS_OF_GAPS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
-_MAX_HOLE = 0.05
-"""Part of a record that invalid samples may leave out in a row; a longer hole is remarked on."""
 _DWELL = 6
 """Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
 _MOST_LOOPS = 2000
@@ -139,7 +138,8 @@ def read_loops(
             reading = replace(reading, constants={**reading.constants, "gap_m": gaps[path]})
         name = _ALONE if len(files) == 1 else path.stem
         parts.append(_read_table(open_table(path), name, reading, progress))
-    loops = join(_with_histories(_with_stated_gaps(parts)))
+    loops = join(_with_histories(with_stated_gaps(parts)))
+    loops = replace(loops, notes=(*_left_out(paths, files), *loops.notes))
     if gaps:
         return replace(loops, notes=(gap_note(gaps), *loops.notes))
     if all(one.schedule is None for one in described.values()):
@@ -162,39 +162,6 @@ def _gaps_of_names(described: Mapping[Path, FileDescription]) -> dict[Path, floa
     return gaps
 
 
-def _with_stated_gaps(parts: list[LoopPart]) -> list[LoopPart]:
-    """Use the gaps that the heads of several files state, if all state one and they differ."""
-    gaps = {part.source_name: part.stated_gap[0] for part in parts if part.stated_gap is not None}
-    found = {name: gap for name, gap in gaps.items() if gap is not None}
-    if len(found) == len(parts) and len(set(found.values())) > 1:
-        return [_at_gap(part, found[part.source_name]) for part in parts]
-    return [_with_gap_advice(part) for part in parts]
-
-
-def _at_gap(part: LoopPart, gap: float) -> LoopPart:
-    """Put the loops of a file at the gap that its head states."""
-    loops = tuple(
-        replace(loop, label=_ALONE, schedule=np.full(loop.n, gap)) if len(part.loops) == 1
-        else replace(loop, schedule=np.full(loop.n, gap))
-        for loop in part.loops
-    )  # fmt: skip
-    note = f"{part.source_name}: gap taken from the head of the file: {1e3 * gap:.4g} mm"
-    return replace(part, loops=loops, schedule=QUANTITIES["gap"], notes=(note, *part.notes))
-
-
-def _with_gap_advice(part: LoopPart) -> LoopPart:
-    """Name a gap that is stated above the data and not used."""
-    if part.stated_gap is None:
-        return part
-    gap, text = part.stated_gap
-    value = "NUMBER" if gap is None else f"{1e3 * gap:.4g}"
-    note = (
-        f"{part.source_name}: the gap above the data ('{text[:60]}') is not used; to use it: "
-        f"--constants gap_mm={value}"
-    )
-    return replace(part, notes=(note, *part.notes))
-
-
 def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None) -> list[Path]:
     """Files that `read_loops` reads for these arguments, sidecars included."""
     files = _expand(paths)
@@ -209,7 +176,7 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     files: list[Path] = []
     for path in map(Path, listed):
         if path.is_dir():
-            data_files = sorted(f for f in path.iterdir() if f.suffix.lower() in FORMATS)
+            data_files = [file for file in _files_in(path) if _may_be_table(file)]
             if not data_files:
                 raise InputError(
                     f"{path}: this folder holds no {', '.join(FORMATS)} file", code="no-files"
@@ -222,103 +189,34 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     return files
 
 
+def _files_in(folder: Path) -> list[Path]:
+    """Return the files of a folder whose names are those of a format."""
+    return sorted(file for file in folder.iterdir() if file.suffix.lower() in FORMATS)
+
+
+def _may_be_table(path: Path) -> bool:
+    """Whether a file in a folder may be a table: not if it is a text such as readme.txt."""
+    if path.suffix.lower() != ".txt":
+        return True
+    try:
+        open_table(path)
+    except InputError as error:
+        return error.code not in {"single-column", "no-table", "empty-file"}
+    return True
+
+
+def _left_out(paths: PathLike | Sequence[PathLike], files: Sequence[Path]) -> tuple[str, ...]:
+    """Name the texts in folders that are no tables."""
+    single = not isinstance(paths, Sequence) or isinstance(paths, str)
+    folders = [path for path in map(Path, [paths] if single else paths) if path.is_dir()]
+    texts = [file for folder in folders for file in _files_in(folder) if file not in files]
+    return tuple(f"{text}: is left out, because it holds no table" for text in texts)
+
+
 def _find_sidecar(path: Path) -> FileDescription:
     sidecar = path.with_suffix(".toml")
     beside = sidecar != path and is_sidecar(sidecar)
     return FileDescription.from_toml(sidecar) if beside else FileDescription()
-
-
-@dataclass(frozen=True, slots=True)
-class _UsedRows:
-    """The columns of a table that are read, at the rows that are used."""
-
-    table: OpenTable
-    headers: Sequence[Header]
-    raw: RawColumns
-    rows: Rows | None  # None: all
-
-    def where(self, row: int) -> str:
-        """Return the place of a used row."""
-        return self.table.where(row if self.rows is None else int(self.rows[row]))
-
-    def values(self, index: int) -> FloatArray:
-        """Return a column of numbers as it is in the table."""
-        column = self.raw.numbers[index]
-        return column if self.rows is None else column[self.rows]
-
-    def si(self, index: int | None) -> FloatArray | None:
-        """Return a column of numbers in SI units."""
-        return None if index is None else self.headers[index].to_si(self.values(index))
-
-    def texts(self, index: int) -> Texts:
-        """Return a column of texts."""
-        column = self.raw.texts[index]
-        return column if self.rows is None else Texts(column.values, column.codes[self.rows])
-
-    def at(self, rows: Rows) -> _UsedRows:
-        """Return the same columns at some of the used rows."""
-        return replace(self, rows=rows if self.rows is None else self.rows[rows])
-
-    def breaks(self) -> Breaks:
-        """Return the first used row of each block of rows, and the remarks above it."""
-        if self.rows is None:
-            return self.raw.breaks
-        merged: dict[int, tuple[str, ...]] = {}
-        for row, texts in self.raw.breaks:
-            at = int(np.searchsorted(self.rows, row))
-            if at < self.rows.size:
-                merged[at] = (*merged.get(at, ()), *texts)
-        return sorted(merged.items())
-
-    def with_breaks(self, rows: Rows) -> _UsedRows:
-        """Begin new blocks at some used rows."""
-        first = rows if self.rows is None else self.rows[rows]
-        known = self.raw.breaks or ((0, ()),)
-        breaks = sorted([*known, *((int(row), ()) for row in first)], key=lambda found: found[0])
-        return replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
-
-    def _refuse_mark(self, name: str, mark: float, is_mark: NDArray[np.bool_]) -> None:
-        raise InputError(
-            f"{self.where(int(np.argmax(is_mark)))}, column '{name}': {mark:.9g} looks like an "
-            f"overrange mark, because it is far outside all other values, as in "
-            f"{np.count_nonzero(is_mark)} of {is_mark.size} samples; leave them out: --drop invalid",
-            code="overrange-mark",
-            key=name,
-        )
-
-    def with_valid(self, drop: str | None, signals: Collection[int]) -> tuple[_UsedRows, list[str]]:
-        """Leave out rows without a measured value, with a note; refuse them if nobody asks for it."""
-        held = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
-        main = [self.headers[index].text for index in signals]
-        marks = []
-        for name in tuple(held):
-            while (mark := overrange_mark(held[name], is_signal=name in main)) is not None:
-                is_mark = held[name] == mark
-                if drop is None:
-                    self._refuse_mark(name, mark, is_mark)
-                held[name] = np.where(is_mark, np.nan, held[name])
-                count = int(np.count_nonzero(is_mark))
-                marks.append(f"column '{name}': {mark:.9g} is an overrange mark, {count} times")
-        if drop is None:
-            refuse_missing(self.where, list(held.items()), "leave them out: --drop invalid")
-            return self, []
-        is_good = {name: are_measured(values) for name, values in held.items()}
-        is_valid = np.logical_and.reduce(list(is_good.values()))
-        valid = np.flatnonzero(is_valid)
-        if valid.size == is_valid.size:
-            return self, []
-        names = " and ".join(f"'{name}'" for name, good in is_good.items() if not good.all())
-        holes = np.diff(np.concatenate(([-1], valid, [is_valid.size]))) - 1
-        note = (
-            f"{is_valid.size - valid.size} of {is_valid.size} samples left out as invalid in "
-            f"{names}, at most {int(holes.max())} in a row"
-        )
-        if valid.size == 0:
-            raise InputError(f"{self.table.source_name}: {note}; none remains", code="no-data")
-        if holes.max() > _MAX_HOLE * is_valid.size:
-            note += "; the history after such a hole is not known"
-        are_empty = ~np.logical_or.reduce([is_good[name] for name in main])
-        return self.with_breaks(np.flatnonzero(are_empty)).at(valid), [note, *marks]
 
 
 def _read_table(
@@ -328,6 +226,7 @@ def _read_table(
     source_name = table.source_name
     headers = map_headers(table, description.columns, description.scale, description.flip)
     refuse_wide(source_name, headers)
+    _refuse_one_channel(source_name, headers)
     head = table.first_rows(SHORTEST)
     words = [index for row in head[:1] for index, field in enumerate(row) if not is_value(field)]
     others = [index for index in range(len(headers)) if index not in words]
@@ -339,7 +238,7 @@ def _read_table(
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
     raw = table.read([index for index in parts if index is not None], sorted(texts), progress)
     keep = _selection(source_name, description, {name: raw.texts[i] for name, i in chosen.items()})
-    used, remarks = _UsedRows(table, headers, raw, keep).with_valid(
+    used, remarks = UsedRows(table, headers, raw, keep).with_valid(
         description.drop, (roles.input, roles.output)
     )
     used, schedule, found = _scheduled(used, roles)
@@ -374,6 +273,19 @@ def _read_table(
     return replace(part, has_blocks=blocks is not None, stated_gap=stated)
 
 
+def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
+    """Refuse a table of one channel, as oscilloscopes write a file for each channel."""
+    signals = [header.text for header in headers if header.text and not header.is_clock]
+    if len(signals) == 1 and len(headers) > 1:
+        raise InputError(
+            f"{source_name}: holds one channel only ('{signals[0]}'), and a loop needs the input and "
+            "the output in one table; export the channels together, or join the columns of their "
+            "files into one file",
+            code="one-channel",
+            key=signals[0],
+        )
+
+
 def _takes_gap(headers: Sequence[Header], roles: Roles, description: FileDescription) -> bool:
     """Whether a gap that remarks state would be the scheduling variable."""
     drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
@@ -386,7 +298,7 @@ def _takes_gap(headers: Sequence[Header], roles: Roles, description: FileDescrip
     )
 
 
-def _scheduled(used: _UsedRows, roles: Roles) -> tuple[_UsedRows, FloatArray | None, list[str]]:
+def _scheduled(used: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray | None, list[str]]:
     """Return the scheduling variable in SI units; rows between its plateaus are left out."""
     drive, schedule = used.si(roles.input), used.si(roles.schedule)
     assert drive is not None

@@ -45,6 +45,7 @@ class TextColumns:
     columns: tuple[Column, ...]
     clock: tuple[float, float] = (0.0, 0.0)  # time of the first sample, and its step
     notes: tuple[str, ...] = ()  # what is left out
+    is_joined: bool = False  # whether sections were joined, so that blank lines say nothing
 
 
 def unit_text(text: str) -> str:
@@ -128,6 +129,8 @@ def find_header(
     if units is None:
         units = _units_above(lines[first:row], delimiter, names)
     rows = [split_line(text, delimiter) for text, _ in lines[data : data + _RUN] if text.strip()]
+    if [row[0] for row in rows[:3] if len(row) == len(names) + 1 and row[-1]] == ["1", "2", "3"]:
+        names, units = ["row", *names], ("", *units) if units else None  # as R writes it
     columns = tuple(
         Column(" ".join(name.split()), unit, position)
         for position, (name, unit) in enumerate(zip(names, units or [""] * len(names), strict=True))
@@ -332,7 +335,9 @@ def header_from_comment(path: Path, lines: Lines, first: int, row: list[str]) ->
     comments = [text for text, _ in lines[:first] if is_comment(text)]
     if comments:
         text = comments[-1].strip().lstrip(_SIGNS)
-        for fields in (header_fields(text, delimiter_of(text)), re.split(r"\s{2,}|\t", text)):
+        whole = comments[-1].strip()  # a counter of rows may be called '#'
+        choices = [header_fields(line, delimiter_of(line)) for line in (text, whole)]
+        for fields in (*choices, re.split(r"\s{2,}|\t", text)):
             if len(fields) == len(row) and not any(is_number(field) for field in fields):
                 return fields
     raise InputError(

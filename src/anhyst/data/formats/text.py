@@ -309,6 +309,7 @@ class _Reader:
         }
         notes = (*self.layout.notes, *self.notes)
         breaks = ((0, self.layout.notes), *(found for found in self.breaks if found[0]))
+        breaks = breaks[:1] if self.layout.table.is_joined else breaks
         return RawColumns(sha256, self.store, texts, notes, breaks)
 
     def _append(self, values: FloatArray) -> None:
@@ -422,9 +423,14 @@ class _Reader:
         if len(fields) != width:
             path, count = self.layout.path, len(fields)
             has = f"{count} field{'s' if count != 1 else ''}"
+            remedy = "complete or remove the line"
+            if self.layout.delimiter == "," and width < count <= 2 * width:
+                remedy = (
+                    "if the decimal sign is a comma as well, export with semicolons between the "
+                    f"columns; else {remedy}"
+                )
             raise InputError(
-                f"{path}: line {number}: has {has} where the header names {width} columns; "
-                "complete or remove the line",
+                f"{path}: line {number}: has {has} where the header names {width} columns; {remedy}",
                 code="fields-missing",
             )
         return fields
