@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -163,7 +163,7 @@ def test_a_signal_that_rests_on_few_levels_is_no_overrange_mark(tmp_path: Path) 
     assert max(loop.output.max() for loop in read_loops(path).loops) >= 2.0
 
 
-def book(path: Path, sheets: dict[str, Sequence[Sequence[Any]]]) -> Path:
+def book(path: Path, sheets: Mapping[str, Sequence[Sequence[Any]]]) -> Path:
     needs(".xlsx")
     return workbook(path, *sheets.values(), names=tuple(sheets))
 

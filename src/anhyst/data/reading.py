@@ -171,10 +171,15 @@ def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = 
     return files + [path for path in beside if is_sidecar(path)]
 
 
-def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
+def _listed(paths: PathLike | Sequence[PathLike]) -> list[Path]:
+    """Return the files and folders that are given."""
     listed = [paths] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
+    return list(map(Path, listed))
+
+
+def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     files: list[Path] = []
-    for path in map(Path, listed):
+    for path in _listed(paths):
         if path.is_dir():
             data_files = [file for file in _files_in(path) if _may_be_table(file)]
             if not data_files:
@@ -207,8 +212,7 @@ def _may_be_table(path: Path) -> bool:
 
 def _left_out(paths: PathLike | Sequence[PathLike], files: Sequence[Path]) -> tuple[str, ...]:
     """Name the texts in folders that are no tables."""
-    single = not isinstance(paths, Sequence) or isinstance(paths, str)
-    folders = [path for path in map(Path, [paths] if single else paths) if path.is_dir()]
+    folders = [path for path in _listed(paths) if path.is_dir()]
     texts = [file for folder in folders for file in _files_in(folder) if file not in files]
     return tuple(f"{text}: is left out, because it holds no table" for text in texts)
 
