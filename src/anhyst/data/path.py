@@ -86,10 +86,10 @@ _KNOWN_MARK = re.compile(
 """Digits of overrange marks: nines, the ends of whole numbers of a converter, the largest float."""
 
 
-def overrange_mark(values: FloatArray, *, is_signal: bool) -> float | None:
+def overrange_mark(values: FloatArray, *, is_output: bool) -> float | None:
     """Return a value that is far outside all others and looks like an overrange mark.
 
-    In an input or an output, any value that repeats there does.
+    In an output, any value that repeats there does; an input may consist of pulses.
     """
     held = values[are_measured(values)]
     if held.size < 2 * _MIN_OTHERS:
@@ -104,7 +104,7 @@ def overrange_mark(values: FloatArray, *, is_signal: bool) -> float | None:
         distance = float(np.min(np.abs(others - mark)))
         is_known = _KNOWN_MARK.fullmatch(_digits(mark)) is not None
         if span > 0.0 and (
-            (is_signal and count > 1 and distance > _MARK_DISTANCE * span)
+            (is_output and count > 1 and distance > _MARK_DISTANCE * span)
             or (is_known and distance > _KNOWN_DISTANCE * span)
         ):
             return mark

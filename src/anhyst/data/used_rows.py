@@ -86,7 +86,7 @@ class UsedRows:
         main = [self.headers[index].text for index in signals]
         marks = []
         for name in tuple(held):
-            while (mark := overrange_mark(held[name], is_signal=name in main)) is not None:
+            while (mark := overrange_mark(held[name], is_output=name == main[-1])) is not None:
                 is_mark = held[name] == mark
                 if drop is None:
                     self._refuse_mark(name, mark, is_mark)

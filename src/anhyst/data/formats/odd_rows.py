@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from anhyst.data.formats.channels import is_mark, is_number
 from anhyst.data.formats.layout import Layout
 from anhyst.data.formats.preamble import (
@@ -32,18 +34,56 @@ _FACTORS = re.compile(
     re.IGNORECASE,
 )
 _ODD_LINE = re.compile(
-    rf"^[\s\";,]*({_STATISTICS.pattern}|{_FACTORS.pattern})[\s\";,]",
+    rf"^[ \t\";,]*({_STATISTICS.pattern}|{_FACTORS.pattern})[\s\";,]",
     re.IGNORECASE | re.MULTILINE,
 )
+_STARTS = {
+    word.encode()
+    for word in [
+        "me",
+        "av",
+        "mi",
+        "mo",
+        "ma",
+        "st",
+        "su",
+        "to",
+        "va",
+        "ra",
+        "sp",
+        "rm",
+        "co",
+        "an",
+        "pe",
+        "sc",
+        "fa",
+        "sk",
+        "ga",
+        "ve",
+        "of",
+        "sl",
+        "mu",
+        "se",
+    ]
+}
+_MAX_ASCII = 127
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?P<sign>[.,])\d{3}")
 _DECIMAL = re.compile(r"[+-]?\d*(?P<sign>[.,])\d+([eE][+-]?\d+)?")
 _WHOLE = re.compile(r"[+-]?[1-9]\d\d")
+_QUOTED = re.compile(rb'"[+-]?\d{1,3},\d{3}"')
 _NOT_GROUPED = re.compile(rb"(?<!\d)0[.,]|[.,]\d{0,2}(?!\d)|[.,]\d{4}")
 
 
 def has_odd_rows(chunk: bytes, layout: Layout) -> bool:
     """Whether a piece of a file has lines that begin with a word for statistics or factors."""
     if not chunk.translate(None, _DIGITS):
+        return False
+    # Few lines begin with the letters of such a word; the pattern is slow on many lines.
+    data = np.frombuffer(b"\n" + chunk.replace(b'"', b"").lower() + b"\n\n", np.uint8)
+    ends = np.flatnonzero(data[:-2] == ord("\n"))
+    pairs = np.unique(data[ends + 1].astype(np.int64) * 256 + data[ends + 2]).tolist()
+    starts = [bytes(divmod(pair, 256)) for pair in pairs]
+    if not any(two in _STARTS or two[0] in b" ;,\t" or max(two) > _MAX_ASCII for two in starts):
         return False
     return _ODD_LINE.search(chunk.decode(layout.encoding, "replace")) is not None
 
@@ -179,7 +219,7 @@ class Thousands:
     def may_occur(self, chunk: bytes) -> bool:
         """Whether a piece of the file needs a look at each field."""
         if self.delimiter == ",":
-            return b'"' in chunk
+            return _QUOTED.search(chunk) is not None
         return (b"." in chunk and b"," in chunk) or _NOT_GROUPED.search(chunk) is None
 
     def see(self, line: int, fields: Sequence[str]) -> None:
