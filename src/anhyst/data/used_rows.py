@@ -94,7 +94,15 @@ class UsedRows:
                 count = int(np.count_nonzero(is_mark))
                 marks.append(f"column '{name}': {mark:.9g} is an overrange mark, {count} times")
         if drop is None:
-            refuse_missing(self.where, list(held.items()), "leave them out: --drop invalid")
+            sparse = [
+                name
+                for name, values in held.items()
+                if 2 * np.count_nonzero(are_measured(values)) < values.size
+            ]
+            remedy = "leave them out: --drop invalid"
+            if sparse:  # merged cells, values in the first row only, or formulas without results
+                remedy = f"write a value of '{sparse[0]}' into every row"
+            refuse_missing(self.where, list(held.items()), remedy)
             return self, []
         is_good = {name: are_measured(values) for name, values in held.items()}
         is_valid = np.logical_and.reduce(list(is_good.values()))

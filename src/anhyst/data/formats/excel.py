@@ -300,6 +300,8 @@ def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     if str in kinds and kinds & {int, float}:  # marks such as OL among numbers
         cells = [math.nan if isinstance(cell, str) and is_mark(cell) else cell for cell in cells]
         kinds = {type(cell) for cell in cells}
+    if all(cell == "" for cell in cells):  # formulas without results
+        return np.full(len(cells), math.nan), False
     if kinds <= {int, float, bool}:
         return np.array(cells, dtype=np.float64), False
     if kinds == {datetime.datetime}:
