@@ -118,7 +118,8 @@ def find_header(
     below = skip_comments(lines, data)[1]
     if delimiter is None and row < data <= below < len(lines):
         wide = re.split(r"\s{2,}", lines[row][0].strip())  # names that hold single blanks
-        names = wide if len(wide) == len(lines[below][0].split()) else names
+        is_wide = least <= len(wide) == len(lines[below][0].split())
+        names = wide if is_wide else names
     if len(names) < least:
         raise InputError(
             f"{path}: line {row + 1}: one column only ('{short(names[0])}'); a loop needs an "
