@@ -175,7 +175,9 @@ def object_in_v5(path: Path) -> Path:
     return path
 
 
-def workbook(path: Path, *sheets: Sequence[Sequence[Any]], cells: str = "") -> Path:
+def workbook(
+    path: Path, *sheets: Sequence[Sequence[Any]], cells: str = "", names: Sequence[str] = ()
+) -> Path:
     """Write a workbook; texts are shared, ``cells`` is XML added to the first sheet."""
     texts: dict[str, int] = {}
 
@@ -211,7 +213,11 @@ def workbook(path: Path, *sheets: Sequence[Sequence[Any]], cells: str = "") -> P
             f'<Relationships xmlns="{package}/relationships"><Relationship Id="r1" '
             f'Type="{office}/officeDocument" Target="xl/workbook.xml"/></Relationships>',
         )
-        listed = "".join(f'<sheet name="S{n}" sheetId="{n}" r:id="r{n}"/>' for n in numbers)
+        titles = names or [f"S{n}" for n in numbers]
+        listed = "".join(
+            f'<sheet name="{title}" sheetId="{n}" r:id="r{n}"/>'
+            for n, title in zip(numbers, titles, strict=True)
+        )
         archive.writestr(
             "xl/workbook.xml",
             f'<workbook xmlns="{main}" xmlns:r="{office}"><sheets>{listed}</sheets></workbook>',

@@ -30,9 +30,10 @@ _NEAR_TOP = 0.97
 _OUTPUTS = ("force", "thrust", "flux_density", "flux_linkage")
 
 
-def refuse_different_loops(loopset: Loops) -> None:
-    """Ask for the gap if files without one hold loops that no hysteresis explains."""
-    sources = {loop.source for loop in loopset.loops}
+def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
+    """Ask for the gap if files or blocks without one hold loops that no hysteresis explains."""
+    files = {loop.source for loop in loopset.loops}
+    sources = {(loop.source, loop.label if has_blocks else "") for loop in loopset.loops}
     if loopset.schedule == QUANTITIES["gap"] or loopset.input.name == "field":
         return
     if loopset.output.name not in _OUTPUTS:
@@ -44,10 +45,20 @@ def refuse_different_loops(loopset: Loops) -> None:
     largest: dict[float | None, Loop] = {}
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.max(np.abs(loop.input)))):
         other = largest.setdefault(loop.schedule_value, loop)
+        if has_blocks and loop.source == other.source and _differ(loop, other):
+            raise InputError(
+                f"{loop.source}: blank lines, remarks or invalid rows separate {len(sources)} "
+                f"blocks, which hold different loops of the same quantities without a gap "
+                f"('{other.label}' and '{loop.label}'); state the gaps in a column 'gap_mm', or by "
+                "a line such as '# gap = 0.5 mm' above each block; if there is no gap: "
+                "--schedule none",
+                code="gap-missing",
+                key="gap",
+            )
         if loop.source != other.source and _differ(loop, other):
             names = " and ".join(PurePath(one.source).name for one in (other, loop))
             raise InputError(
-                f"{loop.source}: the {len(sources)} files hold different loops of the same "
+                f"{loop.source}: the {len(files)} files hold different loops of the same "
                 f"quantities without a gap ({names}); state the gap in the file names, such as "
                 "'loop_gap_0.5mm.csv', in a column 'gap_mm', or in a file of the same name, .toml: "
                 "constants = {gap_mm = 0.5}; if there is no gap: --schedule none",

@@ -40,6 +40,8 @@ class LoopPart:
     notes: tuple[str, ...]
     open: frozenset[int] = frozenset()
     labelled: bool = True
+    has_blocks: bool = False  # whether blank lines or the like distinguish the loops
+    stated_gap: tuple[float | None, str] | None = None  # m, and the remark in the head of the file
 
 
 def join(parts: Sequence[LoopPart]) -> Loops:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -69,6 +70,53 @@ def value_fault(values: FloatArray) -> int | None:
     """Find the index of the first sample that nobody measured: NaN, Inf, or beyond `LARGEST`."""
     good = are_measured(values)
     return None if good.all() else int(np.argmin(good))
+
+
+_MARK_DISTANCE = 10.0
+"""Ranges of the other values from which a value that repeats at the end of the range is a mark."""
+_KNOWN_DISTANCE = 2.0
+"""The same for a value that instruments are known to send in place of one."""
+_MAX_MARK_SHARE = 0.2
+_MAX_WRITTEN = 1e16
+_MIN_OTHERS = 8
+_KNOWN_MARK = re.compile(
+    r"9{3,}|32767|32768|65535|65536|8388607|8388608|2147483647|2147483648|4294967295|3402823\d*"
+    r"|10{6,}"
+)
+"""Digits of overrange marks: nines, the ends of whole numbers of a converter, the largest float."""
+
+
+def overrange_mark(values: FloatArray, *, is_output: bool) -> float | None:
+    """Return a value that is far outside all others and looks like an overrange mark.
+
+    In an output, any value that repeats there does; an input may consist of pulses.
+    """
+    held = values[are_measured(values)]
+    if held.size < 2 * _MIN_OTHERS:
+        return None
+    for mark in (float(held.max()), float(held.min())):
+        is_mark = held == mark
+        count = int(np.count_nonzero(is_mark))
+        others = held[~is_mark]
+        if others.size < _MIN_OTHERS or count > _MAX_MARK_SHARE * held.size:
+            continue
+        span = float(np.ptp(others))
+        distance = float(np.min(np.abs(others - mark)))
+        is_known = _KNOWN_MARK.fullmatch(_digits(mark)) is not None
+        if span > 0.0 and (
+            (is_output and count > 1 and distance > _MARK_DISTANCE * span)
+            or (is_known and distance > _KNOWN_DISTANCE * span)
+        ):
+            return mark
+    return None
+
+
+def _digits(value: float) -> str:
+    """Return the digits of a number without sign, point and zeros in front."""
+    text = f"{abs(value):.7g}"
+    if "e" in text:
+        text = f"{abs(value):.0f}" if abs(value) < _MAX_WRITTEN else text.partition("e")[0]
+    return text.replace(".", "").lstrip("0")
 
 
 def refuse_missing(

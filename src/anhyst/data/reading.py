@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.data.blocks import find_blocks, stated_gap, with_stated_gaps
 from anhyst.data.distinct import refuse_different_loops
 from anhyst.data.file_names import gap_note, gaps_of_names, refuse_other_gap, with_file_name
 from anhyst.data.formats import FORMATS, OpenTable, open_table
-from anhyst.data.formats.channels import RawColumns, Texts, is_number, is_value
+from anhyst.data.formats.channels import Texts, is_number, is_value
 from anhyst.data.headers import map_headers
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, HistoryLike, are_measured, refuse_missing, time_fault
+from anhyst.data.path import History, HistoryLike, time_fault
 from anhyst.data.plateaus import find_plateaus, has_loop
 from anhyst.data.roles import (
     SHORTEST,
@@ -34,6 +35,8 @@ from anhyst.data.roles import (
 from anhyst.data.sidecar import FileDescription, is_sidecar
 from anhyst.data.start import carry_histories, propose_histories
 from anhyst.data.table import LOOP_SOURCES, check_source, find_clocks, is_frame, table_of
+from anhyst.data.used_rows import UsedRows
+from anhyst.data.wide import refuse_wide
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -44,8 +47,6 @@ Rows = NDArray[np.intp]
 
 _ANY = Quantity("value", "value", "1")
 _OUTPUTS_OF_GAPS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
-_MAX_HOLE = 0.05
-"""Part of a record that invalid samples may leave out in a row; a longer hole is remarked on."""
 _DWELL = 6
 """Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
 _MOST_LOOPS = 2000
@@ -146,11 +147,12 @@ def read_loops(
         parts.append(_read_table(open_table(path), name, reading, progress))
         if parts[-1].schedule == QUANTITIES["gap"] and reading.schedule is None:
             refuse_other_gap(path, [loop.schedule_value for loop in parts[-1].loops])
-    loops = join(_with_histories(parts))
+    loops = join(_with_histories(with_stated_gaps(parts)))
+    loops = replace(loops, notes=(*_left_out(paths, files), *loops.notes))
     if gaps:
         return replace(loops, notes=(gap_note(gaps), *loops.notes))
     if all(one.schedule is None for one in described.values()):
-        refuse_different_loops(loops)
+        refuse_different_loops(loops, has_blocks=any(part.has_blocks for part in parts))
     return loops
 
 
@@ -178,12 +180,17 @@ def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = 
     return files + [path for path in beside if is_sidecar(path)]
 
 
-def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
+def _listed(paths: PathLike | Sequence[PathLike]) -> list[Path]:
+    """Return the files and folders that are given."""
     listed = [paths] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
+    return list(map(Path, listed))
+
+
+def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     files: list[Path] = []
-    for path in map(Path, listed):
+    for path in _listed(paths):
         if path.is_dir():
-            data_files = sorted(f for f in path.iterdir() if f.suffix.lower() in FORMATS)
+            data_files = [file for file in _files_in(path) if _may_be_table(file)]
             if not data_files:
                 raise InputError(
                     f"{path}: this folder holds no {', '.join(FORMATS)} file", code="no-files"
@@ -196,65 +203,33 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     return files
 
 
+def _files_in(folder: Path) -> list[Path]:
+    """Return the files of a folder whose names are those of a format."""
+    return sorted(file for file in folder.iterdir() if file.suffix.lower() in FORMATS)
+
+
+def _may_be_table(path: Path) -> bool:
+    """Whether a file in a folder may be a table: not if it is a text such as readme.txt."""
+    if path.suffix.lower() != ".txt":
+        return True
+    try:
+        open_table(path)
+    except InputError as error:
+        return error.code not in {"single-column", "no-table", "empty-file"}
+    return True
+
+
+def _left_out(paths: PathLike | Sequence[PathLike], files: Sequence[Path]) -> tuple[str, ...]:
+    """Name the texts in folders that are no tables."""
+    folders = [path for path in _listed(paths) if path.is_dir()]
+    texts = [file for folder in folders for file in _files_in(folder) if file not in files]
+    return tuple(f"{text}: is left out, because it holds no table" for text in texts)
+
+
 def _find_sidecar(path: Path) -> FileDescription:
     sidecar = path.with_suffix(".toml")
     beside = sidecar != path and is_sidecar(sidecar)
     return FileDescription.from_toml(sidecar) if beside else FileDescription()
-
-
-@dataclass(frozen=True, slots=True)
-class _UsedRows:
-    """The columns of a table that are read, at the rows that are used."""
-
-    table: OpenTable
-    headers: Sequence[Header]
-    raw: RawColumns
-    rows: Rows | None  # None: all
-
-    def where(self, row: int) -> str:
-        """Return the place of a used row."""
-        return self.table.where(row if self.rows is None else int(self.rows[row]))
-
-    def values(self, index: int) -> FloatArray:
-        """Return a column of numbers as it is in the table."""
-        column = self.raw.numbers[index]
-        return column if self.rows is None else column[self.rows]
-
-    def si(self, index: int | None) -> FloatArray | None:
-        """Return a column of numbers in SI units."""
-        return None if index is None else self.headers[index].to_si(self.values(index))
-
-    def texts(self, index: int) -> Texts:
-        """Return a column of texts."""
-        column = self.raw.texts[index]
-        return column if self.rows is None else Texts(column.values, column.codes[self.rows])
-
-    def at(self, rows: Rows) -> _UsedRows:
-        """Return the same columns at some of the used rows."""
-        return replace(self, rows=rows if self.rows is None else self.rows[rows])
-
-    def with_valid(self, drop: str | None) -> tuple[_UsedRows, list[str]]:
-        """Leave out rows without a measured value, with a note; refuse them if nobody asks for it."""
-        held = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
-        if drop is None:
-            refuse_missing(self.where, list(held.items()), "leave them out: --drop invalid")
-            return self, []
-        is_good = {name: are_measured(values) for name, values in held.items()}
-        is_valid = np.logical_and.reduce(list(is_good.values()))
-        valid = np.flatnonzero(is_valid)
-        if valid.size == is_valid.size:
-            return self, []
-        names = " and ".join(f"'{name}'" for name, good in is_good.items() if not good.all())
-        holes = np.diff(np.concatenate(([-1], valid, [is_valid.size]))) - 1
-        note = (
-            f"{is_valid.size - valid.size} of {is_valid.size} samples left out as invalid in "
-            f"{names}, at most {int(holes.max())} in a row"
-        )
-        if valid.size == 0:
-            raise InputError(f"{self.table.source_name}: {note}; none remains", code="no-data")
-        if holes.max() > _MAX_HOLE * is_valid.size:
-            note += "; the history after such a hole is not known"
-        return self.at(valid), [note]
 
 
 def _read_table(
@@ -263,6 +238,8 @@ def _read_table(
     """Read a table; ``name`` labels its loop where the table has no label of its own."""
     source_name = table.source_name
     headers = map_headers(table, description.columns, description.scale, description.flip)
+    refuse_wide(source_name, headers)
+    _refuse_one_channel(source_name, headers)
     head = table.first_rows(SHORTEST)
     words = [index for row in head[:1] for index, field in enumerate(row) if not is_value(field)]
     others = [index for index in range(len(headers)) if index not in words]
@@ -274,7 +251,9 @@ def _read_table(
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
     raw = table.read([index for index in parts if index is not None], sorted(texts), progress)
     keep = _selection(source_name, description, {name: raw.texts[i] for name, i in chosen.items()})
-    used, remarks = _UsedRows(table, headers, raw, keep).with_valid(description.drop)
+    used, remarks = UsedRows(table, headers, raw, keep).with_valid(
+        description.drop, (roles.input, roles.output)
+    )
     _refuse_hidden_gaps(used, roles, words)
     used, schedule, found = _scheduled(used, roles)
     drive, answer = used.si(roles.input), used.si(roles.output)
@@ -282,7 +261,16 @@ def _read_table(
     assert answer is not None
     idle = {index: used.texts(index) for index in asked}
     roles = roles.with_label(find_label(source_name, headers, idle, drive, answer, schedule))
-    if roles.label is None:
+    takes_gap = _takes_gap(headers, roles, description)
+    blocks = None
+    if roles.label is None and roles.fixed_label is None and roles.schedule is None:
+        own = "" if name == _ALONE else name
+        blocks = find_blocks(source_name, used.breaks(), drive, has_gaps=takes_gap, name=own)
+    if blocks is not None:
+        labels, found = blocks.labels, [*found, blocks.note]
+        if blocks.gaps is not None:
+            schedule, roles = blocks.gaps, replace(roles, quantity=QUANTITIES["gap"])
+    elif roles.label is None:
         # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
         # there is to distinguish them by.
         own = _ALONE if roles.quantity is not None else name
@@ -293,10 +281,38 @@ def _read_table(
     time = used.si(roles.time)
     columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, used.where)
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
-    return _cut(columns, headers, roles, description, source, [*raw.notes, *remarks, *found])
+    part = _cut(columns, headers, roles, description, source, [*raw.notes, *remarks, *found])
+    heads = raw.breaks[0][1] if raw.breaks else raw.notes
+    stated = stated_gap(heads) if takes_gap and roles.quantity is None else None
+    return replace(part, has_blocks=blocks is not None, stated_gap=stated)
 
 
-def _scheduled(used: _UsedRows, roles: Roles) -> tuple[_UsedRows, FloatArray | None, list[str]]:
+def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
+    """Refuse a table of one channel, as oscilloscopes write a file for each channel."""
+    signals = [header.text for header in headers if header.text and not header.is_clock]
+    if len(signals) == 1 and len(headers) > 1:
+        raise InputError(
+            f"{source_name}: holds one channel only ('{signals[0]}'), and a loop needs the input and "
+            "the output in one table; export the channels together, or join the columns of their "
+            "files into one file",
+            code="one-channel",
+            key=signals[0],
+        )
+
+
+def _takes_gap(headers: Sequence[Header], roles: Roles, description: FileDescription) -> bool:
+    """Whether a gap that remarks state would be the scheduling variable."""
+    drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
+    return (
+        roles.quantity is None
+        and description.schedule in (None, "gap")
+        and answer is not None
+        and answer.name in _OUTPUTS_OF_GAPS
+        and drive != QUANTITIES["field"]
+    )
+
+
+def _scheduled(used: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray | None, list[str]]:
     """Return the scheduling variable in SI units; rows between its plateaus are left out."""
     drive, schedule = used.si(roles.input), used.si(roles.schedule)
     assert drive is not None
@@ -312,7 +328,7 @@ def _scheduled(used: _UsedRows, roles: Roles) -> tuple[_UsedRows, FloatArray | N
     return used.at(plateaus.rows), plateaus.values, [plateaus.note]
 
 
-def _refuse_hidden_gaps(used: _UsedRows, roles: Roles, texts: Sequence[int]) -> None:
+def _refuse_hidden_gaps(used: UsedRows, roles: Roles, texts: Sequence[int]) -> None:
     """Ask about a column that nobody uses and that rests at several values, as a gap does."""
     output, drive = used.headers[roles.output].quantity, used.si(roles.input)
     if roles.quantity is not None or roles.chosen or roles.label is not None:

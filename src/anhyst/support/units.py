@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -287,7 +287,7 @@ class Header:
     @property
     def is_certain(self) -> bool:
         """Whether the user maps the column, or its name is our own symbol."""
-        return self.target is not None or split_header(self.text)[0] == self.name
+        return self.target is not None or split_header(_uncounted(self.text))[0] == self.name
 
     @property
     def is_clock(self) -> bool:
@@ -332,9 +332,19 @@ def unit_of(text: str) -> Unit:
     return unit
 
 
+def _uncounted(text: str) -> str:
+    """Return a header without the count that readers add to a name that comes again."""
+    return re.sub(r"(?<=.)#[2-9]\d*$", "", text)
+
+
 def parse_header(text: str, unit: str | None = None) -> Header:
-    """Understand a column header."""
+    """Understand a column header; ``#2`` behind it counts headers that are equal."""
     text = text.strip()
+    return replace(_parse_header(_uncounted(text), unit), text=text)
+
+
+def _parse_header(text: str, unit: str | None) -> Header:
+    """Understand the text of a column header without blanks around it."""
     name, written = split_header(text, unit)
     problem, conflict = None, _find_conflict(text, unit)
     if conflict:

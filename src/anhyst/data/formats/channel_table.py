@@ -224,7 +224,8 @@ class ChannelTable:
         }
         if shift and 0 in texts:
             named[0] = _texts(self._times(clock, []))
-        return RawColumns(hash_of(self.file.path), columns, named, (*self.file.notes, *notes))
+        found = (*self.file.notes, *notes)
+        return RawColumns(hash_of(self.file.path), columns, named, found, self.file.breaks)
 
     def where(self, row: int) -> str:
         """Return the place of a row."""

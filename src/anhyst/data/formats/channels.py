@@ -60,6 +60,7 @@ class ChannelFile:
     channels: tuple[Channel, ...]
     samples: ReadChannels
     notes: tuple[str, ...] = ()
+    breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()  # as in `RawColumns`
 
     def read(self, wanted: Sequence[Channel], count: int | None = None) -> list[Values]:
         """Read channels whole, or only their first samples."""
@@ -261,6 +262,8 @@ class RawColumns:
     numbers: Mapping[int, FloatArray]
     texts: Mapping[int, Texts]
     notes: tuple[str, ...]
+    # First row of each block of rows, and what is written above it; () if a file has no blocks.
+    breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()
 
 
 class TextInNumbersError(InputError):

@@ -15,6 +15,7 @@ import re
 import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +28,11 @@ from anhyst.data.formats.channels import (
     Values,
     clocks_by_name,
     is_mark,
+    is_number,
     need_package,
     one_line_if_damaged,
 )
+from anhyst.data.formats.odd_rows import Thousands, is_statistics, refuse_factors
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit
 
@@ -172,22 +175,34 @@ def open_excel(path: Path, least: int) -> ChannelTable:
             "table on a sheet, or export it as CSV",
             code="no-table",
         )
-    name, rows, start = tables[0]
-    others = ", ".join(f"'{other}'" for other, *_ in tables[1:])
-    notes = (f"sheet '{name}' is read, not {others}",) if others else ()
-    channels = _columns(path, name, rows, start)
-    return open_channels(ChannelFile(path, clocks_by_name(channels), _read, notes), least)
+    sheets = [_Sheet.of(path, *table) for table in tables]
+    alike = [sheet for sheet in sheets if sheet.header == sheets[0].header]
+    others = ", ".join(f"'{sheet.name}'" for sheet in sheets if sheet not in alike)
+    notes = [note for sheet in alike for note in sheet.notes]
+    notes += [f"sheet '{alike[0].name}' is read, not {others}"] if others else []
+    channels = _columns(path, alike)
+    breaks, first = [], 0
+    for sheet in alike:
+        breaks += [(first + row, texts) for row, texts in sheet.breaks]
+        first += len(sheet.cells)
+    file = ChannelFile(path, clocks_by_name(channels), _read, tuple(notes), tuple(breaks))
+    return open_channels(file, least)
 
 
 def _read(channels: Sequence[Channel], count: int | None) -> list[Values]:
     return [channel.key[:count] for channel in channels]
 
 
+def _is_value(cell: Any) -> bool:
+    """Whether a cell holds a number, a date, or a number that is stored as text."""
+    return isinstance(cell, _VALUES) or (isinstance(cell, str) and is_number(cell))
+
+
 def _find_data(rows: Rows) -> int | None:
     """Find the first of some rows with values in the same columns, below names for them all."""
     for start in range(1, min(_LAST_HEADER, len(rows) - _LEAST_ROWS + 1)):
         held = [
-            {column for column, cell in enumerate(row) if isinstance(cell, _VALUES)}
+            {column for column, cell in enumerate(row) if _is_value(cell)}
             for row in rows[start : start + _LEAST_ROWS]
         ]
         common = set.intersection(*held)
@@ -201,11 +216,48 @@ def _name_above(rows: Rows, start: int, column: int) -> str:
     for row in range(start - 1, max(-1, start - 3), -1):
         cell = rows[row][column]
         if cell != "":
-            return cell.strip() if isinstance(cell, str) else ""
+            return cell.strip() if isinstance(cell, str) and not is_number(cell) else ""
     return ""
 
 
-def _columns(path: Path, sheet: str, rows: Rows, start: int) -> list[Channel]:
+@dataclass(frozen=True, slots=True)
+class _Sheet:
+    """The table of a sheet: names and units of its columns, and the rows that are samples."""
+
+    name: str
+    header: tuple[tuple[str, str], ...]
+    cells: list[Sequence[Any]]
+    breaks: list[tuple[int, tuple[str, ...]]]
+    notes: list[str]
+
+    @classmethod
+    def of(cls, path: Path, name: str, rows: Rows, start: int) -> _Sheet:
+        """Understand the rows of a sheet whose data begin at one of them."""
+        names, units = _header(rows, start)
+        head = [" ".join(str(cell) for cell in row if cell != "") for row in rows[:start]]
+        is_length = re.fullmatch(r"[\d.,]+ ?[^\W\d]+", name.strip()) is not None
+        breaks = [(0, (f"gap = {name}" if is_length else name, *head))]
+        cells: list[Sequence[Any]] = []
+        notes, is_apart = [], False
+        for number, row in enumerate(rows[start:], start=start + 1):
+            held = [cell for cell in row if cell != ""]
+            words = [str(cell) for cell in held]
+            is_text = bool(held) and not any(_is_value(cell) or is_mark(str(cell)) for cell in held)
+            if held and isinstance(held[0], str):
+                refuse_factors(f"{path}: sheet '{name}', row {number} of the table", words)
+            if is_text or (held and isinstance(held[0], str) and is_statistics(words)):
+                notes.append(
+                    f"sheet '{name}': '{' '.join(words)[:60]}' is no sample and is left out"
+                )
+            elif held:
+                breaks += [(len(cells), ())] if is_apart else []
+                cells.append(row)
+            is_apart = not held or is_text
+        return cls(name, tuple(zip(names, units, strict=True)), cells, breaks, notes)
+
+
+def _header(rows: Rows, start: int) -> tuple[list[str], list[str]]:
+    """Return the names and the units of the columns."""
     width = range(len(rows[start]))
     names, units = [_name_above(rows, start, column) for column in width], [""] * len(width)
     above = [_name_above(rows, start - 1, column) for column in width] if start > 1 else names
@@ -216,25 +268,40 @@ def _columns(path: Path, sheet: str, rows: Rows, start: int) -> list[Channel]:
             name.strip("[]() ") if unit else "" for name, unit in zip(names, stated, strict=True)
         ]
         names = [up or name for up, name in zip(above, names, strict=True)]
-    last = max(column for column, row in enumerate(rows) if any(cell != "" for cell in row))
+    return names, units
+
+
+def _columns(path: Path, sheets: Sequence[_Sheet]) -> list[Channel]:
+    """Put the same columns of several sheets below each other."""
+    thousands = Thousands(None)
+    for row in (row for sheet in sheets for row in sheet.cells):
+        thousands.see(1, [cell if isinstance(cell, str) else "" for cell in row])
+    thousands.refuse(f"{path}: sheet '{sheets[0].name}'", range(len(sheets[0].header)))
     channels = []
-    for column in width:
-        if not names[column]:
+    for column, (name, unit) in enumerate(sheets[0].header):
+        if not name:
             continue
-        cells = [row[column] for row in rows[start : last + 1]]
-        values, is_date = _values(f"{path}: sheet '{sheet}', column '{names[column]}'", cells)
-        unit = "s" if is_date else units[column]
+        cells = [row[column] for sheet in sheets for row in sheet.cells]
+        values, is_date = _values(f"{path}: sheet '{sheets[0].name}', column '{name}'", cells)
         is_text = values.dtype.kind == "U"
-        channels.append(Channel(names[column], len(cells), values, unit, "", None, is_text))
+        key = "s" if is_date else unit
+        channels.append(Channel(name, len(cells), values, key, "", None, is_text))
     return channels
 
 
 def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     """Values of a column, and whether it is dates or times of a day."""
+    if all(_is_value(cell) or cell == "" or is_mark(str(cell)) for cell in cells):
+        cells = [
+            float(cell.replace(",", ".")) if isinstance(cell, str) and is_number(cell) else cell
+            for cell in cells
+        ]
     kinds = {type(cell) for cell in cells}
     if str in kinds and kinds & {int, float}:  # marks such as OL among numbers
         cells = [math.nan if isinstance(cell, str) and is_mark(cell) else cell for cell in cells]
         kinds = {type(cell) for cell in cells}
+    if all(cell == "" for cell in cells):  # formulas without results
+        return np.full(len(cells), math.nan), False
     if kinds <= {int, float, bool}:
         return np.array(cells, dtype=np.float64), False
     if kinds == {datetime.datetime}:

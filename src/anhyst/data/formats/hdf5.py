@@ -58,13 +58,15 @@ def open_hdf5(path: Path, least: int) -> ChannelTable:
                 elif (scale := _scale(dataset)) is not None:
                     clocks[len(channels)] = scale
                 channels.append(channel)
+        stated = [f"{key} = {value}" for key, value in file.attrs.items() if np.ndim(value) == 0]
         used = {scales[name] for name in clocks.values() if name in scales}
         own = [
             replace(channel, clock=scales.get(clocks.get(index, ""), channel.clock))
             for index, channel in enumerate(channels)
             if channel not in used
         ]
-    return open_channels(ChannelFile(path, clocks_by_name(own), _reader(path)), least)
+    head = ((0, tuple(stated)),)
+    return open_channels(ChannelFile(path, clocks_by_name(own), _reader(path), (), head), least)
 
 
 def datasets(path: Path, group: Any) -> Iterator[Any]:

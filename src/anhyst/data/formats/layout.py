@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -142,45 +142,22 @@ def _find_layout(
     needed = 1 + max((column.position or 0 for column in table.columns), default=0)
     table = replace(table, first=data, width=max(table.width, needed))
     rows = [split_line(text, table.delimiter) for text, _ in lines[table.first :][:_ROWS_SEEN]]
-    _refuse_thousands(path, table, rows)
     table, stamp = _with_stamps(table, rows)
+    table = replace(table, columns=_with_own_names(table.columns))
     offset = start + lines[table.first][1]
     return Layout(path, size, encoding, eol, table, stamp, (*notes, *table.notes), offset, content)
 
 
-_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?P<sign>[.,])\d{3}")
-_DECIMAL = re.compile(r"[+-]?\d*(?P<sign>[.,])\d+([eE][+-]?\d+)?")
-
-
-def _refuse_thousands(path: Path, table: TextColumns, rows: list[list[str]]) -> None:
-    """Refuse numbers such as 1,234 whose sign separates thousands, or may do so.
-
-    Its sign may do so if it is not the decimal sign of the other numbers of the file, or if its
-    column has whole numbers of three digits and no other decimals.
-    """
-    decimals: set[str] = set()
-    own_decimals: set[int] = set()
-    whole: set[int] = set()
-    grouped: list[tuple[int, int, str, str]] = []
-    for number, row in enumerate(rows, start=table.first + 1):
-        for column, field in enumerate(row):
-            if table.delimiter == "," and "," not in field:
-                continue  # a field with a comma is quoted, and such a comma is the question
-            if match := _GROUPED.fullmatch(field):
-                grouped.append((number, column, field, match["sign"]))
-            elif match := _DECIMAL.fullmatch(field):
-                decimals.add(match["sign"])
-                own_decimals.add(column)
-            elif re.fullmatch(r"[+-]?[1-9]\d\d", field):
-                whole.add(column)
-    for number, column, field, sign in grouped:
-        is_other = bool(decimals) and sign not in decimals
-        if is_other or (column in whole and column not in own_decimals):
-            raise InputError(
-                f"{path}: line {number}: '{field}' may have a separator of thousands, because the "
-                "other numbers are written differently; export the numbers without it",
-                code="thousands-separator",
-            )
+def _with_own_names(columns: tuple[Column, ...]) -> tuple[Column, ...]:
+    """Give each column a name of its own: ``I``, ``I#2``, ..."""
+    seen = Counter[str]()
+    named = []
+    for column in columns:
+        seen[column.name] += 1
+        count = seen[column.name]
+        name = column.name if count == 1 or not column.name else f"{column.name}#{count}"
+        named.append(replace(column, name=name))
+    return tuple(named)
 
 
 def _with_stamps(table: TextColumns, rows: list[list[str]]) -> tuple[TextColumns, int | None]:

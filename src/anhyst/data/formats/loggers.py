@@ -41,8 +41,8 @@ def _plain(field: str) -> str:
     return field.strip(' ":').lower()
 
 
-_START = re.compile(r"\s*t0\s*=\s*(\S+)\s*", re.IGNORECASE)
-_STEP = re.compile(r"\s*tInc\s*=\s*(\S+)\s*", re.IGNORECASE)
+_START = re.compile(r"\s*t0\s*=\s*(\S+?)\s*s?\s*", re.IGNORECASE)
+_STEP = re.compile(r"\s*tInc\s*=\s*(\S+?)\s*s?\s*", re.IGNORECASE)
 _CHANNEL = re.compile(r"(?:X\()?(CH\d+|MATH\d*|REF\d*)\)?\s*\(?(V|A|W)?\)?", re.IGNORECASE)
 
 
@@ -73,6 +73,8 @@ def _rigol(path: Path, lines: Lines, first: int) -> TextColumns | None:
             columns = [Column("t", "s", index, is_counter=True)]
             continue
         if word.startswith("time"):
+            if index < len(row) and not row[index]:
+                continue  # the header says the times
             columns = []
         match = _CHANNEL.fullmatch(field)
         name, unit = (match[1], match[2] or "") if match else (field, "")

@@ -50,6 +50,7 @@ def _channel(path: Path, index: int, field: Any, rows: int) -> Channel | None:
     is_text = types.is_string(kind) or types.is_large_string(kind)
     is_date = types.is_timestamp(kind) or types.is_duration(kind)
     is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)
+    is_number = is_number or types.is_decimal(kind)
     if not (is_text or is_date or is_number):
         return None
     check_size(path, field.name, rows, 8)
@@ -81,7 +82,7 @@ def _samples(column: Any, channel: Channel) -> Values:
     if channel.is_text:
         return np.array(["" if text is None else text for text in column.to_pylist()], dtype=str)
     values: Values = column.to_numpy()
-    # What is missing has no number; Arrow gives objects for logicals with gaps.
+    # What is missing has no number; Arrow gives objects for decimals and for logicals with gaps.
     return values.astype(np.float64) if values.dtype == object else values
 
 

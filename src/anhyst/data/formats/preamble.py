@@ -19,6 +19,8 @@ Lines = list[tuple[str, int]]
 _DELIMITERS = (";", "\t", ",", None)
 _RUN = 8
 """Rows of numbers from which on a run of them is the data; of shorter ones the longest is."""
+FACTOR = re.compile(r"[*×x]\s*[\d.,]+([eE][+-]?\d+)?")
+"""A field of a row of factors, such as *0.001."""
 _SIGNS = "#% ;/"
 """Signs with which comments begin, and the blanks after them."""
 
@@ -43,6 +45,7 @@ class TextColumns:
     columns: tuple[Column, ...]
     clock: tuple[float, float] = (0.0, 0.0)  # time of the first sample, and its step
     notes: tuple[str, ...] = ()  # what is left out
+    is_joined: bool = False  # whether sections were joined, so that blank lines say nothing
 
 
 def unit_text(text: str) -> str:
@@ -115,7 +118,8 @@ def find_header(
     below = skip_comments(lines, data)[1]
     if delimiter is None and row < data <= below < len(lines):
         wide = re.split(r"\s{2,}", lines[row][0].strip())  # names that hold single blanks
-        names = wide if len(wide) == len(lines[below][0].split()) else names
+        is_wide = least <= len(wide) == len(lines[below][0].split())
+        names = wide if is_wide else names
     if len(names) < least:
         raise InputError(
             f"{path}: line {row + 1}: one column only ('{short(names[0])}'); a loop needs an "
@@ -126,6 +130,8 @@ def find_header(
     if units is None:
         units = _units_above(lines[first:row], delimiter, names)
     rows = [split_line(text, delimiter) for text, _ in lines[data : data + _RUN] if text.strip()]
+    if [row[0] for row in rows[:3] if len(row) == len(names) + 1 and row[-1]] == ["1", "2", "3"]:
+        names, units = ["row", *names], ("", *units) if units else None  # as R writes it
     columns = tuple(
         Column(" ".join(name.split()), unit, position)
         for position, (name, unit) in enumerate(zip(names, units or [""] * len(names), strict=True))
@@ -149,6 +155,8 @@ def _rows_below(
         if begin == len(lines):
             break
         fields = split_line(lines[begin][0], delimiter)
+        if FACTOR.fullmatch(fields[0]):
+            return remarks, begin, units
         found = unit_row(lines[begin][0], delimiter, names) if units is None else None
         if not found and (any(is_value(field) for field in fields) or _is_stamped(fields)):
             return remarks, begin, units
@@ -328,7 +336,9 @@ def header_from_comment(path: Path, lines: Lines, first: int, row: list[str]) ->
     comments = [text for text, _ in lines[:first] if is_comment(text)]
     if comments:
         text = comments[-1].strip().lstrip(_SIGNS)
-        for fields in (header_fields(text, delimiter_of(text)), re.split(r"\s{2,}|\t", text)):
+        whole = comments[-1].strip()  # a counter of rows may be called '#'
+        choices = [header_fields(line, delimiter_of(line)) for line in (text, whole)]
+        for fields in (*choices, re.split(r"\s{2,}|\t", text)):
             if len(fields) == len(row) and not any(is_number(field) for field in fields):
                 return fields
     raise InputError(

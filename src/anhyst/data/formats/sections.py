@@ -71,7 +71,9 @@ def _joined(
         for line, fields in section.rows.items():
             text[line] = "\t".join([*fields[:width], *[""] * (width - len(fields)), *tail])
     first = min(min(section.rows) for section in sections)
-    table = TextColumns(first, "\t", len(columns), tuple(columns), notes=tuple(notes))
+    table = TextColumns(
+        first, "\t", len(columns), tuple(columns), notes=tuple(notes), is_joined=True
+    )
     return text, table
 
 

@@ -12,7 +12,7 @@ from anhyst.support.numeric import FloatArray
 
 STAMP = re.compile(
     r"(?P<date>\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ]+)?"
-    r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}([.,]\d+|:\d{3})?) ?(?P<half>[AP]M)?(Z|[+-]\d\d:?\d\d)?"
+    r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}([.,]\d+|:\d{3})?) ?(?P<half>[AP]M)?(Z|(?P<zone>[+-]\d\d:?\d\d))?"
     r"|\d{4}[-/]\d{2}[-/]\d{2}|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4}",
     re.IGNORECASE,
 )
@@ -36,4 +36,7 @@ def second_of_day(text: str) -> float:
     if match["half"]:
         hour = hour % 12 + 12 * (match["half"].upper() == "PM")
     whole, _, fraction = match["s"].replace(",", ".").replace(":", ".").partition(".")
+    if match["zone"]:  # a clock that is put back an hour goes on
+        away = match["zone"].replace(":", "")
+        hour -= int(away[:3])
     return 3600.0 * hour + 60.0 * int(match["m"]) + int(whole) + float(f"0.{fraction or 0}")

@@ -56,10 +56,12 @@ def open_tdms(path: Path, least: int) -> ChannelTable:
             for channel in group.channels()
             if len(channel) and channel.dtype.kind in "biufcMO"
         ]
+        stated = [f"{key} = {value}" for key, value in file.properties.items()]
         starts = [start for item in items if (start := _start_time(item)) is not None]
         origin = min(starts, default=None)
         channels = [_channel(path, size, item, clocks, origin) for item in items]
-    return open_channels(ChannelFile(path, clocks_by_name(channels), _reader(path)), least)
+    file_of = ChannelFile(path, clocks_by_name(channels), _reader(path), (), ((0, tuple(stated)),))
+    return open_channels(file_of, least)
 
 
 def _start_time(item: Any) -> Any:

@@ -32,7 +32,7 @@ from anhyst.data.formats.channels import (
     is_number,
 )
 from anhyst.data.formats.layout import Layout, read_layout
-from anhyst.data.formats.preamble import is_comment
+from anhyst.data.formats.odd_rows import Thousands, has_odd_rows, sort_rows
 from anhyst.data.formats.stamps import seconds_of
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
@@ -76,8 +76,9 @@ class TextTable:
         layout = self.layout
         with layout.open() as file:
             file.seek(layout.offset)
-            lines = itertools.islice(split_lines(file, layout), count)
-            rows = [layout.split(line) for line in lines if line.strip()]
+            lines = itertools.islice(split_lines(file, layout), count + _MAX_ODD_ROWS)
+            found = sort_rows(lines, layout)
+            rows = [row.fields for row in found if row.is_sample][:count]
         positions = [column.position for column in layout.table.columns]
         start, step = layout.table.clock
         heads = [
@@ -176,6 +177,8 @@ _THOUSANDS = re.compile(r"[+-]?\d{1,3}([ ',.\u00a0\u202f]\d{3})+([.,]\d*)?")
 _CLOCK = re.compile(r"\d+:\d+([.,]\d+)?")
 _CHUNK = 1 << 22
 _SHOWN = 30
+_MAX_ODD_ROWS = 20
+"""Rows of statistics and the like that may precede the first samples."""
 
 
 def read_raw(
@@ -215,24 +218,16 @@ def read_raw(
     values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
     values |= {n: start + step * values[n] for n in wanted if columns[n].is_counter}
     words |= {n: Texts.of(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
-    return RawColumns(sha256, values, words, raw.notes)
+    return RawColumns(sha256, values, words, raw.notes, raw.breaks)
 
 
 def row_line(layout: Layout, row: int) -> int:
     """Line number of a row of data (both counted from the file's beginning, rows from 0)."""
     with layout.open() as file:
         file.seek(layout.offset)
-        data = (
-            layout.line + number
-            for number, line in enumerate(split_lines(file, layout))
-            if _is_data(line, layout)
-        )
-        return next(islice(data, row, None))
-
-
-def _is_data(text: str, layout: Layout) -> bool:
-    text = text.strip()
-    return bool(text) and not is_comment(text) and any(layout.split(text))
+        rows = sort_rows(split_lines(file, layout), layout)
+        samples = (found.line for found in rows if found.is_sample)
+        return next(islice(samples, row, None))
 
 
 def _chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
@@ -282,12 +277,18 @@ class _Reader:
         self.labels: dict[int, dict[str, int]] = {index: {} for index in texts}
         self.codes: dict[int, list[NDArray[np.int32]]] = {index: [] for index in texts}
         self.notes: list[str] = []
+        self.between: list[str] = []  # remarks since the last row; empty texts for blank lines
+        self.breaks: list[tuple[int, tuple[str, ...]]] = []
+        self.thousands = Thousands(layout.delimiter)
         self.read = 0
 
     def feed(self, chunk: bytes) -> None:
         """Take a chunk of whole lines."""
         self.read += len(chunk)
-        values, labels, lines = self._fast(chunk) or self._slow(chunk)
+        if self.thousands.may_occur(chunk):
+            self._refuse_thousands(chunk)
+        fast = None if has_odd_rows(chunk, self.layout) else self._fast(chunk)
+        values, labels, lines = fast or self._slow(chunk)
         if values.shape[0]:
             self._append(values)
             for index, texts in zip(self.texts, labels, strict=True):
@@ -306,7 +307,10 @@ class _Reader:
             index: Texts(tuple(self.labels[index]), np.concatenate(self.codes[index]))
             for index in self.texts
         }
-        return RawColumns(sha256, self.store, texts, (*self.layout.notes, *self.notes))
+        notes = (*self.layout.notes, *self.notes)
+        breaks = ((0, self.layout.notes), *(found for found in self.breaks if found[0]))
+        breaks = breaks[:1] if self.layout.table.is_joined else breaks
+        return RawColumns(sha256, self.store, texts, notes, breaks)
 
     def _append(self, values: FloatArray) -> None:
         needed = self.rows + values.shape[0]
@@ -385,22 +389,30 @@ class _Reader:
         """Read a chunk line by line and name the line that is at fault."""
         layout = self.layout
         lines = chunk.removesuffix(layout.eol).split(layout.eol)
+        texts = (line.decode(layout.encoding, "replace").rstrip("\r") for line in lines)
         rows: list[list[float]] = []
         labels: list[list[str]] = [[] for _ in self.texts]
-        for number, raw in enumerate(lines, start=self.line):
-            text = raw.decode(layout.encoding, "replace").strip("\r\n \ufeff")
-            if is_comment(text):
-                self.notes.append(text.lstrip("#%; "))
+        for row in sort_rows(texts, layout, self.line):
+            if not row.is_sample:
+                self.notes += [row.remark] if row.remark else []
+                self.between.append(row.remark)
                 continue
-            fields = layout.split(raw.decode(layout.encoding, "replace").rstrip("\r\n"))
-            if not any(fields):
-                continue
-            fields = self._fit(fields, number)
-            rows.append([self._number(fields[index], index, number) for index in self.numbers])
+            fields = self._fit(row.fields, row.line)
+            rows.append([self._number(fields[index], index, row.line) for index in self.numbers])
             for column, index in zip(labels, self.texts, strict=True):
                 column.append(fields[index])
+            if self.between:
+                self.breaks.append((self.rows + len(rows) - 1, tuple(self.between)))
+                self.between = []
         table = np.array(rows, dtype=np.float64).reshape(len(rows), len(self.numbers))
         return table, list[Labels](labels), len(lines)
+
+    def _refuse_thousands(self, chunk: bytes) -> None:
+        """Refuse numbers with separators of thousands among the columns that are read."""
+        layout = self.layout
+        for number, line in enumerate(chunk.split(layout.eol), start=self.line):
+            self.thousands.see(number, layout.split(line.decode(layout.encoding, "replace")))
+        self.thousands.refuse(layout.path, self.numbers)
 
     def _fit(self, fields: list[str], number: int) -> list[str]:
         width = self.layout.width
@@ -411,9 +423,14 @@ class _Reader:
         if len(fields) != width:
             path, count = self.layout.path, len(fields)
             has = f"{count} field{'s' if count != 1 else ''}"
+            remedy = "complete or remove the line"
+            if self.layout.delimiter == "," and width < count <= 2 * width:
+                remedy = (
+                    "if the decimal sign is a comma as well, export with semicolons between the "
+                    f"columns; else {remedy}"
+                )
             raise InputError(
-                f"{path}: line {number}: has {has} where the header names {width} columns; "
-                "complete or remove the line",
+                f"{path}: line {number}: has {has} where the header names {width} columns; {remedy}",
                 code="fields-missing",
             )
         return fields

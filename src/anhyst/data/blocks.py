@@ -1,0 +1,178 @@
+"""Blocks of rows that blank lines, comments or invalid rows separate, and gaps that comments state."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from anhyst.data.formats.channels import Texts
+from anhyst.data.joining import LoopPart
+from anhyst.data.path import reversal_count
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import QUANTITIES, find_unit, parse_header
+
+Breaks = Sequence[tuple[int, tuple[str, ...]]]
+"""First row of each block, and the remarks above it."""
+
+_MIN_ROWS = 6
+_REVERSAL = 0.02
+"""A reversal counts once the input has come back by this share of its range."""
+_CLOSED = 0.05
+"""A loop ends within this share of its input range from its start."""
+_JUMP = 5.0
+"""Usual largest steps of the input that make a jump between blocks."""
+_STATED = re.compile(
+    r"(?P<name>[^\W\d_][\w -]*?)\s*(?:[\[(](?P<inner>[^\])]{1,10})[\])])?\s*(?:[=:;,]|\s|\bis\b)+"
+    r"(?P<number>\d+(?:[.,]\d+)?)[\s;,]*[\[(]?(?P<unit>[^\W\d]+)?"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Blocks:
+    """Blocks as loops: a label for each row, and the gap of each row in m if comments state it."""
+
+    labels: Texts
+    gaps: FloatArray | None
+    note: str
+
+
+def stated_gap(texts: Sequence[str]) -> tuple[float | None, str] | None:
+    """Return the gap that the last of some remarks states, m, and this remark.
+
+    The gap is None if the remark states no unit of length.
+    """
+    found = None
+    for text in texts:
+        for match in _STATED.finditer(text):
+            if parse_header(match["name"], "mm").quantity != QUANTITIES["gap"]:
+                continue
+            written = match["inner"] or match["unit"] or ""
+            own = parse_header(match["name"]).unit
+            unit = find_unit(written) or own
+            if unit is not None and unit.dimension != "length":
+                continue
+            number = float(match["number"].replace(",", "."))
+            found = (unit.value_to_si(number) if unit else None), text.strip()
+    return found
+
+
+def find_blocks(
+    source: str, breaks: Breaks, drive: FloatArray, *, has_gaps: bool, name: str
+) -> Blocks | None:
+    """Find blocks that are loops of their own; None if the rows are one record.
+
+    ``has_gaps`` says whether gaps that remarks state are used. ``name`` begins the labels.
+    """
+    starts = [row for row, _ in breaks]
+    stated = [stated_gap(texts) if has_gaps else None for _, texts in breaks]
+    changes = [found for found in stated[1:] if found is not None]
+    if len(starts) < 2:
+        return None
+    parts = np.split(drive, starts[1:])
+    _refuse_tail(source, parts)
+    are_loops = _are_loops(parts)
+    if not changes:
+        return _as_labels(starts, drive.size, name, None) if are_loops else None
+    gaps, known = [], None
+    for found in stated:
+        known = found if found is not None else known
+        if known is None or known[0] is None:
+            at = "above the first rows" if known is None else f"with its unit ('{known[1]}')"
+            raise InputError(
+                f"{source}: remarks between the rows state gaps; state the gap {at} as well, such "
+                "as '# gap = 0.5 mm', or add a column 'gap_mm'",
+                code="gap-missing",
+                key="gap",
+            )
+        gaps.append(known[0])
+    if not are_loops:
+        kept = [n for n in range(len(starts)) if n == 0 or gaps[n] != gaps[n - 1]]
+        starts, gaps = [starts[n] for n in kept], [gaps[n] for n in kept]
+    return _as_labels(starts, drive.size, name, gaps)
+
+
+def _as_labels(starts: Sequence[int], rows: int, name: str, gaps: Sequence[float] | None) -> Blocks:
+    """Label the blocks by their number at each gap."""
+    sizes = np.diff([*starts, rows])
+    seen = Counter[float | None]()
+    numbers = []
+    each: Sequence[float | None] = gaps or [None] * len(starts)
+    for gap in each:
+        seen[gap] += 1
+        numbers.append(f"{name} {seen[gap]}".strip())
+    order = {text: code for code, text in enumerate(dict.fromkeys(numbers))}
+    codes = np.repeat(np.array([order[text] for text in numbers], np.int32), sizes)
+    note = f"{len(starts)} blocks of rows are loops of their own"
+    if gaps is None:
+        return Blocks(Texts(tuple(order), codes), None, note)
+    texts = ", ".join(dict.fromkeys(f"{1e3 * gap:.4g} mm" for gap in gaps))
+    note += f", with the gaps that the remarks above them state: {texts}"
+    return Blocks(Texts(tuple(order), codes), np.repeat(np.array(gaps), sizes), note)
+
+
+def _are_loops(parts: Sequence[FloatArray]) -> bool:
+    """Whether the input reverses in each block, and each closes or begins with a jump."""
+    if any(part.size < _MIN_ROWS or np.ptp(part) == 0.0 for part in parts):
+        return False
+    if not all(reversal_count(part, _REVERSAL * float(np.ptp(part))) for part in parts):
+        return False
+    are_closed = all(abs(part[-1] - part[0]) <= _CLOSED * np.ptp(part) for part in parts)
+    pairs = pairwise(parts)
+    return are_closed or all(_jumps(first, second) for first, second in pairs)
+
+
+def _jumps(first: FloatArray, second: FloatArray) -> bool:
+    """Whether the input jumps from one block to the next."""
+    largest = float(np.max(np.abs(np.diff(first)))) if first.size > 1 else 0.0
+    return bool(abs(second[0] - first[-1]) > _JUMP * largest)
+
+
+def _refuse_tail(source: str, parts: Sequence[FloatArray]) -> None:
+    """Refuse a few rows below the data that do not continue them, as means or extremes do."""
+    tail, above = parts[-1], np.concatenate(parts[:-1])
+    if tail.size < _MIN_ROWS and above.size >= 2 * _MIN_ROWS and _jumps(above, tail):
+        raise InputError(
+            f"{source}: the last {tail.size} row{'s' if tail.size > 1 else ''} below a blank line "
+            "or a remark do not continue the samples above; if they hold statistics, remove them, "
+            "else remove the blank line",
+            code="rows-below-data",
+        )
+
+
+def with_stated_gaps(parts: list[LoopPart]) -> list[LoopPart]:
+    """Use the gaps that the heads of several files state, if all state one and they differ."""
+    gaps = {part.source_name: part.stated_gap[0] for part in parts if part.stated_gap is not None}
+    found = {name: gap for name, gap in gaps.items() if gap is not None}
+    if len(found) == len(parts) and len(set(found.values())) > 1:
+        return [_at_gap(part, found[part.source_name]) for part in parts]
+    return [_with_gap_advice(part) for part in parts]
+
+
+def _at_gap(part: LoopPart, gap: float) -> LoopPart:
+    """Put the loops of a file at the gap that its head states."""
+    loops = tuple(
+        replace(loop, label="1", schedule=np.full(loop.n, gap)) if len(part.loops) == 1
+        else replace(loop, schedule=np.full(loop.n, gap))
+        for loop in part.loops
+    )  # fmt: skip
+    note = f"{part.source_name}: gap taken from the head of the file: {1e3 * gap:.4g} mm"
+    return replace(part, loops=loops, schedule=QUANTITIES["gap"], notes=(note, *part.notes))
+
+
+def _with_gap_advice(part: LoopPart) -> LoopPart:
+    """Name a gap that is stated above the data and not used."""
+    if part.stated_gap is None:
+        return part
+    gap, text = part.stated_gap
+    value = "NUMBER" if gap is None else f"{1e3 * gap:.4g}"
+    note = (
+        f"{part.source_name}: the gap above the data ('{text[:60]}') is not used; to use it: "
+        f"--constants gap_mm={value}"
+    )
+    return replace(part, notes=(note, *part.notes))

@@ -1,0 +1,249 @@
+"""Rows and numbers of a text table that look like samples: statistics, factors, thousands."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anhyst.data.formats.channels import is_mark, is_number
+from anhyst.data.formats.layout import Layout
+from anhyst.data.formats.preamble import (
+    FACTOR,
+    delimiter_of,
+    header_fields,
+    is_comment,
+    unit_text,
+)
+from anhyst.support.errors import InputError
+from anhyst.support.units import find_unit, parse_header
+
+_DIGITS = b'0123456789+-.,;eE \t\r\n"'
+_STATISTICS = re.compile(
+    r"(mean|average|avg|aver|mittel(wert)?|moyenne|media|min|minimum|max|maximum|std\.?|st\.?[ -]?dev"
+    r"|std[ ._-]?dev(iation)?|stddev|standard[ -]?(deviation|abweichung)|stabw|sum|summe|total|median"
+    r"|variance|varianz|range|spannweite|rms|count|anzahl|peak|ø|σ|x̄)[.:]?",
+    re.IGNORECASE,
+)
+_MAX_WORD = 30
+_FACTORS = re.compile(
+    r"(scale|scaling|scal(e|ing)?[ -]?factor|factor|faktor|skalierung|gain|verst(ä|ae)rkung"
+    r"|offset|slope|multiplier|sensitivity|conversion)[.:]?",
+    re.IGNORECASE,
+)
+_ODD_LINE = re.compile(
+    rf"^[ \t\";,]*({_STATISTICS.pattern}|{_FACTORS.pattern})[\s\";,]",
+    re.IGNORECASE | re.MULTILINE,
+)
+_STARTS = {
+    word.encode()
+    for word in [
+        "me",
+        "av",
+        "mi",
+        "mo",
+        "ma",
+        "st",
+        "su",
+        "to",
+        "va",
+        "ra",
+        "sp",
+        "rm",
+        "co",
+        "an",
+        "pe",
+        "sc",
+        "fa",
+        "sk",
+        "ga",
+        "ve",
+        "of",
+        "sl",
+        "mu",
+        "se",
+    ]
+}
+_MAX_ASCII = 127
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?P<sign>[.,])\d{3}")
+_DECIMAL = re.compile(r"[+-]?\d*(?P<sign>[.,])\d+([eE][+-]?\d+)?")
+_WHOLE = re.compile(r"[+-]?[1-9]\d\d")
+_QUOTED = re.compile(rb'"[+-]?\d{1,3},\d{3}"')
+_NOT_GROUPED = re.compile(rb"(?<!\d)0[.,]|[.,]\d{0,2}(?!\d)|[.,]\d{4}")
+
+
+def has_odd_rows(chunk: bytes, layout: Layout) -> bool:
+    """Whether a piece of a file has lines that begin with a word for statistics or factors."""
+    if not chunk.translate(None, _DIGITS):
+        return False
+    # Few lines begin with the letters of such a word; the pattern is slow on many lines.
+    data = np.frombuffer(b"\n" + chunk.replace(b'"', b"").lower() + b"\n\n", np.uint8)
+    ends = np.flatnonzero(data[:-2] == ord("\n"))
+    pairs = np.unique(data[ends + 1].astype(np.int64) * 256 + data[ends + 2]).tolist()
+    starts = [bytes(divmod(pair, 256)) for pair in pairs]
+    if not any(two in _STARTS or two[0] in b" ;,\t" or max(two) > _MAX_ASCII for two in starts):
+        return False
+    return _ODD_LINE.search(chunk.decode(layout.encoding, "replace")) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class TextRow:
+    """A line of a text table: a sample, or a remark between samples."""
+
+    line: int
+    fields: list[str]
+    is_sample: bool = True
+    remark: str = ""  # empty for a blank line
+    word: str = ""  # for statistics or a label, with which the line begins
+
+
+def sort_rows(texts: Iterable[str], layout: Layout, line: int = 0) -> Iterator[TextRow]:
+    """Separate the samples from headers, statistics and remarks between them.
+
+    A word for statistics in consecutive rows is the label of these samples.
+    """
+    waiting: list[TextRow] = []  # from a row of statistics to the next row
+    before = ""
+    for number, text in enumerate(texts, start=line or layout.line):
+        row = _sort(text, layout, number)
+        if waiting and not row.is_sample:
+            waiting.append(row)
+            continue
+        if waiting:
+            first, *others = waiting
+            yield first if row.word == first.word else _as_statistics(first)
+            yield from others
+            waiting = []
+        if row.word and row.word != before:
+            waiting, before = [row], row.word
+            continue
+        before = row.word if row.is_sample else before
+        yield row
+    if waiting:
+        yield _as_statistics(waiting[0])
+        yield from waiting[1:]
+
+
+def _as_statistics(row: TextRow) -> TextRow:
+    remark = f"line {row.line} is left out, because it holds statistics: '{' '.join(row.fields)}'"
+    return replace(row, is_sample=False, remark=remark)
+
+
+def _sort(text: str, layout: Layout, line: int) -> TextRow:
+    text = text.strip("\r\n \ufeff")
+    if is_comment(text):
+        remark = text.lstrip("#%;/ ")
+        _refuse_other_header(header_fields(remark, delimiter_of(remark)), layout, line)
+        return TextRow(line, [], is_sample=False, remark=remark)
+    fields = layout.split(text)
+    held = [field for field in fields if field]
+    if not held:
+        return TextRow(line, fields, is_sample=False)
+    if re.match(r"[+-]?[.,]?\d", held[0]):
+        return TextRow(line, fields)
+    refuse_factors(f"{layout.path}: line {line}", held)
+    if not any(is_number(field) or is_mark(field) for field in held):
+        if _is_header(fields, layout):
+            remark = f"line {line} is left out, because it repeats the header"
+            return TextRow(line, fields, is_sample=False, remark=remark)
+        _refuse_other_header(fields, layout, line)
+    is_cut = len(held) < min(layout.width, len(layout.header))
+    is_text = re.match(r"[^\W\d]{2}", held[0]) is not None and not is_mark(held[0])
+    is_line = len(fields) == 1 and re.fullmatch(r"[-=_*~]{3,}", held[0]) is not None
+    if is_cut and (is_text or is_line):
+        remark = f"line {line} is left out, because it is not a sample: '{text[:60]}'"
+        return TextRow(line, fields, is_sample=False, remark=remark)
+    return TextRow(line, fields, word=held[0].lower() if is_statistics(held) else "")
+
+
+def is_statistics(held: Sequence[str]) -> bool:
+    """Whether the first filled field says that a row is a mean, an extreme or the like."""
+    return len(held[0]) < _MAX_WORD and _STATISTICS.fullmatch(held[0]) is not None
+
+
+def _is_header(fields: Sequence[str], layout: Layout) -> bool:
+    """Whether a row repeats the names of the columns, or their units."""
+    own = [
+        (" ".join(fields[column.position].split()), column)
+        for column in layout.table.columns
+        if column.position is not None and column.position < len(fields)
+    ]
+    is_units = any(column.unit for _, column in own) and all(
+        unit_text(field) == column.unit or field == column.unit for field, column in own
+    )
+    return is_units or all(field == column.name for field, column in own)
+
+
+def _refuse_other_header(fields: Sequence[str], layout: Layout, line: int) -> None:
+    """Refuse another header between the samples: what is below it has other columns or units."""
+    if len(fields) < 2 or _is_header(fields, layout):
+        return
+    headers = [parse_header(field) for field in fields if field]
+    known = [header for header in headers if header.quantity and header.unit]
+    has_names = len(known) > 1 and len(known) == len({header.text for header in known})
+    if has_names or (layout.units and all(find_unit(unit_text(field)) for field in fields)):
+        raise InputError(
+            f"{layout.path}: a second header in line {line} ('{', '.join(fields)[:60]}') differs "
+            "from the first; split the file there, so that each file has one header",
+            code="second-header",
+        )
+
+
+def refuse_factors(where: str, held: Sequence[str]) -> None:
+    """Refuse a row that holds the factors of the columns."""
+    is_marked = len(held) > 1 and all(FACTOR.fullmatch(field) for field in held)
+    if is_marked or (_FACTORS.fullmatch(held[0]) and len(held) > 1 and is_number(held[1])):
+        raise InputError(
+            f"{where}: '{held[0]}' begins a row of factors or offsets, which are not applied; apply "
+            'them to the numbers, or remove the line and state each factor: --scale "COLUMN=FACTOR"',
+            code="factor-row",
+        )
+
+
+class Thousands:
+    """Finds numbers such as 1,234 whose sign separates thousands, or may do so.
+
+    The sign separates thousands if it is not the decimal sign of the other numbers. It may do so if
+    its column has whole numbers of three digits and no other decimals.
+    """
+
+    def __init__(self, delimiter: str | None) -> None:
+        self.delimiter = delimiter
+        self.decimals: set[str] = set()
+        self.own_decimals: set[int] = set()
+        self.whole: set[int] = set()
+        self.grouped: dict[tuple[int, str], tuple[int, str]] = {}  # first of a column and sign
+
+    def may_occur(self, chunk: bytes) -> bool:
+        """Whether a piece of the file needs a look at each field."""
+        if self.delimiter == ",":
+            return _QUOTED.search(chunk) is not None
+        return (b"." in chunk and b"," in chunk) or _NOT_GROUPED.search(chunk) is None
+
+    def see(self, line: int, fields: Sequence[str]) -> None:
+        """Look at the fields of one row."""
+        for column, field in enumerate(fields):
+            if (match := _GROUPED.fullmatch(field)) and (
+                self.delimiter != "," or match["sign"] == ","
+            ):
+                self.grouped.setdefault((column, match["sign"]), (line, field))
+            elif match := _DECIMAL.fullmatch(field):
+                self.decimals.add(match["sign"])
+                self.own_decimals.add(column)
+            elif _WHOLE.fullmatch(field):
+                self.whole.add(column)
+
+    def refuse(self, path: object, columns: Sequence[int]) -> None:
+        """Refuse the first such number in some columns."""
+        for (column, sign), (line, field) in self.grouped.items():
+            is_other = bool(self.decimals) and sign not in self.decimals
+            is_doubtful = column in self.whole and column not in self.own_decimals
+            if column in columns and (is_other or is_doubtful):
+                raise InputError(
+                    f"{path}: line {line}: '{field}' may have a separator of thousands, because "
+                    "the other numbers are written differently; export the numbers without "
+                    "separators of thousands",
+                    code="thousands-separator",
+                )

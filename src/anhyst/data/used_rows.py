@@ -1,0 +1,123 @@
+"""The rows of a table that are used: selected, valid, and cut into blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.blocks import Breaks
+from anhyst.data.formats import OpenTable
+from anhyst.data.formats.channels import RawColumns, Texts
+from anhyst.data.path import are_measured, overrange_mark, refuse_missing
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import Header
+
+Rows = NDArray[np.intp]
+
+_MAX_HOLE = 0.05
+"""Part of a record that invalid samples may leave out in a row; a longer hole is remarked on."""
+
+
+@dataclass(frozen=True, slots=True)
+class UsedRows:
+    """The columns of a table that are read, at the rows that are used."""
+
+    table: OpenTable
+    headers: Sequence[Header]
+    raw: RawColumns
+    rows: Rows | None  # None: all
+
+    def where(self, row: int) -> str:
+        """Return the place of a used row."""
+        return self.table.where(row if self.rows is None else int(self.rows[row]))
+
+    def values(self, index: int) -> FloatArray:
+        """Return a column of numbers as it is in the table."""
+        column = self.raw.numbers[index]
+        return column if self.rows is None else column[self.rows]
+
+    def si(self, index: int | None) -> FloatArray | None:
+        """Return a column of numbers in SI units."""
+        return None if index is None else self.headers[index].to_si(self.values(index))
+
+    def texts(self, index: int) -> Texts:
+        """Return a column of texts."""
+        column = self.raw.texts[index]
+        return column if self.rows is None else Texts(column.values, column.codes[self.rows])
+
+    def at(self, rows: Rows) -> UsedRows:
+        """Return the same columns at some of the used rows."""
+        return replace(self, rows=rows if self.rows is None else self.rows[rows])
+
+    def breaks(self) -> Breaks:
+        """Return the first used row of each block of rows, and the remarks above it."""
+        if self.rows is None:
+            return self.raw.breaks
+        merged: dict[int, tuple[str, ...]] = {}
+        for row, texts in self.raw.breaks:
+            at = int(np.searchsorted(self.rows, row))
+            if at < self.rows.size:
+                merged[at] = (*merged.get(at, ()), *texts)
+        return sorted(merged.items())
+
+    def with_breaks(self, rows: Rows) -> UsedRows:
+        """Begin new blocks at some used rows."""
+        first = rows if self.rows is None else self.rows[rows]
+        known = self.raw.breaks or ((0, ()),)
+        breaks = sorted([*known, *((int(row), ()) for row in first)], key=lambda found: found[0])
+        return replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
+
+    def _refuse_mark(self, name: str, mark: float, is_mark: NDArray[np.bool_]) -> None:
+        raise InputError(
+            f"{self.where(int(np.argmax(is_mark)))}, column '{name}': {mark:.9g} looks like an "
+            f"overrange mark, because it is far outside all other values, as in "
+            f"{np.count_nonzero(is_mark)} of {is_mark.size} samples; leave them out: --drop invalid",
+            code="overrange-mark",
+            key=name,
+        )
+
+    def with_valid(self, drop: str | None, signals: Collection[int]) -> tuple[UsedRows, list[str]]:
+        """Leave out rows without a measured value, with a note; refuse them if nobody asks for it."""
+        held = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
+        main = [self.headers[index].text for index in signals]
+        marks = []
+        for name in tuple(held):
+            while (mark := overrange_mark(held[name], is_output=name == main[-1])) is not None:
+                is_mark = held[name] == mark
+                if drop is None:
+                    self._refuse_mark(name, mark, is_mark)
+                held[name] = np.where(is_mark, np.nan, held[name])
+                count = int(np.count_nonzero(is_mark))
+                marks.append(f"column '{name}': {mark:.9g} is an overrange mark, {count} times")
+        if drop is None:
+            sparse = [
+                name
+                for name, values in held.items()
+                if 2 * np.count_nonzero(are_measured(values)) < values.size
+            ]
+            remedy = "leave them out: --drop invalid"
+            if sparse:  # merged cells, values in the first row only, or formulas without results
+                remedy = f"write a value of '{sparse[0]}' into every row"
+            refuse_missing(self.where, list(held.items()), remedy)
+            return self, []
+        is_good = {name: are_measured(values) for name, values in held.items()}
+        is_valid = np.logical_and.reduce(list(is_good.values()))
+        valid = np.flatnonzero(is_valid)
+        if valid.size == is_valid.size:
+            return self, []
+        names = " and ".join(f"'{name}'" for name, good in is_good.items() if not good.all())
+        holes = np.diff(np.concatenate(([-1], valid, [is_valid.size]))) - 1
+        note = (
+            f"{is_valid.size - valid.size} of {is_valid.size} samples left out as invalid in "
+            f"{names}, at most {int(holes.max())} in a row"
+        )
+        if valid.size == 0:
+            raise InputError(f"{self.table.source_name}: {note}; none remains", code="no-data")
+        if holes.max() > _MAX_HOLE * is_valid.size:
+            note += "; the history after such a hole is not known"
+        are_empty = ~np.logical_or.reduce([is_good[name] for name in main])
+        return self.with_breaks(np.flatnonzero(are_empty)).at(valid), [note, *marks]
