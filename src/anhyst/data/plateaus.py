@@ -6,6 +6,7 @@ samples between two rests belong to no loop. A gap that moves during the loops h
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -87,6 +88,11 @@ def _find_exact_rests(values: FloatArray, drive: FloatArray) -> list[_Rest]:
     runs = [slice(int(bounds[index]), int(bounds[index + 1])) for index in long]
     rests = [_Rest(rows, float(values[rows.start]), 0.0) for rows in runs]
     rests = [rest for rest in rests if has_loop(drive, rest.rows)]
+    for first, second in itertools.pairwise(rests):
+        between = values[first.rows.stop : second.rows.start]
+        low, high = sorted((first.mean, second.mean))
+        if between.size and (between.min() < low or between.max() > high or low == high):
+            return []  # a wrong value, and not a way from one gap to the next
     return rests if len(rests) > 1 else []
 
 
