@@ -241,7 +241,7 @@ def test_a_gap_that_comes_again_must_be_reported_apart(tmp_path: Path) -> None:
 
 
 def test_a_counter_of_rows_is_no_label_of_loops(tmp_path: Path) -> None:
-    lines = [[str(place), *row[1:3]] for place, row in enumerate(rows() * 60)]
+    lines = [[str(place), *row[1:3]] for place, row in enumerate(rows(GAPS[:1]) * 240)]
     message = identify(write(tmp_path, table(lines, "loop,I_A,F_N")))
     assert says(message, "too-many-loops loop: loops.csv; 2000")
     reported = ["--columns", "loop=", "--clean", "none", "--history", "settled"]

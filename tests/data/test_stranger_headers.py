@@ -152,6 +152,13 @@ def test_ramp_between_gaps_is_left_out(tmp_path: Path, ramp: int, scatter: float
     assert any("samples between them left out" in note for note in loops.notes)
 
 
+def test_wrong_gap_is_not_left_out_as_a_ramp(tmp_path: Path) -> None:
+    columns = steps(0.4, 0.6, 0.9)
+    columns[3][20] = -0.4
+    with refused("negative-gap gap_m: -0.0004 m"):
+        read_loops(write(tmp_path / "a.csv", "t_s;I_A;F_N;gap_mm", *columns))
+
+
 def test_gap_that_returns_is_a_loop_of_its_own(tmp_path: Path) -> None:
     path = write(tmp_path / "a.csv", "t_s;I_A;F_N;gap_mm", *steps(0.4, 0.6, 0.4))
     assert [loop.schedule_value for loop in read_loops(path).loops] == [4e-4, 6e-4, 4e-4]

@@ -63,6 +63,8 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
     if len(set(levels)) == 1 and quantity != QUANTITIES["gap"]:
         return None  # one temperature with noise says nothing
     owner = _assign(values, rests)
+    if all(rest.sigma == 0.0 for rest in rests) and not _are_ramps(values, owner):
+        return None
     rows = np.flatnonzero(owner >= 0)
     if rows.size < (1.0 - _MAX_LOST) * values.size and not _is_still_between(drive, owner):
         return None
@@ -88,6 +90,19 @@ def _find_exact_rests(values: FloatArray, drive: FloatArray) -> list[_Rest]:
     rests = [_Rest(rows, float(values[rows.start]), 0.0) for rows in runs]
     rests = [rest for rest in rests if has_loop(drive, rest.rows)]
     return rests if len(rests) > 1 else []
+
+
+def _are_ramps(values: FloatArray, owner: NDArray[np.intp]) -> bool:
+    """Whether all that is left out lies between two gaps, and is not a wrong value at one of them."""
+    labels, _ = label(owner < 0)
+    for (rows,) in find_objects(labels):
+        if rows.start == 0 or rows.stop == values.size:
+            return False
+        low, high = sorted((values[rows.start - 1], values[rows.stop]))
+        between = values[rows]
+        if low == high or between.min() < low or between.max() > high:
+            return False
+    return True
 
 
 def _is_still_between(drive: FloatArray, owner: NDArray[np.intp]) -> bool:
