@@ -67,12 +67,19 @@ def _without_doubtful_words(headers: list[Header]) -> list[Header]:
     for header in headers:
         is_rivalled = header.unit is not None and header.unit.dimension in rivals
         if header.is_by_word and is_rivalled and header.quantity in _PAIRED:
-            name = split_header(header.text)[0]
-            free = Quantity(name, name, header.quantity.unit)
-            checked.append(replace(header, name=name, quantity=free, is_by_word=False))
+            checked.append(without_word(header))
         else:
             checked.append(header)
     return checked
+
+
+def without_word(header: Header) -> Header:
+    """Return a header whose name counts as it is, even if it is a word for a quantity."""
+    if not header.is_by_word or header.quantity is None:
+        return header
+    name = split_header(header.text)[0]
+    free = Quantity(name, name, header.quantity.unit)
+    return replace(header, name=name, quantity=free, is_by_word=False)
 
 
 def _find(table: OpenTable, name: str, what: str) -> int:

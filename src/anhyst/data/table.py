@@ -21,7 +21,7 @@ from anhyst.data.formats.channels import (
     need_package,
 )
 from anhyst.data.formats.text import shown
-from anhyst.data.headers import map_headers
+from anhyst.data.headers import map_headers, without_word
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import refuse_missing, time_fault
 from anhyst.data.proposals import likely, map_one, mapping
@@ -143,10 +143,17 @@ def read_columns(
     progress: Progress | None = None,
     scale: Mapping[str, float | str] | None = None,
     flip: Collection[str] | None = None,
+    *,
+    has_own_names: bool = False,
 ) -> DataTable:
-    """Read every column of a file or a data frame, such as a drive or a demand."""
+    """Read every column of a file or a data frame, such as a drive or a demand.
+
+    The columns of a recording have our own names, which are no words for quantities.
+    """
     opened = table_of(path) if is_frame(path) else open_table(path, least=1)
     headers = map_headers(opened, columns or {}, scale, flip or ())
+    if has_own_names:
+        headers = tuple(map(without_word, headers))
     (first,) = opened.first_rows(1)
     known = {index for index, header in enumerate(headers) if header.is_known}
     texts = {

@@ -105,11 +105,11 @@ def far_outside(
 
 
 def likely_unit(quantity: Quantity, times: float) -> str:
-    """Name the decimal part of the SI unit that is smaller by about this factor; empty if none is."""
+    """Name the thousandth or millionth of the SI unit that fits a factor; empty if none does."""
     dimension = DIMENSIONS.get(quantity.name, quantity.name)
     parts = (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02)
     nearest = min(
-        (unit for unit in parts if math.log10(unit.scale) == round(math.log10(unit.scale))),
+        (unit for unit in parts if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
         key=lambda unit: abs(math.log(unit.scale * times)),
         default=None,
     )

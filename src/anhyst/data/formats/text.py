@@ -423,14 +423,15 @@ class _Reader:
         if len(fields) != width:
             path, count = self.layout.path, len(fields)
             has = f"{count} field{'s' if count != 1 else ''}"
-            remedy = "complete or remove the line"
+            advice = ""
             if self.layout.delimiter == "," and width < count <= 2 * width:
-                remedy = (
+                advice = (
                     "if the decimal sign is a comma as well, export with semicolons between the "
-                    f"columns; else {remedy}"
+                    "columns; else "
                 )
             raise InputError(
-                f"{path}: line {number}: has {has} where the header names {width} columns; {remedy}",
+                f"{path}: line {number}: has {has} where the header names {width} columns; "
+                f"{advice}complete or remove the line",
                 code="fields-missing",
             )
         return fields

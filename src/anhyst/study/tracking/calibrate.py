@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.data.headers import without_word
 from anhyst.data.table import read_columns
 from anhyst.model.actuator import has_layers
 from anhyst.rig.body import BodyRig, read_bearing
@@ -80,10 +81,10 @@ def _beside(rig: BodyRig) -> tuple[str, ...]:
 
 def _read(rig: BodyRig, path: PathLike) -> dict[str, FloatArray]:
     """Read the columns that are needed of a file, SI."""
-    table = read_columns(path)
+    table = read_columns(path, has_own_names=True)
     columns = {}
     for name in (*needed(rig), *_beside(rig)):
-        wanted = parse_header(name).quantity
+        wanted = without_word(parse_header(name)).quantity
         assert wanted is not None
         values = table.get(wanted.name)
         if values is None:
