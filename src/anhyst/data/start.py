@@ -47,6 +47,11 @@ class _Rises:
     height: float
 
     @property
+    def clearness(self) -> float:
+        """Difference in standard errors; zero if an output without noise or change shows none."""
+        return self.apart / self.error if self.error > 0.0 else 0.0
+
+    @property
     def verdict(self) -> Literal["virgin", "settled", "unsure"]:
         """Verdict on the first rise; none where the noise hides it."""
         if self.apart > max(_SURE * self.error, _ALIKE * self.height):
@@ -105,13 +110,13 @@ def _all_virgin(seen: Sequence[list[_Rises]]) -> bool:
     whole = [parts[-1] for parts in seen]
     if not whole or any(_clearest(parts).verdict == "settled" for parts in seen):
         return False
-    apart = sum(rises.apart / rises.error for rises in whole) / len(whole) ** 0.5
-    share = sum(rises.apart for rises in whole) / sum(abs(rises.height) for rises in whole)
-    return apart > _SURE and share > _ALIKE
+    apart = sum(rises.clearness for rises in whole) / len(whole) ** 0.5
+    heights = sum(abs(rises.height) for rises in whole)
+    return apart > _SURE and sum(rises.apart for rises in whole) > _ALIKE * heights
 
 
 def _clearest(parts: list[_Rises]) -> _Rises:
-    return max(parts, key=lambda rises: (rises.verdict == "virgin", rises.apart / rises.error))
+    return max(parts, key=lambda rises: (rises.verdict == "virgin", rises.clearness))
 
 
 def _propose(loop: Loop, parts: list[_Rises], alike: bool, *, even: bool) -> Proposal:
