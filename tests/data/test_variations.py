@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 from collections import Counter
@@ -108,11 +107,5 @@ def test_drawn_files_are_read_right_or_refused(tmp_path: Path, half: str) -> Non
     seeds = range(half == "odd", COUNT, 2)
     found = {seed: outcome(draw(seed), tmp_path / str(seed)) for seed in seeds}
     counts = Counter(kind for kind, _ in found.values())
-    if os.environ.get("ANHYST_SHOW_VARIATIONS"):
-        for seed, (kind, said) in found.items():
-            print(
-                seed, kind, draw(seed).gaps, draw(seed).trouble.name, draw(seed).header, said[:300]
-            )
-        print(counts)
     assert [f"{seed}: {said}" for seed, (kind, said) in found.items() if kind == "wrong"] == []
     assert 2 * (counts["read"] + counts["proposed"]) >= MIN_READ
