@@ -206,8 +206,10 @@ static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f
         fill(storage[piece + 2 * (int64_t)row * cells->pieces].c, &ends[0][row], &ends[1][row],
              to - from, turn);
         *steep = ends[0][row].f1 > *steep ? ends[0][row].f1 : *steep;
+        if (row == 0 && ends[0][row].f1 > *free) {
+          *free = ends[0][row].f1;
+        }
       }
-      *free = ends[0][0].f1 > *free ? ends[0][0].f1 : *free;
       memcpy(ends[0], ends[1], sizeof ends[0]);
       from = to;
       piece++;
