@@ -204,10 +204,10 @@ def _may_be_table(path: Path) -> bool:
     if path.suffix.lower() != ".txt":
         return True
     try:
-        open_table(path)
+        rows = open_table(path).first_rows(SHORTEST)
     except InputError as error:
-        return error.code not in {"single-column", "no-table", "empty-file"}
-    return True
+        return error.code not in {"single-column", "no-table", "no-data", "empty-file"}
+    return any(is_value(field) for row in rows for field in row)
 
 
 def _left_out(paths: PathLike | Sequence[PathLike], files: Sequence[Path]) -> tuple[str, ...]:
