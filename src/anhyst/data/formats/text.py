@@ -424,7 +424,7 @@ class _Reader:
             path, count = self.layout.path, len(fields)
             has = f"{count} field{'s' if count != 1 else ''}"
             remedy = "complete or remove the line"
-            if self.layout.delimiter == "," and width < count <= 2 * width:
+            if self.layout.delimiter == "," and count > width and not any("." in f for f in fields):
                 remedy = (
                     "if the decimal sign is a comma as well, export with semicolons between the "
                     f"columns; else {remedy}"
