@@ -22,7 +22,7 @@ from anhyst.data import Loop, Loops
 from anhyst.data.path import History
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.identification.creeping import moved
+from anhyst.identification.cell_problem import moved
 from anhyst.model.writer import write_model
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.study.piezo import measure, reference, track
@@ -101,7 +101,7 @@ def _single_valued(own: Loop) -> Inverse:
 def _classic(own: Loop) -> Inverse:
     """Return plays with weights, at once and odd, turned round in closed form."""
     thresholds = np.concatenate([[0.0], np.linspace(0.05, 0.5, 12) * np.ptp(own.input)])
-    places = moved(own.input, thresholds, np.zeros(thresholds.size))[START:]
+    places = moved(own.input[None], thresholds, np.zeros((1, thresholds.size)))[START:, 0]
     ends = np.ones((places.shape[0], 1))
     weights, _ = nnls(np.hstack([places, ends, -ends]), own.output[START:] * 1e6, maxiter=10000)
     offset, weights = weights[-2] - weights[-1], weights[:-2]
@@ -110,7 +110,8 @@ def _classic(own: Loop) -> Inverse:
     back = np.concatenate([[1.0 / weights[0]], -weights[1:] / (rising[1:] * rising[:-1])])
 
     def inverse(whole: Loop) -> FloatArray:
-        asked = moved(1e6 * whole.output - offset, turned, np.zeros(turned.size))
+        wanted = 1e6 * whole.output[None] - offset
+        asked = moved(wanted, turned, np.zeros((1, turned.size)))[:, 0]
         return np.asarray(asked @ back)
 
     return inverse

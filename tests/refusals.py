@@ -18,6 +18,7 @@ import pytest
 from pydantic_core.core_schema import ErrorType
 
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.wording import command_line
 
 MESSAGES = Path(__file__).with_name("messages.toml")
 
@@ -31,9 +32,11 @@ def refused(
         yield caught
     code, key, held = _parts(what)
     found = caught.value
+    with command_line():
+        text = str(found)
     assert (found.code, found.key if key else "") == (code, key), f"{found.key}: {found}"
-    assert [part for part in held if part not in str(found)] == [], found
-    assert "\n" not in str(found)
+    assert [part for part in held if part not in text] == [], text
+    assert "\n" not in text
 
 
 def says(said: str, what: str) -> bool:

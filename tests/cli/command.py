@@ -133,6 +133,11 @@ def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:
     )
 
 
+def unwrapped(text: str) -> str:
+    """Return printed sentences without the line breaks of a narrow terminal."""
+    return re.sub(r"\n {4,}", " ", text)
+
+
 def contents(folder: Path) -> dict[str, bytes | None]:
     """Everything in a folder, hidden files included; None for folders and pipes."""
     return {

@@ -56,7 +56,7 @@ def run(folder: Path, content: str, *options: object, verb: str = "predict") -> 
             id="text in a number",
         ),
         pytest.param(
-            "I_A,gap_mm\n0,0.3\n1,NaN\n", "text-in-numbers gap_mm: drive.csv; line 3", id="NaN"
+            "I_A,gap_mm\n0,0.3\n1,NaN\n", "not-finite gap_mm: drive.csv; line 3", id="NaN"
         ),
         pytest.param(
             "I_A,I_mA,gap_m\n0,0,3e-4\n1,0,3e-4\n",
@@ -65,7 +65,7 @@ def run(folder: Path, content: str, *options: object, verb: str = "predict") -> 
         ),
         pytest.param(
             "I_A,gap_m\n0,3e-4\n1e300,3e-4\n",
-            "sample-refused: drive.csv; line 3; 1e+300",
+            "not-finite I_A: drive.csv; line 3",
             id="beyond the tables",
         ),
         pytest.param("", "empty-file: drive.csv", id="empty"),

@@ -84,7 +84,7 @@ def test_files_that_are_not_there(folder: Path) -> None:
             id="beyond the reachable force",
         ),
         pytest.param("0,10\n1,-5\n", "out-of-range: sample 1", id="below zero"),
-        pytest.param("0,10\n1,nan\n", "text-in-numbers F_N: line 3", id="NaN"),
+        pytest.param("0,10\n1,nan\n", "not-finite F_N: line 3", id="NaN"),
         pytest.param("0,10\n1,20\n0.5,10\n", "time-backwards: line 4", id="time"),
         pytest.param("0,10\n500,20\n", "too-long: 500 s; 120 s", id="long"),
         pytest.param("0,10\n", "too-long: 120 s", id="one sample"),

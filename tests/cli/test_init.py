@@ -15,7 +15,7 @@ from anhyst.rig.bearing.loop import check_controller
 from anhyst.rig.body import read_bearing
 from tests.refusals import says
 
-from .command import contents, quick, refused
+from .command import contents, quick, refused, unwrapped
 from .test_places import permissions_count
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -80,8 +80,8 @@ def test_what_is_given_is_no_guess_and_the_rest_is_marked_as_one(tmp_path: Path)
 
 def test_what_was_guessed_and_what_to_run_is_said(tmp_path: Path) -> None:
     result = quick("init", BEARING, "--mass", 5, "--out", "my", cwd=tmp_path)
-    assert "--load 49.1: the weight of the mass" in result.stdout
-    assert "--gap 0.00045: the middle of the measured gaps" in result.stdout
+    assert "--load 49.1: the weight of the mass" in unwrapped(result.stdout)
+    assert "--gap 0.00045: the middle of the measured gaps" in unwrapped(result.stdout)
     assert "--mass" not in result.stdout
     assert "anhyst simulate my/rig.toml --out my/run.csv" in result.stdout
     assert "anhyst tune my/rig.toml --out my/tuned" in result.stdout
@@ -209,7 +209,7 @@ def test_a_place_that_cannot_be_written_is_said_and_nothing_is_left(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    "name", ["bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage"]
+    "name", ["bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels"]
 )
 def test_an_example_is_copied_as_it_is(tmp_path: Path, name: str) -> None:
     result = quick("init", "--example", name, "--out", "my", cwd=tmp_path)
@@ -217,7 +217,8 @@ def test_an_example_is_copied_as_it_is(tmp_path: Path, name: str) -> None:
     for place, content in contents(tmp_path / "my").items():
         if content is not None:
             assert content == (EXAMPLES / name / place).read_bytes()
-    assert (tmp_path / "my" / "loops.csv").is_file()
+    has_licence = (EXAMPLES / name / "LICENSE").is_file()
+    assert has_licence == (tmp_path / "my" / "LICENSE").is_file()
     command = result.stdout.splitlines()[-1].split()
     assert command[0] == "anhyst"
     assert (tmp_path / command[2]).is_file()
@@ -225,5 +226,5 @@ def test_an_example_is_copied_as_it_is(tmp_path: Path, name: str) -> None:
 
 def test_an_unknown_example_is_refused_with_those_there_are(tmp_path: Path) -> None:
     message = refused("init", "--example", "motor", "--out", "my", cwd=tmp_path)
-    known = "bearing, electromagnet, magnetostrictive, piezo, solenoid, stage"
+    known = "bearing, electromagnet, magnetostrictive, piezo, solenoid, stage, steels"
     assert says(message, f"unknown-example: {known}")

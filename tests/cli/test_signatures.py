@@ -14,18 +14,22 @@ from anhyst.cli.app import app
 
 VERBS: dict[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
 
-READING = frozenset({"columns", "sidecar", "schedule", "loop", "constants", "history"})
+READING = frozenset(
+    {"columns", "sidecar", "schedule", "loop", "constants", "history", "scale", "flip", "drop"}
+)
 """How files are read: of `read_loops`, where a function takes loops."""
 
 OWN = {
     "excite": {"calibrate"},  # another function's: excite_to_calibrate
-    "identify": {"out", "clean", *READING},  # its result has save, loops are cleaned before
+    "identify": {"out", "clean", *READING},  # its result has save; the others go to read_loops
     "inspect": {"plot", "clean", *READING},  # its result has plot
+    "predict": {"out"},  # without it nothing is written, and the result holds the columns
+    "invert": {"out"},
     "simulate": {"out"},  # without it nothing is written, and the result has save
 }
-"""What is the command line's alone, besides ``--json``."""
+"""What is the command line's alone, besides ``--json`` and ``--verbose``."""
 
-FLAGS = {"as_json": "--json", "as_": "--as", "known": "--rig"}
+FLAGS = {"as_json": "--json", "_verbose": "--verbose", "as_": "--as", "known": "--rig"}
 """Options whose names are no names of Python, or another argument's."""
 
 
@@ -42,10 +46,14 @@ def options_of(verb: str) -> dict[str, Any]:
 def test_a_verb_is_a_function_with_the_same_names_and_defaults(verb: str) -> None:
     function = getattr(anhyst, verb.replace("-", "_"))
     takes = {name: one.default for name, one in inspect.signature(function).parameters.items()}
-    own = {"as_json", *OWN.get(verb, ())}
+    own = {"as_json", "_verbose", *OWN.get(verb, ())}
     wanted = {name: value for name, value in options_of(verb).items() if name not in own}
     assert {name: takes.get(name, "missing") for name in wanted} == wanted
-    required = {name for name, default in takes.items() if default is inspect.Parameter.empty}
+    required = {
+        name
+        for name, one in inspect.signature(function).parameters.items()
+        if one.default is inspect.Parameter.empty and one.kind is not one.VAR_KEYWORD
+    }
     assert required <= wanted.keys()
 
 

@@ -19,7 +19,7 @@ from tests.refusals import says
 from tests.study import bearings
 from tests.study.stages import recorded, setup, training
 
-from .command import quick, refused
+from .command import quick, refused, unwrapped
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "stage"
 SECOND = re.findall(
@@ -97,7 +97,7 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     (folder / "out").mkdir()
     done = quick("simulate", "rig.toml", "--out", "out/run.csv", cwd=folder)
     assert done.returncode == 0, done.stderr
-    assert "against 'single-valued': Worth it" in done.stdout
+    assert "against 'single-valued': Worth it" in unwrapped(done.stdout)
     head = (folder / "out" / "run.csv").read_text().splitlines()[0].split(",")
     assert {"t_s", "reference_m", "position_m", "error_m", "force_N"} <= set(head)
     figures = json.loads((folder / "out" / "figures.json").read_text())
@@ -127,7 +127,7 @@ def test_calibrate_ends_with_1_and_writes_nothing_where_nothing_is_learnt(
 @pytest.mark.slow
 def test_calibrate_says_what_was_learnt_and_writes_what_a_rig_file_can_name(folder: Path) -> None:
     recorded().save(folder / "run.csv")
-    command = ("calibrate", "rig.toml", "run.csv", "--out", "calibration.toml")
+    command = ("calibrate", "rig.toml", "run.csv", "--out", "calibration.toml", "--verbose")
     done = quick(*command, cwd=folder)
     assert done.returncode == 0, done.stderr
     for text in ("full", "scale_1", "trusted: mass of 10 kg", "frozen", "calibration.toml"):

@@ -50,7 +50,7 @@ def folder(tmp_path: Path) -> Path:
 def test_current_goes_to_force_and_back(folder: Path) -> None:
     there = quick("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
     assert (there.returncode, there.stderr) == (0, "")
-    assert there.stdout.startswith("force.csv: 59 rows, one run demagnetised\nF_N: ")
+    assert there.stdout.startswith("force.csv: 59 rows, 1 run demagnetised\nF_N: ")
     rows = [line.split(",") for line in (folder / "force.csv").read_text().split()]
     assert rows[0] == ["I_A", "gap_mm", "F_N", "valid"]
     demand = "\n".join(",".join([row[1], row[2]]) for row in rows)
@@ -82,7 +82,7 @@ def test_samples_outside_the_valid_range_are_warned_of(folder: Path) -> None:
     result = quick("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
     assert result.returncode == 0
     assert result.stderr.startswith("anhyst: warning: 1 of 59 rows lie outside the valid range")
-    assert "1 rows lie outside" in result.stdout
+    assert "1 row lies outside" in result.stdout
 
 
 def test_a_demand_that_settles_nowhere_is_a_negative_result(folder: Path) -> None:

@@ -17,7 +17,7 @@ from anhyst.support.units import QUANTITIES
 from tests.data.test_dynamics import play
 from tests.refusals import says
 
-from .command import quick
+from .command import quick, unwrapped
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -48,7 +48,7 @@ def test_resonance_is_named_and_its_model_rejected(cases: Path, tmp_path: Path) 
     sentence = "the output resonates near 35 Hz; measure more slowly"
     looked = quick("inspect", cases / "resonance.csv", cwd=tmp_path)
     assert looked.returncode == 0
-    assert sentence in looked.stdout
+    assert sentence in unwrapped(looked.stdout)
     assert "worth it:" not in looked.stdout
     found = quick("identify", cases / "resonance.csv", "-o", "model.toml", cwd=tmp_path)
     assert found.returncode == 1

@@ -12,7 +12,7 @@
 #define WIDTHS 3
 
 typedef struct {
-  double threshold[CELLS], width[WIDTHS], weight[CELLS * WIDTHS];
+  double threshold[CELLS], width[WIDTHS], weight[CELLS * WIDTHS], centre[WIDTHS];
   anhyst_cell_weights_f64 weights;
   anhyst_cells_f64 cells;
   anhyst_cell_piece_f64 *rows;
@@ -41,9 +41,22 @@ static void draw(uint64_t *seed, anhyst_shape shape, sample *s)
     const int some = i == 0 || random_bits(seed) % 3 == 0;
     s->weight[i] = some ? 1e4 * log_uniform(seed, 0.01, 1.0) : 0.0;
   }
-  const anhyst_cell_weights_f64 w = {CELLS, WIDTHS, s->threshold, s->width, s->weight, shape};
+  /* Half of the samples have centres: of all curves but the first. */
+  const int has_centres = (int)(random_bits(seed) % 2);
+  for (int j = 0; j < WIDTHS; j++) {
+    s->centre[j] = j > 0 && has_centres ? scale * log_uniform(seed, 0.1, 2.0) : 0.0;
+  }
+  const anhyst_cell_weights_f64 w = {CELLS,     WIDTHS, s->threshold, s->width,
+                                     s->weight, shape,  s->centre};
   s->weights = w;
   build(s);
+}
+
+static double curve(anhyst_shape shape, double z)
+{
+  return shape == ANHYST_SHAPE_TANH ? tanh(z)
+         : fabs(z) < 1e-2           ? z / 3.0 - z * z * z / 45.0 + z * z * z * z * z * 2.0 / 945.0
+                                    : 1.0 / tanh(z) - 1.0 / z;
 }
 
 /* Magnetisation of x, p_1..p_n by direct sums. */
@@ -51,12 +64,12 @@ static double direct(const sample *s, const double *numbers)
 {
   double sum = 0.0;
   for (int i = 0; i < CELLS * WIDTHS; i++) {
-    const double z = numbers[i / WIDTHS] / s->width[i % WIDTHS];
-    const double curve = s->weights.shape == ANHYST_SHAPE_TANH ? tanh(z)
-                         : fabs(z) < 1e-2
-                             ? z / 3.0 - z * z * z / 45.0 + z * z * z * z * z * 2.0 / 945.0
-                             : 1.0 / tanh(z) - 1.0 / z;
-    sum += s->weight[i] * curve;
+    const double place = numbers[i / WIDTHS];
+    const double centre = s->centre[i % WIDTHS];
+    const double width = s->width[i % WIDTHS];
+    sum += 0.5 * s->weight[i] *
+           (curve(s->weights.shape, (place - centre) / width) +
+            curve(s->weights.shape, (place + centre) / width));
   }
   return sum;
 }
@@ -235,12 +248,14 @@ static void weights_out_of_range_are_refused(void)
   sample s;
   size_t pieces;
   draw(&seed, ANHYST_SHAPE_TANH, &s);
-  double *const places[] = {&s.threshold[0], &s.threshold[5], &s.width[1], &s.weight[4]};
+  double *const places[] = {&s.threshold[0], &s.threshold[5], &s.width[1], &s.weight[4],
+                            &s.centre[1]};
   const double bad[][3] = {{1.0, -1.0, (double)NAN},
                            {0.0, (double)NAN, (double)INFINITY},
                            {0.0, -1.0, (double)NAN},
+                           {-1.0, (double)NAN, (double)INFINITY},
                            {-1.0, (double)NAN, (double)INFINITY}};
-  for (int i = 0; i < 4; i++) {
+  for (int i = 0; i < 5; i++) {
     const double good = *places[i];
     for (int j = 0; j < 3; j++) {
       *places[i] = bad[i][j];

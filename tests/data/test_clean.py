@@ -178,7 +178,7 @@ def test_thinning_keeps_reversals_and_the_path() -> None:
     thinned = thin(loops, 600)
     loop = thinned.loops[0]
     assert 300 < loop.n <= 600
-    assert thinned.repairs[0].startswith("thin: 1 loops averaged to 600 samples")
+    assert thinned.repairs[0].startswith("thin: 1 loop averaged to 600 samples")
     turns = turning_points(field, 1.0)
     assert np.isin(field[turns], loop.input).all()
     assert loop.reverses

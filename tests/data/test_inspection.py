@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 
 from anhyst.data import History, Loop, Loops
 from anhyst.data.inspection import inspect, plot_inspection
+from anhyst.data.reading import read_loops
 from anhyst.data.start import propose_histories
 from anhyst.data.verdict import WHERE_IT_PAYS, closings, judge, monotone_fit
 from anhyst.support.numeric import FloatArray
@@ -248,3 +250,22 @@ def test_where_small_loops_close_is_found_and_how_far_they_are_off() -> None:
             measured = one.measured(loop, drive**2)
             assert measured is not None
             assert abs(measured[0] - expected) < 4.0 * measured[1] < 0.08
+
+
+@pytest.mark.parametrize(("limit", "is_clipped"), [(60.0, True), (1e9, False)])
+def test_clipped_output_is_named(limit: float, is_clipped: bool) -> None:
+    current = 1.5 - 1.5 * np.cos(np.linspace(0.0, 4.0 * np.pi, 801))
+    force = np.minimum(12.0 * current**2, limit)
+    loop = Loop("1", current, force, None, None, History("settled"))
+    warnings = inspect(Loops((loop,), QUANTITIES["current"], QUANTITIES["force"])).warnings
+    assert any("the force stays at 60 N" in text for text in warnings) == is_clipped
+
+
+def test_record_without_hysteresis_is_judged(tmp_path: Path) -> None:
+    """Repeated cycles without noise or loop have no scatter to divide by."""
+    path = tmp_path / "line.csv"
+    ramp = np.r_[np.linspace(0, 3, 60), np.linspace(3, 0, 60)[1:]]
+    current = np.r_[ramp, ramp[1:]]
+    rows = [f"{i / 100},{value:.6f},{20 * value:.6f},0.5" for i, value in enumerate(current)]
+    path.write_text("\n".join(["t_s,I_A,F_N,gap_mm", *rows]) + "\n")
+    assert inspect(read_loops(path)).verdict.level == "no"

@@ -117,7 +117,12 @@ def test_invalid_samples_are_left_out_and_counted(tmp_path: Path, mark: str) -> 
         (["airgap-1.2mm_run3", "airgap-0.4mm_run4"], [1.2, 0.4]),
         (["core_20mm_entrefer_0.3mm", "core_20mm_entrefer_0.4mm"], [0.3, 0.4]),
         (["luchtspleet 10mil", "luchtspleet 20mil"], [0.254, 0.508]),
-        (["gap_0.5mm", "gap_0.5mm_b"], []),  # nothing differs
+        (["gap_0.5mm", "gap_0.5mm_b"], [0.5, 0.5]),
+        (["Luftspalt 0,8mm"], [0.8]),
+        (["run_0.5mm"], []),  # no word, and nothing to compare with
+        (["cable_500mm", "cable_1000mm"], []),
+        (["EM12mm_20C", "EM15mm_20C"], []),
+        (["0.5mm_coil", "0.8mm_magnet"], []),
         (["gap_0.5mm", "other"], []),
         (["run1", "run2"], []),
         (["2024-05-11", "2024-05-12"], []),
@@ -135,11 +140,15 @@ def test_gaps_of_names(names: list[str], gaps: list[float]) -> None:
 
 
 def test_gap_column_goes_before_names(tmp_path: Path) -> None:
-    for number, gap in enumerate((3e-4, 4e-4)):
+    for number, gap in enumerate((3.1e-4, 4.2e-4)):
         current = cycles()
         columns = current, force_of(current, gap), np.full_like(current, gap)
-        write(tmp_path / f"gap_{number + 1}mm.csv", "I_A,F_N,gap_m", *columns)
-    assert read_loops(tmp_path).schedule_values == (3e-4, 4e-4)
+        write(tmp_path / f"gap_0.{number + 3}mm.csv", "I_A,F_N,gap_m", *columns)
+    assert read_loops(tmp_path).schedule_values == (3.1e-4, 4.2e-4)
+    (tmp_path / "gap_0.3mm.csv").rename(tmp_path / "gap_0.6mm.csv")
+    with refused("gap-contradiction gap: 0.6 mm; 0.31 mm; --schedule gap"):
+        read_loops(tmp_path)
+    assert read_loops(tmp_path, schedule="gap").schedule_values == (3.1e-4, 4.2e-4)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import pytest
 from anhyst.data.clean import ReadOptions
 from anhyst.data.loops import Loops
 from anhyst.support.errors import InputError
+from anhyst.support.wording import command_line
 
 PLACEHOLDER = re.compile(r"\w+_PER_\w+")
 MAX_QUESTIONS = 5
@@ -70,6 +71,12 @@ class Bench:
 TABLES = (TIMES, CURRENTS, FORCES)
 
 
+def in_commands(error: InputError) -> str:
+    """Return a message as the command line prints it."""
+    with command_line():
+        return str(error)
+
+
 def bench_of(seed: int) -> Bench:
     """Draw headers, an order of the columns, and a record."""
     draw = np.random.default_rng(seed)
@@ -101,7 +108,7 @@ def follow(bench: Bench, path: Path) -> Loops | None:
         try:
             return ReadOptions.from_text(**given, clean="none").read([path])
         except InputError as error:
-            text = str(error)
+            text = in_commands(error)
         assert text not in asked, f"asked twice: {text}"
         asked.append(text)
         proposed = options_in(text)
@@ -136,16 +143,16 @@ def test_two_columns_in_the_missing_unit_are_a_choice(tmp_path: Path) -> None:
     path.write_text("Strom [A],Fx [N],Fz [N]\n" + "0,1,2\n1,2,3\n" * 20)
     with pytest.raises(InputError) as caught:
         ReadOptions().read([path])
-    assert '--columns "Fx [N]=F_N" or --columns "Fz [N]=F_N"' in str(caught.value)
+    assert '--columns "Fx [N]=F_N" or --columns "Fz [N]=F_N"' in in_commands(caught.value)
 
 
 def test_two_words_for_a_quantity_are_a_choice(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("Strom Soll [A],Strom Ist [mA],Kraft [N]\n" + "0,1,2\n1,2,3\n" * 20)
+    path.write_text("Strom oben [A],Strom unten [mA],Kraft [N]\n" + "0,1,2\n1,2,3\n" * 20)
     with pytest.raises(InputError) as caught:
         ReadOptions().read([path])
     assert caught.value.code == "column-twice"
-    loops = ReadOptions.from_text(columns="Strom Ist [mA]=I").read([path])
+    loops = ReadOptions.from_text(columns="Strom unten [mA]=I").read([path])
     assert loops.loops[0].input.max() == pytest.approx(2e-3)
 
 
@@ -155,7 +162,7 @@ def test_word_of_another_unit_is_doubted(tmp_path: Path) -> None:
     path.write_text("Strom [A],Kraft [V],Weg [mm]\n" + "0,1,2\n1,2,3\n" * 20)
     with pytest.raises(InputError) as caught:
         ReadOptions().read([path])
-    assert 'Kraft [V]=F_N" --scale "Kraft [V]=N_PER_V"' in str(caught.value)
+    assert 'Kraft [V]=F_N" --scale "Kraft [V]=N_PER_V"' in in_commands(caught.value)
 
 
 def test_names_with_commas_quotes_and_equals_signs_are_kept_by_the_provenance() -> None:

@@ -57,7 +57,7 @@ TROUBLES = (
     Trouble("none"),
     Trouble("none"),
     Trouble("extra columns"),
-    Trouble("delay", "delay"),
+    Trouble("delay", "lags"),
     Trouble("hole", "missing"),
     Trouble("invalid", ""),
 )

@@ -15,7 +15,7 @@ from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.model.actuator import obstacle
 from anhyst.rig.piezo import read_piezo_rig
-from tests.cli.command import quick
+from tests.cli.command import quick, unwrapped
 from tests.identification.truths import noisy
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -70,7 +70,7 @@ def test_random_reversals_are_predicted_four_times_as_well_as_by_a_curve() -> No
 @pytest.mark.slow
 def test_where_rates_differ_the_model_says_how_far_it_goes(tmp_path: Path) -> None:
     done = quick("identify", PIEZO / "loops.csv", "--out", "slow.toml", cwd=tmp_path)
-    assert "the loops run at up to 1.5 Hz; beyond nothing is known" in done.stdout
+    assert "the loops run at up to 1.5 Hz; beyond nothing is known" in unwrapped(done.stdout)
     options = ("--history", "conditioned:0", "--out", "rates.csv")
     done = quick("predict", "slow.toml", PIEZO / "rates.csv", *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -13,7 +13,7 @@ import pytest
 
 from anhyst.model.actuator import read_model
 from anhyst.support.numeric import FloatArray
-from tests.cli.command import quick
+from tests.cli.command import quick, unwrapped
 from tests.once import made_once
 from tests.refusals import says
 
@@ -109,7 +109,7 @@ def test_the_voltage_it_asks_for_is_the_one_that_was_applied(
 def test_whether_it_is_worth_it_is_said_in_micrometres(place: Path) -> None:
     done = quick("inspect", written(place, "loops"), cwd=place)
     assert done.returncode == 0, done.stderr
-    assert "µm high" in done.stdout
+    assert "µm high" in unwrapped(done.stdout)
     assert "x µm" in done.stdout
 
 

@@ -14,7 +14,7 @@ from anhyst.rig.body import read_bearing
 from anhyst.rig.distance import along, distance, follower
 from anhyst.rig.from_loops import FittedPlant, complete_rig, fit_magnet
 from anhyst.rig.magnet_table import MagnetTable
-from tests.cli.command import Result, contents, quick, refused
+from tests.cli.command import Result, contents, quick, refused, unwrapped
 from tests.foreign.magnets import MAGNETS
 from tests.foreign.rigs import FROM_LOOPS, write_bearing, write_force_control
 from tests.refusals import says
@@ -100,7 +100,7 @@ def carried(result: Result, folder: Path) -> dict[str, object]:
     figures = json.loads((folder / "figures.json").read_text())
     assert figures["lost_in"] == []
     plant: dict[str, object] = figures["plant"]
-    assert "plant against its loops: mean" in result.stdout
+    assert "plant against its loops: mean" in unwrapped(result.stdout)
     return plant
 
 

@@ -67,7 +67,7 @@ def test_auto_takes_reluctance_and_says_why(chosen: IdentifyResult) -> None:
     assert set(left_out) == {"scaling", "reluctance", "circuit"}
     assert min(left_out, key=lambda name: left_out[name]) == "reluctance"
     why = chosen.model.provenance.settings["gap_map_reason"]
-    assert "'reluctance' predicts gaps left out of the fit best" in str(why)
+    assert "'reluctance' predicts withheld gaps" in str(why)
     assert not chosen.interrupted
 
 

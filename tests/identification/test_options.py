@@ -9,7 +9,7 @@ from anhyst.cli import identify as command
 from anhyst.identification import run as identifyoptions
 from anhyst.identification.run import IdentifyTable
 
-NOT_IN_A_RIG = {"loops", "out", "as_json"}
+NOT_IN_A_RIG = {"loops", "out", "as_json", "_verbose"}
 
 
 def test_a_rig_file_has_every_option_of_the_command_by_the_same_name() -> None:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from anhyst.data import Loop, Loops
+from anhyst.data.path import DEMAGNETISED, SETTLED, History
+from anhyst.data.reading import read_loops
 from anhyst.data.speeds import rate_line, speeds_of, with_spread_times
+from anhyst.data.start import propose_histories
 from anhyst.identification import identify
 from anhyst.identification.rate import fit_rate
 from anhyst.identification.run import IdentifyResult
@@ -90,6 +95,77 @@ def test_smaller_loops_and_loops_without_time_are_not_fast_ones() -> None:
     assert speeds_of(loops.with_loops([*slow, *inner])) is None
     assert speeds_of(loops.with_loops([*slow, *steady])) is None
     assert speeds_of(loops.with_loops(replace(one, time=None) for one in loops.loops)) is None
+
+
+CARRIED = History.parse("conditioned:4,0")
+
+
+@cache
+def session(rate: float) -> Loops:
+    """Return three cycles from rest at every gap, slow ones and then fast ones, not demagnetised."""
+    rng, loops = np.random.default_rng(3), []
+    model = replace(truth(2.0), parameters=dict(truth(2.0).parameters) | {"k_1": 300.0})
+    for gap, speed in product(GAPS, (0.5, rate)):
+        drive = np.append(np.tile(triangle(SAMPLES), 3), 0.0)
+        time = np.arange(drive.size) / (SAMPLES * speed)
+        force = model.predict(drive, gap, time, CARRIED).output
+        force = force + 3e-4 * 300.0 * rng.normal(size=drive.size)
+        loops.append(Loop(f"{speed:g} Hz", drive, force, np.full(drive.size, gap), time))
+    return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
+
+
+def file_of(loops: Loops, folder: Path) -> Path:
+    path = folder / "loops.csv"
+    lines = ["t_s,I_A,F_N,gap_m,loop"]
+    for one in loops.loops:
+        assert one.time is not None
+        rows = zip(one.time, one.input, one.output, strict=True)
+        lines += [f"{t:.9g},{i:.9g},{f:.9g},{one.schedule_value},{one.label}" for t, i, f in rows]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_fast_loops_carry_the_history_of_slow_ones(tmp_path: Path) -> None:
+    """Eddy currents make the first fast cycle look like the initial curve."""
+    alone = [loop for loop in session(20.0).loops if loop.label == "20 Hz"]
+    assert {str(one) for one, _ in propose_histories(alone, even=True)} == {"demagnetised"}
+    read = read_loops(file_of(session(20.0), tmp_path))
+    histories = {loop.label: loop.history for loop in read.loops}
+    assert histories == {"0.5 Hz": SETTLED, "20 Hz": CARRIED}
+    assert sum("eddy currents" in note for note in read.notes) == len(GAPS)
+
+
+def test_stated_history_is_not_replaced_by_that_of_slow_loops(tmp_path: Path) -> None:
+    read = read_loops(file_of(session(20.0), tmp_path), history="demagnetised")
+    assert {loop.history for loop in read.loops} == {DEMAGNETISED}
+
+
+def test_fast_loops_that_began_demagnetised_stay_so(tmp_path: Path) -> None:
+    """The slow loops then begin on the initial curve as well."""
+    virgin = replace(truth(2.0), parameters=dict(truth(2.0).parameters) | {"k_1": 300.0})
+    loops = session(20.0).with_loops(
+        replace(one, output=virgin.predict(one.input, one.schedule_value, one.time,
+                                           DEMAGNETISED).output)
+        for one in session(20.0).loops
+    )  # fmt: skip
+    read = read_loops(file_of(loops, tmp_path))
+    assert {loop.history for loop in read.loops} == {DEMAGNETISED}
+
+
+@pytest.mark.slow
+def test_carried_history_halves_the_error_of_fast_loops(tmp_path: Path) -> None:
+    read = read_loops(file_of(session(20.0), tmp_path))
+    blamed = read.with_loops(
+        replace(one, history=DEMAGNETISED) if one.label == "20 Hz" else one for one in read.loops
+    )
+    errors = []
+    for loops in (read, blamed):
+        result = found(loops)
+        off = [np.sqrt(np.mean((made - one.output) ** 2))
+               for made, one in zip(result.fitted, loops.loops, strict=True)
+               if one.label == "20 Hz"]  # fmt: skip
+        errors.append(max(off))
+    assert errors[0] < 0.5 * errors[1]
 
 
 @pytest.mark.slow

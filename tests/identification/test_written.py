@@ -60,6 +60,7 @@ def written(result: IdentifyResult, place: Path) -> Model:
     assert fit.rms == exactly(rms)
     for one in fit.candidates:
         if one.note == CHOSEN:
+            assert one.rms is not None
             assert one.rms * largest_output(result.loops) == exactly(rms)
     assert fit == fit_of(result.model)
     return model

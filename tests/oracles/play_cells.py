@@ -64,9 +64,12 @@ class PlayCells:
 
     def magnetisation(self, state: FloatArray) -> float:
         """Return M of a state, A/m."""
-        z = state[:, None] / self.cells.widths
-        curve = np.tanh(z) if self.cells.shape == "tanh" else langevin(z)
-        return float((self.cells.weights * curve).sum())
+        total = 0.0
+        for centre in (-self.cells.middles, self.cells.middles):
+            z = (state[:, None] + centre) / self.cells.widths
+            curve = np.tanh(z) if self.cells.shape == "tanh" else langevin(z)
+            total += 0.5 * float((self.cells.weights * curve).sum())
+        return total
 
     def solve(self, state: FloatArray, w: float, r: float) -> FloatArray:
         """Return the state at the first place with ``x + w*M = r`` on a straight path."""

@@ -27,21 +27,27 @@ def path(numbers: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return numbers[10] * moving, numbers[11] / DRIVE * drive, moving
 
 
-def follow(numbers: FloatArray, shape: Shape) -> FloatArray:
-    """Return x and M over the path, driven a second time."""
+def operator(numbers: FloatArray, shape: Shape, centres: FloatArray | None) -> CellOperator:
     cells = populations((numbers[0], numbers[1]), pinned(numbers), shape)
-    core = CellOperator(cells.thresholds, cells.widths, cells.weights, shape)
+    return CellOperator(cells.thresholds, cells.widths, cells.weights, shape, centres=centres)
+
+
+def follow(numbers: FloatArray, shape: Shape, centres: FloatArray | None) -> FloatArray:
+    """Return x and M over the path, driven a second time."""
+    core = operator(numbers, shape, centres)
     omega, r, _ = path(numbers)
     x, m, status = core.run(np.tile(omega, 2), np.tile(r, 2), BEGINS)
     assert status == 0
     return np.stack([x, m])[:, 160:]
 
 
+@pytest.mark.parametrize("centres", [None, np.array([0.0, 70.0, 30.0])], ids=["odd", "centred"])
 @pytest.mark.parametrize("shape", ["tanh", "langevin"])
-def test_derivatives_of_a_path_are_those_of_its_differences(shape: Shape) -> None:
+def test_derivatives_of_a_path_are_those_of_its_differences(
+    shape: Shape, centres: FloatArray | None
+) -> None:
     numbers = np.concatenate([NUMBERS, [OMEGA, DRIVE]])
-    cells = populations((numbers[0], numbers[1]), pinned(numbers), shape)
-    core = CellOperator(cells.thresholds, cells.widths, cells.weights, shape)
+    core = operator(numbers, shape, centres)
     by = population_tangents(pinned(numbers))
     pad = [(0, 0)] * 2 + [(0, 2)]
     omega, r, moving = path(numbers)
@@ -53,13 +59,13 @@ def test_derivatives_of_a_path_are_those_of_its_differences(shape: Shape) -> Non
     *along, status = core.sensitivity(*twice, weights, widths, places, BEGINS)
     assert status == 0
     x, m, x_t, m_t = (values[160:] for values in along)
-    np.testing.assert_array_equal(np.stack([x, m]), follow(numbers, shape))
+    np.testing.assert_array_equal(np.stack([x, m]), follow(numbers, shape, centres))
     for place in range(12):
         ends = []
         for sign in (1.0, -1.0):
             moved = numbers.copy()
             moved[place] *= 1.0 + sign * 1e-6
-            ends.append(follow(moved, shape))
+            ends.append(follow(moved, shape, centres))
         difference = (ends[0] - ends[1]) / (2e-6 * numbers[place])
         for found, expected in zip((x_t, m_t), difference, strict=True):
             off = np.abs(found[:, place] - expected)

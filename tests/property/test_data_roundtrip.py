@@ -14,11 +14,11 @@ from hypothesis.extra import numpy as hnp
 from anhyst.data import History, Loop, Loops, read_columns, write_csv
 from anhyst.data.formats.channels import Texts
 from anhyst.data.output_map import OUTPUT_MAPS
-from anhyst.data.path import turning_points
+from anhyst.data.path import LARGEST, turning_points
 from anhyst.data.reading import read_loops
 from anhyst.support.units import DIMENSIONS, INPUTS, QUANTITIES, UNITS, parse_header
 
-FINITE = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=True)
+FINITE = st.floats(-LARGEST, LARGEST)  # beyond, nobody measured it
 DIMENSION = dict(DIMENSIONS)
 
 

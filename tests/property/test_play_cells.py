@@ -13,6 +13,7 @@ from anhyst.support.units import MU_0
 from tests.oracles.play_cells import PlayCells
 
 STEPS = st.floats(2.0, 200.0)
+CENTRES = st.lists(st.floats(0.0, 500.0), min_size=3, max_size=3)
 
 
 @st.composite
@@ -27,11 +28,12 @@ def any_cells(draw: st.DrawFn) -> CellWeights:
         np.array(draw(st.lists(st.floats(20.0, 500.0), min_size=widths, max_size=widths))),
         np.reshape(weights, (count, widths)),
         draw(st.sampled_from(SHAPES)),
+        draw(st.none() | CENTRES.map(lambda row: np.array(row[:widths]))),
     )
 
 
 def any_path(cells: CellWeights) -> st.SearchStrategy[FloatArray]:
-    reach = 3.0 * float(cells.thresholds[-1] + cells.widths.max())
+    reach = 3.0 * float(cells.thresholds[-1] + (cells.widths + cells.middles).max())
     places = st.lists(st.floats(-reach, reach), min_size=2, max_size=12)
     return places.map(np.array)
 

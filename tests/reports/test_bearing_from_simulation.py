@@ -19,6 +19,7 @@ from anhyst.rig.body import read_bearing
 from anhyst.study.benefit import benefit
 from anhyst.study.engine.table import Interval
 from anhyst.support.page import number
+from tests.cli.command import unwrapped
 from tests.page import Page
 from tests.refusals import says
 from tests.study import bearings
@@ -85,7 +86,7 @@ def test_the_page_shows_the_figures_of_the_run(run: Path, page: Page) -> None:
 def test_terminal_and_page_say_in_one_sentence_whether_it_is_worth_it(
     run: Path, page: Page
 ) -> None:
-    printed = (run.parent / "printed.txt").read_text(encoding="utf-8")
+    printed = unwrapped((run.parent / "printed.txt").read_text(encoding="utf-8"))
     (said,) = re.findall(r"^verdict: (.*)$", printed, flags=re.MULTILINE)
     figures = json.loads((run.parent / "figures.json").read_text(encoding="utf-8"))
     overshoot = {

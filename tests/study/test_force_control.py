@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from anhyst.cli.app import main
+from anhyst.cli.printing import printer, start_printing
 from anhyst.cli.shared import show_study
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import MODELS
@@ -29,6 +30,7 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import Program, Session, ticks_that_differ
 from anhyst.study.force_control import ForceControl, force_control
 from anhyst.study.force_trials import ForceOutcome, judge_stages, strongest_baselines
+from tests.cli.command import unwrapped
 from tests.refusals import says
 from tests.truths import truth
 
@@ -159,8 +161,10 @@ def test_the_verdict_names_the_strongest_baseline(
     for stage, worst in run.figures["summary"].items():
         least = min(one["worst_percent"] for name, one in worst.items() if name not in MODELS)
         assert worst[found["strongest"][stage]]["worst_percent"] == least
+    start_printing()
+    printer.is_verbose = True
     show_study(run, "run")
-    said = capsys.readouterr().out
+    said = unwrapped(capsys.readouterr().out)
     assert found["text"] in said
     assert "strongest baseline without hysteresis model" in said
     assert "of 'best single-valued'" in said

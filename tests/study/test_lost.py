@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
+from anhyst.cli.printing import printer, start_printing
 from anhyst.cli.shared import show_study
 from anhyst.data.table import read_columns
 from anhyst.reports.tracking import render
@@ -21,6 +22,7 @@ from anhyst.study.force_trials import ForceOutcome, ForceTrial, lost_in
 from anhyst.study.tracking import simulate as tracking
 from anhyst.study.tracking.measures import LOST, measure
 from anhyst.support.errors import NegativeResult
+from tests.cli.command import unwrapped
 from tests.study import bearings, stages
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -115,8 +117,10 @@ def test_a_stage_that_was_lost_in_one_run_gets_no_verdict(
     assert lost.lost_in == ["test set-point (1 of 2 runs)"]
     assert lost.verdicts == {}
     assert lost.verdict.level == "unknown"
+    start_printing()
+    printer.is_verbose = True
     show_study(lost, "run.csv")
-    shown = capsys.readouterr().out
+    shown = unwrapped(capsys.readouterr().out)
     assert shown.startswith("lost: ")
     assert "orth it" not in shown
     assert "1 of 2 lost" in shown

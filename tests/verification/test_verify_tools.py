@@ -68,7 +68,7 @@ def test_the_default_runs_with_one_compiler_and_lists_the_other(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     only(compiler, at=tmp_path, monkeypatch=monkeypatch)
-    assert command(folder) == 0
+    assert command(folder, "--verbose") == 0
     printed = capsys.readouterr().out
     for label in (f"host ({compiler} -O2)", "cortex-m4 (portable)"):
         assert label in printed

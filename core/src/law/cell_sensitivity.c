@@ -23,8 +23,8 @@ static double add_held(const setting *s, int cell, double place, double *sum)
   for (int j = 0; j < w->widths; j++) {
     const size_t at = (size_t)cell * (size_t)w->widths + (size_t)j;
     const double inverse = 1.0 / w->width[j];
-    const double z = place * inverse;
-    const cell_jet phi = anhyst_cell_shape(w->shape, z);
+    double z;
+    const cell_jet phi = anhyst_cell_curve(w, j, place, &z);
     const double steep = w->weight[at] * inverse * phi.f1;
     const double *weight_t = s->by->weight_t + at * s->count;
     const double *width_t = s->by->width_t + (size_t)j * s->count;

@@ -2,6 +2,7 @@
 #include "cell_shape.h"
 
 #include <math.h>
+#include <stddef.h>
 
 #include "anhyst/law/langevin.h"
 #include "anhyst/numeric/elementary.h"
@@ -34,4 +35,22 @@ static cell_jet langevin_jet(double z)
 cell_jet anhyst_cell_shape(anhyst_shape shape, double z)
 {
   return shape == ANHYST_SHAPE_TANH ? tanh_jet(z) : langevin_jet(z);
+}
+
+cell_jet anhyst_cell_curve(const anhyst_cell_weights_f64 *weights, int j, double place, double *z)
+{
+  const double inverse = 1.0 / weights->width[j];
+  const double centre = weights->centre == NULL ? 0.0 : weights->centre[j];
+  *z = place * inverse;
+  if (!(centre > 0.0)) {
+    return anhyst_cell_shape(weights->shape, *z);
+  }
+  const double above = (place - centre) * inverse;
+  const double below = (place + centre) * inverse;
+  const cell_jet first = anhyst_cell_shape(weights->shape, above);
+  const cell_jet other = anhyst_cell_shape(weights->shape, below);
+  const cell_jet both = {0.5 * (first.f + other.f), 0.5 * (first.f1 + other.f1),
+                         0.5 * (first.f2 + other.f2)};
+  *z = both.f1 > 0.0 ? 0.5 * (above * first.f1 + below * other.f1) / both.f1 : 0.0;
+  return both;
 }

@@ -13,4 +13,8 @@ typedef struct {
 /* phi(z), to rounding. */
 cell_jet anhyst_cell_shape(anhyst_shape shape, double z);
 
+/* Returns the curve of column j at a place, with derivatives over place/width. *z is what a change
+   of the width acts on: d(phi_j)/d(a_j) = -f1*z/a_j. */
+cell_jet anhyst_cell_curve(const anhyst_cell_weights_f64 *weights, int j, double place, double *z);
+
 #endif

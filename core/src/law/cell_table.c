@@ -25,6 +25,11 @@ static double sixth(anhyst_shape shape, double z)
   return tail < near ? tail : near;
 }
 
+static double centre_of(const anhyst_cell_weights_f64 *w, int j)
+{
+  return w->centre == NULL ? 0.0 : w->centre[j];
+}
+
 static int weights_valid(const anhyst_cell_weights_f64 *w)
 {
   int ok = w->cells >= 1 && w->cells <= ANHYST_CELLS_MAX && w->widths >= 1 &&
@@ -34,7 +39,8 @@ static int weights_valid(const anhyst_cell_weights_f64 *w)
     ok = w->threshold[i] > w->threshold[i - 1] && w->threshold[i] < 1e15;
   }
   for (int j = 0; ok && j < w->widths; j++) {
-    ok = w->width[j] > 1e-15 && w->width[j] < 1e15;
+    const double centre = centre_of(w, j);
+    ok = w->width[j] > 1e-15 && w->width[j] < 1e15 && centre >= 0.0 && centre < 1e15;
   }
   for (int i = 0; ok && i < w->cells * w->widths; i++) {
     ok = w->weight[i] >= 0.0;
@@ -43,7 +49,7 @@ static int weights_valid(const anhyst_cell_weights_f64 *w)
   return ok && sum > 1e-15 && sum < 1e15;
 }
 
-/* Narrowest and widest curve that has any weight. */
+/* Narrowest and widest curve that has any weight; a curve is as wide as its centre lies far. */
 static void find_widths(const anhyst_cell_weights_f64 *w, double *narrowest, double *widest)
 {
   *narrowest = 1e300;
@@ -52,9 +58,16 @@ static void find_widths(const anhyst_cell_weights_f64 *w, double *narrowest, dou
     const double width = w->width[i % w->widths];
     if (w->weight[i] > 0.0) {
       *narrowest = width < *narrowest ? width : *narrowest;
-      *widest = width > *widest ? width : *widest;
+      const double reach = width + centre_of(w, i % w->widths);
+      *widest = reach > *widest ? reach : *widest;
     }
   }
+}
+
+/* How far a place is from the interval. */
+static double distance(double place, double low, double high)
+{
+  return place < low ? low - place : (place > high ? place - high : 0.0);
 }
 
 /* Error of one piece from low to high on either side, the curves of all cells together. */
@@ -62,10 +75,13 @@ static double piece_error(const anhyst_cell_weights_f64 *w, double low, double h
 {
   double sum = 0.0;
   for (int i = 0; i < w->cells; i++) {
-    const double r = w->threshold[i];
-    const double away = r < low ? low - r : (r > high ? r - high : 0.0);
     for (int j = 0; j < w->widths; j++) {
       if (w->weight[i * w->widths + j] > 0.0) {
+        /* Either half of a curve bends where |x| is the sum of threshold and centre, or their
+           difference. */
+        const double above = distance(w->threshold[i] + centre_of(w, j), low, high);
+        const double below = distance(fabs(w->threshold[i] - centre_of(w, j)), low, high);
+        const double away = above < below ? above : below;
         const double part = (high - low) / w->width[j];
         const double cube = part * part * part;
         sum += w->weight[i * w->widths + j] * cube * cube * sixth(w->shape, away / w->width[j]);
@@ -147,8 +163,8 @@ static void rows_at(const anhyst_cell_weights_f64 *w, double x, cell_jet *rows)
       const double weight = w->weight[i * w->widths + j];
       if (weight > 0.0) {
         const double inverse = 1.0 / w->width[j];
-        const double z = (x - w->threshold[i]) * inverse;
-        const cell_jet at = anhyst_cell_shape(w->shape, z);
+        double z;
+        const cell_jet at = anhyst_cell_curve(w, j, x - w->threshold[i], &z);
         sum.f += weight * at.f;
         sum.f1 += weight * inverse * at.f1;
         sum.f2 += weight * inverse * inverse * at.f2;
@@ -172,9 +188,9 @@ static void fill(double *c, const cell_jet *from, const cell_jet *to, double h, 
   c[5] = 6.0 * value - 3.0 * slope + 0.5 * curve;
 }
 
-/* One side of zero, all rows; *steep becomes its largest slope at a node. */
+/* One side of zero, all rows; *steep becomes the largest slope at a node, *free that of cell 0. */
 static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
-                      anhyst_cell_piece_f64 *storage, double turn, double *steep)
+                      anhyst_cell_piece_f64 *storage, double turn, double *steep, double *free)
 {
   cell_jet ends[2][ANHYST_CELLS_MAX];
   int64_t piece = turn < 0.0 ? cells->pieces : 0;
@@ -191,6 +207,7 @@ static void fill_side(const anhyst_cells_f64 *cells, const anhyst_cell_weights_f
              to - from, turn);
         *steep = ends[0][row].f1 > *steep ? ends[0][row].f1 : *steep;
       }
+      *free = ends[0][0].f1 > *free ? ends[0][0].f1 : *free;
       memcpy(ends[0], ends[1], sizeof ends[0]);
       from = to;
       piece++;
@@ -203,13 +220,9 @@ void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weight
                                anhyst_cell_piece_f64 *storage)
 {
   cells->reversible = 0.0;
-  for (int j = 0; j < weights->widths; j++) {
-    cells->reversible +=
-        weights->weight[j] / weights->width[j] * anhyst_cell_shape(weights->shape, 0.0).f1;
-  }
   cells->steepest = 0.0;
-  fill_side(cells, weights, storage, 1.0, &cells->steepest);
-  fill_side(cells, weights, storage, -1.0, &cells->steepest);
+  fill_side(cells, weights, storage, 1.0, &cells->steepest, &cells->reversible);
+  fill_side(cells, weights, storage, -1.0, &cells->steepest, &cells->reversible);
   /* Between nodes a curve can be a little steeper than at both. */
   cells->steepest *= 1.001;
   cells->rows = storage;

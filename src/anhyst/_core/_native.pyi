@@ -41,7 +41,7 @@ class Iron(AnyIron):
     ) -> None: ...  # fmt: skip
 
 class CellIron(AnyIron):
-    """An iron of play cells; thresholds (n + 1), widths (J), weights (n + 1, J), all A/m.
+    """An iron of play cells; thresholds (n + 1), widths and centres (J), weights (n + 1, J), A/m.
 
     Its state is x, p_1 .. p_n, A/m; one that no drive leads to is clipped to one that is valid.
     ValueError if out of range.
@@ -49,7 +49,7 @@ class CellIron(AnyIron):
 
     def __init__(
         self, thresholds: _Array, widths: _Array, weights: _Array,
-        shape: str = "tanh", alpha: float = 0.0,
+        shape: str = "tanh", alpha: float = 0.0, centres: _Array | None = None,
     ) -> None: ...  # fmt: skip
     @property
     def steepest(self) -> float:
@@ -79,7 +79,7 @@ class CellOperator:
 
     def __init__(
         self, thresholds: _Array, widths: _Array, weights: _Array,
-        shape: str = "tanh", aim: float = 1e-12,
+        shape: str = "tanh", aim: float = 1e-12, centres: _Array | None = None,
     ) -> None:  # fmt: skip
         """Lay tables whose error is `aim`, of the saturation."""
     @property

@@ -89,9 +89,10 @@ NB_MODULE(_native, m)
       "m_s"_a, "a"_a, "k"_a, "c"_a, "alpha"_a, "r_d"_a = 0.0, "law"_a = "effective-field",
       "step"_a = "exact");
   nb::class_<CellIron, AnyIron>(m, "CellIron")
-      .def(nb::init<const In &, const In &, const InTable &, const std::string &, double>(),
+      .def(nb::init<const In &, const In &, const InTable &, const std::string &, double,
+                    const std::optional<In> &>(),
            "thresholds"_a.noconvert(), "widths"_a.noconvert(), "weights"_a.noconvert(),
-           "shape"_a = "tanh", "alpha"_a = 0.0)
+           "shape"_a = "tanh", "alpha"_a = 0.0, "centres"_a.noconvert() = nb::none())
       .def_prop_ro("steepest", &CellIron::steepest);
   m.def("demagnetised", [] { return from_state({0.0, 0.0, 0.0}); });
   m.def("status_text", &status_text, "status"_a);

@@ -15,8 +15,8 @@ using Places = nb::ndarray<const int64_t, nb::ndim<1>, nb::c_contig, nb::device:
 class CellOperator {
 public:
   CellOperator(const In &thresholds, const In &widths, const InTable &weights,
-               const std::string &shape, double aim)
-      : cells_(thresholds, widths, weights, shape, aim)
+               const std::string &shape, double aim, const std::optional<In> &centres)
+      : cells_(thresholds, widths, weights, shape, centres, aim)
   {
   }
 
@@ -128,9 +128,10 @@ private:
 void bind_cells(nb::module_ &m)
 {
   nb::class_<CellOperator>(m, "CellOperator")
-      .def(nb::init<const In &, const In &, const InTable &, const std::string &, double>(),
+      .def(nb::init<const In &, const In &, const InTable &, const std::string &, double,
+                    const std::optional<In> &>(),
            "thresholds"_a.noconvert(), "widths"_a.noconvert(), "weights"_a.noconvert(),
-           "shape"_a = "tanh", "aim"_a = ANHYST_CELLS_AIM)
+           "shape"_a = "tanh", "aim"_a = ANHYST_CELLS_AIM, "centres"_a.noconvert() = nb::none())
       .def_prop_ro("steepest", &CellOperator::steepest)
       .def("run", &CellOperator::run, "omega"_a.noconvert(), "r"_a.noconvert(),
            "begins"_a.noconvert())

@@ -137,8 +137,8 @@ private:
 class CellIron : public AnyIron {
 public:
   CellIron(const In &thresholds, const In &widths, const InTable &weights, const std::string &shape,
-           double alpha)
-      : cells_(thresholds, widths, weights, shape)
+           double alpha, const std::optional<In> &centres)
+      : cells_(thresholds, widths, weights, shape, centres)
   {
     if (anhyst_iron_of_cells_f64(&iron_, cells_.get(), alpha) != ANHYST_OK) {
       throw std::invalid_argument("parameters out of range: alpha < 1");

@@ -16,6 +16,7 @@ import typer
 from anhyst.cli.compile import compile_, verify
 from anhyst.cli.identify import identify
 from anhyst.cli.measurements import convert, fleet, inspect
+from anhyst.cli.printing import printer, start_printing
 from anhyst.cli.rig import excite, init, live, watch, xcp
 from anhyst.cli.shared import one_line, say_error, warn
 from anhyst.cli.simulate import force_control, simulate
@@ -27,6 +28,7 @@ from anhyst.support.errors import (
     Interrupted,
     NegativeResult,
 )
+from anhyst.support.wording import command_line
 
 BAD_INPUT = 2
 NEGATIVE = 1
@@ -93,10 +95,12 @@ def command_of(verbs: typer.Typer) -> Callable[..., Any]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
     kept = ""
+    start_printing()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # code pages of Windows lack some signs
     try:
-        code = _run(arguments)
+        with command_line():
+            code = _run(arguments)
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     except BrokenPipeError:
@@ -129,9 +133,11 @@ def _run(arguments: Sequence[str] | None) -> int:
             warnings.simplefilter("ignore")
             warnings.simplefilter("always", CreepWarning)
             warnings.showwarning = lambda text, *_: warn(str(text))
-            return int(
-                command_of(app)(args=arguments, prog_name="anhyst", standalone_mode=False) or 0
-            )
+            try:
+                run = command_of(app)
+                return int(run(args=arguments, prog_name="anhyst", standalone_mode=False) or 0)
+            finally:
+                printer.finish()
     except NegativeResult as error:
         print(f"anhyst: {one_line(str(error))}", file=sys.stderr)
         return NEGATIVE

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 import anhyst
-from anhyst.cli.shared import AsJson, of_its_kind, print_json, progress_bar, show, table, warn
+from anhyst.cli.shared import (
+    AsJson,
+    Verbose,
+    of_its_kind,
+    print_json,
+    progress_bar,
+    show,
+    table,
+    warn,
+)
 from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
@@ -99,6 +108,7 @@ def compile_(
     accuracy: Accuracy = None,
     name: ActuatorName = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Generate C from a model or from a stage, in fixed point or single precision.
 
@@ -215,6 +225,7 @@ def verify(
         ),
     ] = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Run compiled C on real instruction sets and compare it bit for bit with the host.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 import anhyst
+from anhyst.cli.printing import TerminalTable, printer
 from anhyst.cli.shared import (
     AsJson,
     Clean,
@@ -23,14 +24,17 @@ from anhyst.cli.shared import (
     Scale,
     Schedule,
     Sidecar,
+    Verbose,
     print_json,
     progress_bar,
     read_options,
-    show,
+    show_with,
+    table,
     warn,
 )
 from anhyst.laws import LAWS
 from anhyst.support.errors import Interrupted, NegativeResult
+from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
     from anhyst import IdentifyResult, Model
@@ -136,6 +140,7 @@ def identify(
     flip: Flip = None,
     drop: Drop = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Find the model of an actuator from measured loops.
 
@@ -202,9 +207,9 @@ def _stoppable(checkpoint: Path | None) -> Iterator[None]:
 
 def _report(result: IdentifyResult, out: Path, checkpoint: Path | None, as_json: bool) -> None:
     """Say what came out, and end as it deserves."""
-    for text in result.warnings:
-        warn(text)
     if as_json:
+        for text in result.warnings:
+            warn(text)
         print_json(_as_dict(result, out))
     else:
         _show(result, out)
@@ -244,7 +249,9 @@ def _show(result: IdentifyResult, out: Path) -> None:
     from anhyst.data.output_map import name_full_scale
 
     model, fit = result.model, result.model.fit
-    lines = [f"{out}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"]
+    lines: list[str | TerminalTable] = [
+        f"{out}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
+    ]
     if fit is not None and fit.largest_output > 0.0:
         mean, rms, worst = (
             100.0 * value / fit.largest_output for value in (fit.mean_abs, fit.rms, fit.worst)
@@ -254,11 +261,6 @@ def _show(result: IdentifyResult, out: Path) -> None:
             f"{worst:.3g} % of {name_full_scale(model.output, fit.largest_output)}"
         )
         lines += [fit.left_over] if fit.left_over else []
-        lines += [
-            f"cross-validation error with gap map {name}: {100.0 * error:.3g} %"
-            for name, error in fit.left_out.items()
-        ]
-        lines += [candidate.text() for candidate in fit.candidates]
         if expected := fit.cross_validation:
             where = (
                 "between the measured values, choice of the map and all"
@@ -270,21 +272,55 @@ def _show(result: IdentifyResult, out: Path) -> None:
                 f"{100.0 * expected.error:.3g} % ({100.0 * expected.interval[0]:.2g} to "
                 f"{100.0 * expected.interval[1]:.2g} %)"
             )
+        lines += _candidates(model)
+    if reason := model.provenance.settings.get("law_reason"):
+        lines.append(str(reason))
+    lines += _offsets(model)
+    if chosen := model.provenance.settings.get("dead_band"):
+        lines.append(f"dead band: {chosen}")
+    if late := model.provenance.settings.get("rate"):
+        lines.append(f"rate: {late}")
     lines += [
         f"reduction: {step.frozen} made common to all nodes, mean deviation "
         f"{100.0 * step.cost_before:.3g} % -> {100.0 * step.cost_after:.3g} %"
         for step in model.reduction
     ]
-    lines += _offsets(model)
-    if reason := model.provenance.settings.get("law_reason"):
-        lines.append(str(reason))
-    if chosen := model.provenance.settings.get("dead_band"):
-        lines.append(f"dead band: {chosen}")
-    if late := model.provenance.settings.get("rate"):
-        lines.append(f"rate: {late}")
     if model.uncertainty is not None:
         lines += [f"note: {text}" for text in model.uncertainty.statements]
-    show(*lines)
+    if fit is not None:
+        lines += [
+            f"cross-validation error with gap map {name}: {100.0 * error:.3g} %"
+            for name, error in fit.left_out.items()
+        ]
+    show_with(result.warnings, *lines)
+
+
+MAX_CANDIDATES = 4
+"""Candidates that are listed without ``--verbose``."""
+
+
+def _candidates(model: Model) -> list[str | TerminalTable]:
+    """List the candidates: the chosen one first, then by their error at withheld data."""
+    listed = sorted(
+        model.fit.candidates if model.fit else (),
+        key=lambda one: (
+            one.note != "chosen",
+            one.left_out is None,
+            one.left_out or one.rms or 0.0,
+        ),
+    )
+    shown = listed if printer.is_verbose else listed[:MAX_CANDIDATES]
+    hidden = len(listed) - len(shown)
+    rows = table(
+        "candidates, the chosen one first", ["law", "gap map", "rms %", "left out %", "numbers"]
+    )
+    for one in shown:
+        note = f" ({one.note})" if one.note else ""
+        left_out = "" if one.left_out is None else f"{100.0 * one.left_out:.3g}"
+        rms = "" if one.rms is None else f"{100.0 * one.rms:.3g}"
+        rows.add_row(f"{one.law}{note}", one.gap_map, rms, left_out, str(one.numbers))
+    more = [f"{count_of(hidden, 'more candidate')}: --verbose"] if hidden else []
+    return [rows, *more] if listed else []
 
 
 def _offsets(model: Model) -> list[str]:

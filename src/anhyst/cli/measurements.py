@@ -10,6 +10,7 @@ import typer
 
 import anhyst
 from anhyst.cli.compile import IoChoice
+from anhyst.cli.printing import MAX_CELL, printer
 from anhyst.cli.shared import (
     AsJson,
     Clean,
@@ -24,6 +25,7 @@ from anhyst.cli.shared import (
     Schedule,
     Scheduler,
     Sidecar,
+    Verbose,
     from_page,
     in_small_units,
     of_its_kind,
@@ -31,12 +33,16 @@ from anhyst.cli.shared import (
     progress_bar,
     read_options,
     show,
+    show_with,
     table,
     warn,
 )
 from anhyst.support.atomic import check_picture, write_figure
+from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from anhyst import Fleet, Inspection
     from anhyst.data.inspection import LoopFigures
     from anhyst.data.table import ChannelFigures
@@ -58,6 +64,7 @@ def inspect(
     flip: Flip = None,
     drop: Drop = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Show how measured loops were read, and whether a hysteresis model is worth the effort.
 
@@ -89,6 +96,8 @@ def inspect(
 
         write_figure(plot_inspection(inspection, measured), plot)
     if as_json:
+        for text in inspection.warnings:
+            warn(text)
         channels = {"channels": [channel.as_dict() for channel in listed]} if listed else {}
         print_json(inspection.as_dict() | channels)
         return
@@ -109,15 +118,13 @@ def _list(loops: list[Path]) -> list[ChannelFigures]:
 
 
 def _show_channels(listed: list[ChannelFigures]) -> None:
-    from rich.markup import escape
-
     figures = table("channels", ["name", "unit", "samples", "per s", "range", "is"])
     for channel in listed:
         span = "" if channel.low is None else f"{channel.low:.4g} to {channel.high:.4g}"
         rate = "" if channel.rate is None else f"{channel.rate:.6g}"
         figures.add_row(
-            escape(channel.name),
-            escape(channel.unit),
+            channel.name,
+            channel.unit,
             str(channel.samples),
             rate,
             span,
@@ -129,24 +136,31 @@ def _show_channels(listed: list[ChannelFigures]) -> None:
 def _show_inspection(inspection: Inspection) -> None:
     from anhyst.support.units import in_small_unit
 
-    for text in inspection.warnings:
-        warn(text)
     drive, answer, schedule = inspection.input, inspection.output, inspection.schedule
     at, scale = in_small_units(schedule)
-    headers = ["loop", *([at] if schedule else []), "rows", "cycles"]
+    headers = ["loop", *([at] if schedule else []), "rows"]
     largest = max(max(abs(one.output_low), abs(one.output_high)) for one in inspection.loops)
     unit, small = in_small_unit(answer, largest)
     headers += [f"{drive.symbol} {drive.unit}", f"{answer.symbol} {unit}"]
     headers += [f"width {drive.unit}", f"noise {unit}"]
-    headers += [f"drift {unit}", f"closure {unit}", "delay", "saturation", "history"]
-    figures = table(f"{len(inspection.loops)} loops, {drive.name} to {answer.name}", headers)
+    headers += ["history", "cycles", f"drift {unit}", f"closure {unit}", "delay", "saturation"]
+    loops = count_of(len(inspection.loops), "loop")
+    figures = table(f"{loops}, {drive.name} to {answer.name}", headers)
     for loop in inspection.loops:
         figures.add_row(*_row(loop, scale if schedule else None, small))
-    show(figures)
-    _show_texts("repaired", inspection.repairs)
-    _show_texts("noted", inspection.notes)
-    show("is it worth it?", *(f"  {sentence}" for sentence in inspection.verdict.sentences))
-    _show_texts("speed", (inspection.rate,) if inspection.rate else ())
+    # How the columns were read matters more than the histories, which the table shows, too.
+    histories = tuple(note for note in inspection.notes if ": history of loop" in note)
+    reading = tuple(note for note in inspection.notes if note not in histories)
+    show_with(
+        inspection.warnings,
+        "is it worth it?",
+        *_indented(inspection.verdict.sentences),
+        *_titled("read", reading),
+        *_titled("repaired", inspection.repairs),
+        *_titled("speed", (inspection.rate,) if inspection.rate else ()),
+        figures,
+        *_titled("histories", histories),
+    )
 
 
 def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:
@@ -156,16 +170,16 @@ def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:
     return [
         *cells,
         str(loop.samples),
-        f"{loop.cycles:g}",
         f"{loop.input_low:.4g} to {loop.input_high:.4g}",
         f"{small * loop.output_low:.4g} to {small * loop.output_high:.4g}",
         _number(loop.width),
         _number(loop.noise, small),
+        _short(str(loop.history)) if printer.is_verbose else loop.history.kind,
+        f"{loop.cycles:g}",
         _number(loop.drift, small),
         _number(loop.closure, small),
         _delay(loop),
         _number(loop.saturation),
-        str(loop.history),
     ]
 
 
@@ -180,9 +194,16 @@ def _number(value: float | None, scale: float = 1.0) -> str:
     return "" if value is None else f"{scale * value:.3g}"
 
 
-def _show_texts(title: str, texts: tuple[str, ...]) -> None:
-    if texts:
-        show(f"{title}:", *(f"  {text}" for text in texts))
+def _short(text: str) -> str:
+    return text if len(text) <= MAX_CELL else f"{text[: MAX_CELL - 1]}…"
+
+
+def _titled(title: str, texts: Sequence[str]) -> list[str]:
+    return [f"{title}:", *_indented(texts)] if texts else []
+
+
+def _indented(texts: Sequence[str]) -> list[str]:
+    return [f"  {text}" for text in texts]
 
 
 def convert(
@@ -202,6 +223,7 @@ def convert(
         ),
     ],
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Write a measurement in another file format.
 
@@ -218,8 +240,8 @@ def convert(
     if as_json:
         print_json(asdict(done))
     else:
-        channels = "one channel" if done.channels == 1 else f"{done.channels} channels"
-        show(f"{done.out}: {channels}, {done.samples} samples")
+        channels, samples = count_of(done.channels, "channel"), count_of(done.samples, "sample")
+        show(f"{done.out}: {channels}, {samples}")
 
 
 REPORT = "report.html"
@@ -278,6 +300,7 @@ def fleet(
     history: LoopHistory = None,
     scheduler: Scheduler = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Identify, compile, verify and evaluate many magnets of one type.
 

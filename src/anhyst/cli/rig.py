@@ -26,6 +26,7 @@ from anhyst.cli.shared import (
     Scale,
     Schedule,
     Sidecar,
+    Verbose,
     of_its_kind,
     print_json,
     progress_bar,
@@ -34,6 +35,7 @@ from anhyst.cli.shared import (
     table,
 )
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
     from anhyst import CalibratingMove, Drafted, Excitation
@@ -84,7 +86,7 @@ def init(
         typer.Option(
             metavar="NAME",
             help="Copy a bundled example instead: 'bearing', 'electromagnet', "
-            "'magnetostrictive', 'piezo', 'solenoid' or 'stage'.",
+            "'magnetostrictive', 'piezo', 'solenoid', 'stage' or 'steels'.",
         ),
     ] = None,
     columns: Columns = None,
@@ -98,6 +100,7 @@ def init(
     flip: Flip = None,
     drop: Drop = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Create a rig from your measured loops, ready to run.
 
@@ -142,7 +145,8 @@ def _show_draft(drafted: Drafted) -> None:
         show("guessed:", *(f"  {key}: {why}" for key, why in drafted.guessed.items()))
     count = sum(map(len, drafted.guesses.values()))
     if count:
-        show(f"{count} keys are guesses, each marked 'guess' in its line; write your numbers there")
+        keys = "1 key is a guess" if count == 1 else f"{count} keys are guesses, each"
+        show(f"{keys} marked 'guess' in its line; write your numbers there")
     named, others = drafted.files[:_MOST_NAMED], len(drafted.files[_MOST_NAMED:])
     more = f" and {others} more" if others else ""
     show(f"written to {drafted.out}: {', '.join(named)}{more}")
@@ -200,6 +204,7 @@ def excite(
         str | None, typer.Option(metavar="PORT", help="The same through a serial port with XCP.")
     ] = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Measure loops on a rig: design a drive within its limits, apply it and record the loops.
 
@@ -245,7 +250,7 @@ def _show_excitation(excitation: Excitation, out: Path, plot: Path | None) -> No
     gap = ["gap mm"] if specimen.gaps else []
     reached, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
     heads = [*gap, f"largest {unit}", reached, f"about {unit}", "limited by"]
-    drawn = table(f"{figures['loops']} loops, {figures['samples']} samples", heads)
+    drawn = table(f"{count_of(figures['loops'], 'loop')}, {figures['samples']} samples", heads)
     for place in excitation.places:
         drawn.add_row(
             *([f"{1e3 * place.gap:g}"] if gap else []),
@@ -388,7 +393,7 @@ def live(
             started=started,
         )
     if recording is not None:
-        show(f"written: {recording.path}, {recording.rows} ticks")
+        show(f"written: {recording.path}, {count_of(recording.rows, 'tick')}")
 
 
 def watch(
@@ -414,6 +419,7 @@ def watch(
         typer.Option(metavar="CYCLES", min=100, help="Mean number of cycles until a false alarm."),
     ] = 1e5,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Check whether a model still fits its magnet, or since when and by how much it has drifted.
 

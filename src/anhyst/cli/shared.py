@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from anhyst.cli.printing import WIDTH, TerminalTable, printer, wrapped
 from anhyst.support.atomic import json_text
 from anhyst.support.jobs import Progress
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from anhyst.data.clean import ReadOptions
     from anhyst.study.engine.table import StudyResult
     from anhyst.support.page import PageTable
@@ -52,6 +51,19 @@ ControllerPath = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+
+
+def _print_all(asked_for: bool) -> bool:
+    printer.is_verbose = asked_for
+    return asked_for
+
+
+Verbose = Annotated[
+    bool,
+    typer.Option(
+        "--verbose", help="Print all lines and columns, not only the first 25.", callback=_print_all
+    ),
+]
 Scheduler = Annotated[
     str | None,
     typer.Option(
@@ -118,8 +130,9 @@ Clean = Annotated[
     str | None,
     typer.Option(
         metavar="STEP,...",
-        help="Cleaning steps: dedupe, spikes, steady, drift, offset, skew, thin; or 'none'. "
-        "[default: dedupe,thin]",
+        help="Cleaning steps: dedupe, spikes, steady, drift, offset, skew, holes, ripple, denoise, "
+        "thin; or 'none'. "
+        "[default: dedupe,holes,ripple,denoise,thin]",
         show_default=False,
     ),
 ]
@@ -183,8 +196,10 @@ def say_error(text: str) -> None:
 
 
 def warn(text: str) -> None:
-    """Print a warning as one line."""
-    print(f"anhyst: warning: {one_line(text)}", file=sys.stderr)
+    """Print a warning as one line, which a terminal folds between words."""
+    line = f"anhyst: warning: {one_line(text)}"
+    lines = wrapped(line, WIDTH) if sys.stderr.isatty() else [line]
+    print(*lines, sep="\n", file=sys.stderr)
 
 
 def one_line(text: str) -> str:
@@ -198,17 +213,12 @@ def print_json(result: Mapping[str, Any]) -> None:
     print(json_text(result), end="")
 
 
-def table(title: str, headers: Sequence[str]) -> Table:
-    """Start a table; columns after the first are numbers."""
-    from rich.table import Table
-
-    result = Table(title=title, title_justify="left", title_style="bold", header_style="bold")
-    for index, header in enumerate(headers):
-        result.add_column(header, justify="right" if index else "left")
-    return result
+def table(title: str, headers: Sequence[str]) -> TerminalTable:
+    """Start a table."""
+    return TerminalTable(title, headers)
 
 
-def from_page(drawn: PageTable) -> tuple[Table, ...] | tuple[Table, str]:
+def from_page(drawn: PageTable) -> tuple[TerminalTable, ...] | tuple[TerminalTable, str]:
     """Return a table of a page for a terminal, and what stands below it."""
     from anhyst.support.page import NBSP
 
@@ -226,11 +236,11 @@ def show_study(result: StudyResult, written: str) -> None:
     left_out = getattr(result, "left_out", {}).items()
     show(
         *(f"lost: {one}" for one in result.lost_in),
+        f"verdict: {result.verdict.sentence}",
+        f"written: {written}",
         *(part for one in tables for part in from_page(one)),
         *lines,
-        f"verdict: {result.verdict.sentence}",
         *(f"left out: {name}: {why}" for name, why in left_out),
-        f"written: {written}",
     )
 
 
@@ -243,15 +253,17 @@ def in_small_units(quantity: Quantity | None) -> tuple[str, float]:
     return f"{quantity.symbol} {quantity.unit}", 1.0
 
 
-def show(*parts: str | Table) -> None:
-    """Print tables and lines for a person."""
-    from rich.console import Console
+def show(*parts: str | TerminalTable) -> None:
+    """Print tables and lines for a person, the most useful first."""
+    printer.print(parts)
 
-    terminal = sys.stdout.isatty()
-    # In a pipe nobody looks at the width: a table is not to be squeezed.
-    console = Console(highlight=False, width=None if terminal else 200, soft_wrap=not terminal)
-    for part in parts:
-        console.print(part, markup=False)
+
+def show_with(warnings: Sequence[str], *parts: str | TerminalTable) -> None:
+    """Print tables and lines, and then warnings, for which lines are kept free."""
+    printer.reserve(warnings)
+    show(*parts)
+    for text in warnings:
+        warn(text)
 
 
 SILENCE = 60.0

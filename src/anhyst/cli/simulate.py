@@ -14,6 +14,7 @@ from anhyst.cli.shared import (
     BoardChoice,
     ControllerPath,
     Scheduler,
+    Verbose,
     of_its_kind,
     print_json,
     progress_bar,
@@ -26,9 +27,8 @@ from anhyst.cli.shared import (
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from rich.table import Table
-
     from anhyst import Benefit, BoardComparison
+    from anhyst.cli.printing import TerminalTable
     from anhyst.study.bearing.board_faults import Ending
     from anhyst.study.benefit import Comparison
     from anhyst.study.engine.table import StudyResult
@@ -88,6 +88,7 @@ def simulate(
     ] = None,
     scheduler: Scheduler = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Simulate a rig of any kind, with and without compensation of its hysteresis.
 
@@ -161,7 +162,7 @@ def _show_firmware(comparison: BoardComparison, out: Path) -> None:
     )
 
 
-def _faults(endings: Sequence[Ending]) -> Table:
+def _faults(endings: Sequence[Ending]) -> TerminalTable:
     rows = table(
         "what went wrong in the air, and how it ended",
         ["", "reason of the fault", "end", "after, ms", "at the rest, mm/s", "at the magnet, mm/s"],
@@ -200,7 +201,7 @@ def _show_map(benefit: Benefit, out: Path) -> None:
 
 def _map_against(
     benefit: Benefit, baseline: str, comparisons: Sequence[Mapping[str, Comparison]]
-) -> Table:
+) -> TerminalTable:
     first = benefit.metrics[0]
     cases = dict.fromkeys(cell.case for cell in benefit.cells)
     rows = table(
@@ -263,6 +264,7 @@ def force_control(
         ),
     ] = "csv",
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Control the force of a magnet in open loop, with and without compensation.
 

@@ -11,6 +11,7 @@ import anhyst
 from anhyst.cli.shared import (
     AsJson,
     Scheduler,
+    Verbose,
     of_its_kind,
     print_json,
     progress_bar,
@@ -102,6 +103,7 @@ def tune(
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of all random numbers.")] = 0,
     scheduler: Scheduler = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Find the gains of a rig for stated requirements, and what limits them.
 
@@ -210,6 +212,7 @@ def calibrate(
         ),
     ] = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Estimate the errors of the magnets of a stage or a bearing from its motion.
 

@@ -16,6 +16,7 @@ from anhyst.cli.shared import (
     ModelPath,
     RunHistory,
     Scale,
+    Verbose,
     in_small_units,
     of_its_kind,
     print_json,
@@ -25,6 +26,7 @@ from anhyst.cli.shared import (
     table,
     warn,
 )
+from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,6 +48,7 @@ def predict(
     flip: Flip = None,
     history: RunHistory = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Compute the output for a given drive, such as the force for a current.
 
@@ -71,6 +74,7 @@ def invert(
     flip: Flip = None,
     history: RunHistory = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Compute the drive for a demanded output, such as the current for a force.
 
@@ -100,15 +104,15 @@ def _run(
     for text in summary.warnings:
         warn(text)
     if as_json:
-        print_json(asdict(summary))
+        print_json(summary.as_dict())
     else:
         _show(summary)
 
 
 def _show(summary: RunSummary) -> None:
-    runs = "one run" if summary.runs == 1 else f"{summary.runs} runs, each"
+    runs = "1 run" if summary.runs == 1 else f"{summary.runs} runs, each"
     lines = [
-        f"{summary.out}: {summary.rows} rows, {runs} {summary.history}",
+        f"{summary.out}: {count_of(summary.rows, 'row')}, {runs} {summary.history}",
         f"{summary.column}: {summary.low:.6g} to {summary.high:.6g} {summary.unit}",
     ]
     apart = summary.deviation
@@ -121,7 +125,8 @@ def _show(summary: RunSummary) -> None:
             f"{worst:.3g} % of {apart.of}"
         )
     if summary.outside:
-        lines.append(f"{summary.outside} rows lie outside the valid range of the model (valid = 0)")
+        rows = "1 row lies" if summary.outside == 1 else f"{summary.outside} rows lie"
+        lines.append(f"{rows} outside the valid range of the model (valid = 0)")
     show(*lines)
 
 
@@ -131,6 +136,7 @@ def diff(
         Path, typer.Argument(metavar="B", help="Another model.toml.", callback=of_its_kind)
     ],
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Show the differences between two models, in their parameters and in newtons.
 
@@ -201,6 +207,7 @@ def report(
         Path, typer.Option("--out", "-o", metavar="FILE", help="HTML file to write.")
     ] = Path("report.html"),
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Write the report of a model as one self-contained HTML file.
 
@@ -284,6 +291,7 @@ def export(
         ),
     ] = None,
     as_json: AsJson = False,
+    _verbose: Verbose = False,
 ) -> None:
     """Export a model or a rig for other tools, as FMU, S-function or tables.
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst._core import langevin
 from anhyst.compensate.block import (
     WEIGHT,
     Arms,
@@ -28,7 +27,7 @@ from anhyst.compensate.block import (
     refuse_uncompilable,
     solid_numbers,
 )
-from anhyst.laws.cells import CellWeights
+from anhyst.laws.cells import CellWeights, curve_value
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
 from anhyst.support.block_words import Scales
@@ -89,9 +88,7 @@ class CellRows:
 
 def curves(weights: CellWeights, plays: FloatArray) -> FloatArray:
     """Return the output of each cell over its play, A/m."""
-    part = plays[:, None, :] / weights.widths[:, None]
-    tanh = weights.shape == "tanh"
-    curve = np.tanh(part) if tanh else langevin(part.ravel())[0].reshape(part.shape)
+    curve = weights.curves(plays, curve_value)
     return np.asarray((weights.weights[:, :, None] * curve).sum(axis=1))
 
 
@@ -140,11 +137,10 @@ def fewer(weights: CellWeights, cells: int, reach: float) -> CellWeights:
         both = slice(at, at + 2)
         threshold = float(np.average(levels[both], weights=share[both]))
         kept[both] = [(threshold, kept[at][1] + kept[at + 1][1])]
-    return CellWeights(
-        np.array([0.0, *(level for level, _ in kept)]),
-        weights.widths,
-        np.vstack([weights.weights[0], *(row for _, row in kept)]),
-        weights.shape,
+    return replace(
+        weights,
+        thresholds=np.array([0.0, *(level for level, _ in kept)]),
+        weights=np.vstack([weights.weights[0], *(row for _, row in kept)]),
     )
 
 

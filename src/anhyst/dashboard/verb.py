@@ -16,13 +16,14 @@ from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recording import RecordingFile, start_recording
 from anhyst.dashboard.server import MESSAGE_MOST, LiveServer
 from anhyst.dashboard.session import LiveSession
+from anhyst.dashboard.starting import start_page
 from anhyst.rig.bench.pace import going_first
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.study.bench import address_of, open_board, prepare_board, prepared_once
 from anhyst.study.prepared import Prepared, PreparedBearing, PreparedPiezo, PreparedStage
 from anhyst.study.tracking.beside import BearingLearner, BenchLearner, StageLearner
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.kinds import FileKind, kind_of
@@ -160,6 +161,7 @@ def live(
     InputError
         A file cannot be read or written, an address is not free, or no controller answers.
     """
+    check_path(rig, "live: rig", "the path of a rig file")
     url = address_of(xcp, port)
     if url is None and known is not None:
         raise InputError(
@@ -182,13 +184,25 @@ def live(
     rig = Path(rig)
     place = None if record is None else Path(record)
     shown = secrets.token_urlsafe(16) if token else ""
+    name = rig.resolve().parent.name if url is None else rig.resolve().name
+    title = name if url is None else f"{name} at {url}"
+    work = f"building model and controller of {name}" if url is None else f"connecting to {url}"
     with listen_on(*read_address(listen, token)) as taken:
-        bench, improver, learner = _open(rig, controller, url, known, progress)
-        try:
-            recording = None if place is None else start_recording(place, bench.signals, bench.rate)
-        except BaseException:
-            bench.close()
-            raise
+        with start_page(taken, title, work) as start:
+
+            def told(done: float, total: float) -> None:
+                start.update(done, total)
+                if progress is not None:
+                    progress(done, total)
+
+            bench, improver, learner = _open(rig, controller, url, known, told)
+            try:
+                recording = (
+                    None if place is None else start_recording(place, bench.signals, bench.rate)
+                )
+            except BaseException:
+                bench.close()
+                raise
         session = LiveSession(
             bench,
             recording,
@@ -197,7 +211,6 @@ def live(
             improver.known.curves if improver else (),
             learner,
         )
-        title = rig.resolve().parent.name if url is None else f"{rig.resolve().name} at {url}"
         serve(session, title, taken, shown, started and (lambda address: started(address, shown)))
     return recording
 

@@ -6,6 +6,7 @@ import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +22,10 @@ from anhyst.data.path import branches, turning_points
 from anhyst.data.proposals import join_pair, quote_name
 from anhyst.data.reading import read_loops
 from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
+from anhyst.support.wording import count_of
 
 MOST_POINTS = 4000
 """Samples that thinning leaves of a loop at most."""
@@ -33,7 +35,7 @@ _SPIKE_SIGMA = 8.0
 _SPIKE_SHARE = 0.01
 
 
-def clean(loopset: Loops, steps: Sequence[str] | None = None) -> Loops:
+def clean(loopset: Loops, steps: Sequence[str] | str | None = None) -> Loops:
     """Apply cleaning steps in the order given.
 
     Parameters
@@ -41,7 +43,7 @@ def clean(loopset: Loops, steps: Sequence[str] | None = None) -> Loops:
     loopset
         The loops.
     steps
-        Names out of `STEPS`; `DEFAULT_STEPS` if ``None``.
+        Names out of `STEPS`, also as a text with commas; `DEFAULT_STEPS` if ``None``.
 
     Returns
     -------
@@ -53,7 +55,9 @@ def clean(loopset: Loops, steps: Sequence[str] | None = None) -> Loops:
     InputError
         If a step is not known.
     """
-    for name in DEFAULT_STEPS if steps is None else steps:
+    if not isinstance(loopset, Loops):
+        raise wrong_type("clean: loopset", "Loops (read_loops reads a file)", loopset)
+    for name in DEFAULT_STEPS if steps is None else names_of(steps, "clean: steps"):
         if name not in STEPS:
             raise InputError(
                 f"cleaning step '{name}' is not known; there are: {', '.join(STEPS)}",
@@ -78,7 +82,7 @@ def dedupe(loopset: Loops) -> Loops:
         return same
 
     keep = [np.concatenate(([True], ~repeated(loop))) for loop in loopset.loops]
-    return _kept(loopset, keep, "dedupe: {} repeated samples dropped")
+    return _kept(loopset, keep, "dedupe: {} dropped", "repeated sample")
 
 
 def spikes(loopset: Loops) -> Loops:
@@ -94,7 +98,7 @@ def spikes(loopset: Loops) -> Loops:
             spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is no spike
         return ~spike
 
-    return _kept(loopset, [good(loop) for loop in loopset.loops], "spikes: {} samples dropped")
+    return _kept(loopset, [good(loop) for loop in loopset.loops], "spikes: {} dropped")
 
 
 def steady(loopset: Loops) -> Loops:
@@ -109,7 +113,9 @@ def steady(loopset: Loops) -> Loops:
     if not settled:
         return loopset
     name = loopset.schedule.name if loopset.schedule else ""
-    return loopset.with_loops(loops, f"steady: {name} of {settled} loops settled to its median")
+    return loopset.with_loops(
+        loops, f"steady: {name} of {count_of(settled, 'loop')} settled to its median"
+    )
 
 
 def drift(loopset: Loops) -> Loops:
@@ -198,7 +204,8 @@ def thin(loopset: Loops, most: int = MOST_POINTS) -> Loops:
         return loopset
     loops = [_thinned(loop, most) if loop.n > most else loop for loop in loopset.loops]
     return loopset.with_loops(
-        loops, f"thin: {len(counts)} loops averaged to {most} samples (from up to {max(counts)})"
+        loops,
+        f"thin: {count_of(len(counts), 'loop')} averaged to {most} samples (from up to {max(counts)})",
     )
 
 
@@ -261,12 +268,14 @@ def _stays(values: FloatArray) -> NDArray[np.bool_]:
     return still
 
 
-def _kept(loopset: Loops, keep: Sequence[NDArray[np.bool_]], text: str) -> Loops:
+def _kept(
+    loopset: Loops, keep: Sequence[NDArray[np.bool_]], text: str, what: str = "sample"
+) -> Loops:
     dropped = sum(int(np.count_nonzero(~mask)) for mask in keep)
     if not dropped:
         return loopset
     loops = [_taken(loop, mask) for loop, mask in zip(loopset.loops, keep, strict=True)]
-    return loopset.with_loops(loops, text.format(dropped))
+    return loopset.with_loops(loops, text.format(count_of(dropped, what)))
 
 
 def _taken(loop: Loop, mask: NDArray[np.bool_]) -> Loop:
@@ -320,7 +329,7 @@ class ReadOptions:
         return cls(
             columns=columns,
             constants={name: _number_or_text(text) for name, text in constants.items()},
-            clean=() if steps.strip() == "none" else tuple(_parts(steps)),
+            clean=names_of(steps, "clean"),
             scale=scale,
             flip=flip,
             **options,
@@ -340,8 +349,10 @@ class ReadOptions:
             settings[PREFIX + item.name] = value
         return settings
 
-    def read(self, paths: Sequence[PathLike], progress: Progress | None = None) -> Loops:
-        """Read and clean loops."""
+    def read(
+        self, paths: Sequence[PathLike] | Any, progress: Progress | None = None, **more: Any
+    ) -> Loops:
+        """Read and clean loops; ``more`` are keywords of `read_loops` that are no options."""
         clean_steps = tuple(self.clean)
         loops = read_loops(
             paths,
@@ -355,8 +366,18 @@ class ReadOptions:
             flip=self.flip,
             drop=self.drop,
             progress=progress,
+            **more,
         )
         return clean(loops, clean_steps)
+
+
+def names_of(value: object, argument: str) -> tuple[str, ...]:
+    """Return a list of names; a text lists them with commas, and ``"none"`` is an empty list."""
+    if isinstance(value, str):
+        return () if value.strip() == "none" else tuple(_parts(value))
+    if isinstance(value, Sequence) and all(isinstance(name, str) for name in value):
+        return tuple(value)
+    raise wrong_type(argument, "a list of names", value)
 
 
 def _parts(text: str) -> list[str]:

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from anhyst.data.estimates import noise, sampling
 from anhyst.data.holes import find_holes
@@ -56,6 +55,8 @@ _MIN_DELAY_SHARE = 0.002
 """A delay of a smaller share of a branch changes the loop less than the noise does."""
 _AGREEMENT = 0.25
 """The second estimate must be within this share of the first."""
+_MAX_EXCESS_SHARE = 0.03
+"""It may be larger by this share of a branch: play operators take some of the loop for a delay."""
 _NO_DELAY_SHARE = 0.02
 """There is no delay if one of this share of a branch would have been found."""
 
@@ -103,9 +104,14 @@ def skew(loop: Loop) -> float | None:
         is_sharp = _SURE * seen.error < max(1.0, _NO_DELAY_SHARE * length)
         return 0.0 if is_sharp else None
     again = _along_path(drive, answer, parts, length)
-    if again is None or abs(again - seen.delay) > max(0.5, _AGREEMENT * abs(seen.delay)):
-        return None
-    return seen.delay
+    return seen.delay if again is not None and _agree(seen.delay, again, length) else None
+
+
+def _agree(delay: float, again: float, length: float) -> bool:
+    """Whether the second estimate confirms a delay, in branches of a length."""
+    is_near = abs(again - delay) <= max(0.5, _AGREEMENT * abs(delay))
+    excess = float(np.sign(delay)) * (again - delay)
+    return is_near or 0.0 < excess <= _MAX_EXCESS_SHARE * length
 
 
 def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
@@ -120,7 +126,9 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
     if not step or np.ptp(np.diff(time[rows])) < _MAX_UNEVEN * step:
         return loop.input[rows], loop.output[rows]
     grid = np.arange(time[start], time[stop - 1], step)
-    return tuple(np.interp(grid, time[rows], part[rows]) for part in (loop.input, loop.output))
+    return np.interp(grid, time[rows], loop.input[rows]), np.interp(
+        grid, time[rows], loop.output[rows]
+    )
 
 
 def _at_reversals(drive: FloatArray, answer: FloatArray, length: float) -> _Estimate | None:
@@ -224,6 +232,8 @@ def _misfits(
     drive: FloatArray, answer: FloatArray, tip: _Tip, delays: NDArray[np.intp]
 ) -> FloatArray:
     """Return the sum of squared deviations around a reversal, for each delay."""
+    from scipy.optimize import nnls  # slow to load, and needed by `inspect` only
+
     rows = np.arange(tip.row - tip.width, tip.row + tip.width + 1)
     depth = tip.sign * (drive[tip.row] - drive[rows])
     is_after = rows > tip.row

@@ -11,7 +11,7 @@ from pathlib import PurePath
 import numpy as np
 
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.path import crossings
+from anhyst.data.path import Branch, branches, crossings, repeats
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
@@ -24,6 +24,11 @@ _MIN_MIDDLE_DIFFERENCE = 0.08
 """The same for the middles of the branches, of loops between the same inputs at the same speed."""
 _MAX_END_DIFFERENCE = 0.03
 _MAX_SPEED_RATIO = 1.5
+_MAX_TOP_DIFFERENCE = 0.25
+"""Difference between the outputs at the largest input of two cycles, in parts of the larger one."""
+_NEAR_TOP = 0.97
+_MIN_TOP = 0.2
+"""Smallest output at the tip of a cycle that is compared, as a share of the largest output."""
 _OUTPUTS = ("force", "thrust", "flux_density", "flux_linkage")
 
 
@@ -31,9 +36,13 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
     """Ask for the gap if files or blocks without one hold loops that no hysteresis explains."""
     files = {loop.source for loop in loopset.loops}
     sources = {(loop.source, loop.label if has_blocks else "") for loop in loopset.loops}
-    if loopset.schedule == QUANTITIES["gap"] or loopset.input.name == "field" or len(sources) < 2:
+    if loopset.schedule == QUANTITIES["gap"] or loopset.input.name == "field":
         return
     if loopset.output.name not in _OUTPUTS:
+        return
+    if loopset.schedule is None:
+        _refuse_different_cycles(loopset)
+    if len(sources) < 2:
         return
     largest: dict[float | None, Loop] = {}
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.max(np.abs(loop.input)))):
@@ -58,6 +67,31 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
                 code="gap-missing",
                 key="gap",
             )
+
+
+def _refuse_different_cycles(loopset: Loops) -> None:
+    """Ask for the gap if cycles of one record end at different outputs for the same input."""
+    for loop in loopset.loops:
+        for first, second in repeats(loop.input, branches(loop.input)):
+            tops = [_top(loop, branch) for branch in (first, second)]
+            size = max(map(abs, tops))
+            if size < _MIN_TOP * float(np.max(np.abs(loop.output))):
+                continue  # a small cycle, whose tip the noise or a ripple moves
+            if abs(tops[1] - tops[0]) > _MAX_TOP_DIFFERENCE * size:
+                raise InputError(
+                    f"{loop.source}: loop '{loop.label}' holds cycles that reach {tops[0]:.3g} and "
+                    f"{tops[1]:.3g} {loopset.output.unit} at the same input, which no hysteresis "
+                    "explains; state the gap of each in a column 'gap_mm', or number the loops in a "
+                    "column 'loop'; if there is no gap: --schedule none",
+                    code="gap-missing",
+                    key="gap",
+                )
+
+
+def _top(loop: Loop, branch: Branch) -> float:
+    """Return the output where a branch has its largest input."""
+    drive = np.abs(loop.input[branch.rows])
+    return float(np.median(loop.output[branch.rows][drive >= _NEAR_TOP * drive.max()]))
 
 
 def _differ(loop: Loop, larger: Loop) -> bool:

@@ -51,23 +51,51 @@ _LENGTH = re.compile(rf"(?<![0-9.,]){_NUMBER}{_UNIT}", re.IGNORECASE)
 _OTHER_LENGTH = re.compile(
     r"(?:dicke|thick(?:ness)?|dia(?:meter)?|durchmesser|core|kern|wire|draht|sheet|blech|stack|"
     r"length|laenge|width|breite|height|hoehe|stroke|hub|ampl?(?:itude)?|range|sample|probe|"
-    r"lam(?:ination)?|radius|rod|pole|step|speed|v)[-_ =]*$",
+    r"lam(?:ination)?|radius|rod|pole|step|speed|v|cable|kabel|lever|hebel|shaft|welle)[-_ =]*$|"
+    r"[a-z]{2}$",
     re.IGNORECASE,
 )
-"""Words before a length that is not a gap."""
+"""Words before a length that is not a gap, and names of types such as ``EM12mm``."""
+_MAX_GAP_M = 0.02
+"""Longest gap that a name states without a word for it."""
+_MAX_OTHER = 0.3
+"""A measured gap that differs more from that of the file's name contradicts it."""
 
 
 def gaps_of_names(paths: Sequence[Path]) -> dict[Path, float]:
-    """Return the gap of each file by its name, m; empty unless all have one and they differ."""
+    """Return the gap of each file by its name, m; empty unless all names state one.
+
+    Without a word for a gap, the names must differ in nothing else than numbers.
+    """
     gaps = {path: _gap_of_name(path.stem) for path in paths}
     found = {path: gap for path, gap in gaps.items() if gap is not None}
-    return found if len(found) == len(gaps) and len(set(found.values())) > 1 else {}
+    if len(found) < len(gaps):
+        return {}
+    has_words = all(_WITH_WORD.search(path.stem) for path in paths)
+    rests = {re.sub(r"\d+", "", _LENGTH.sub("", path.stem)) for path in paths}
+    return found if has_words or (len(set(found.values())) > 1 and len(rests) == 1) else {}
+
+
+def refuse_other_gap(path: Path, measured: Sequence[float | None]) -> None:
+    """Refuse a file whose name states another gap than its column."""
+    named = _gap_of_name(path.stem) if _WITH_WORD.search(path.stem) else None
+    gap = measured[0]
+    if named is None or gap is None or len(set(measured)) > 1:
+        return
+    if abs(gap - named) > _MAX_OTHER * max(gap, named):
+        raise InputError(
+            f"{path}: its name says a gap of {1e3 * named:.4g} mm, its column {1e3 * gap:.4g} mm; "
+            "correct the name, or if the column is true: --schedule gap",
+            code="gap-contradiction",
+            key="gap",
+        )
 
 
 def gap_note(gaps: Mapping[Path, float]) -> str:
     """Say in one line which gaps the names gave."""
     texts = dict.fromkeys(f"{1e3 * gap:.4g} mm" for gap in sorted(gaps.values()))
-    return f"gap taken from the file names: {', '.join(texts)}"
+    names = "file name" if len(gaps) == 1 else "file names"
+    return f"gap taken from the {names}: {', '.join(texts)}"
 
 
 def _gap_of_name(stem: str) -> float | None:
@@ -86,7 +114,8 @@ def _gap_of_name(stem: str) -> float | None:
     number, unit = matches[0]["number"], find_unit(matches[0]["unit"].lower())
     if unit is None or re.fullmatch(r"0\d+", number):
         return None  # 05 may be 5 or 0.5
-    return unit.value_to_si(float(re.sub(r"[,p_-]", ".", number.lower())))
+    gap = unit.value_to_si(float(re.sub(r"[,p_-]", ".", number.lower())))
+    return gap if gap <= _MAX_GAP_M or _WITH_WORD.search(stem) else None
 
 
 def _is_plain(stem: str, match: re.Match[str]) -> bool:

@@ -11,23 +11,25 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from anhyst.data.estimates import noise, sampling
 from anhyst.data.holes import find_holes
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.path import branches, reversal_count
 from anhyst.support.numeric import FloatArray
+from anhyst.support.wording import count_of
 
 _MIN_RIPPLE_SHARE = 0.002
 """A ripple has at least this amplitude, in ranges of the input; a smaller one is noise."""
 _MAX_RIPPLE_SHARE = 0.2
 """A larger one is a drive of its own."""
-_MIN_PERIODS = 200
-_MIN_PERIODS_PER_BRANCH = 60
+_MIN_PERIODS = 120
+_MIN_PERIODS_PER_BRANCH = 40
 """Fewer are minor loops that somebody drove."""
 _MIN_LINE = 20.0
 """A line of the spectrum is higher than its surroundings by this factor."""
+_MIN_KNOWN_LINE = 5.0
+"""The same for the output, whose frequency is known: noise exceeds it once in 10 million records."""
 _MAX_UNEVEN = 0.2
 """Steadiness of the clock, as a share of its step."""
 _SEGMENTS = 12
@@ -40,6 +42,8 @@ _MIN_NOISE_SHARE = 4e-4
 """Input noise below this share of the range does not move a parameter by more than its error."""
 _MIN_NOISE_STEPS = 1.0
 """Noise turns the input back only if it is larger than the mean step between samples."""
+_MAX_STEP_SIGMAS = 2.0
+"""White noise makes a median step of 0.95 standard deviations between neighbours."""
 _LAG = 50
 """Samples over which the mean step is taken: noise does not count in it."""
 _WINDOW_SIGMAS = 12.0
@@ -54,14 +58,16 @@ class _Ripple:
 
     period: float  # samples
     amplitude: float
+    is_followed: bool = False  # whether the output ripples at the same frequency
 
 
 def ripple(loopset: Loops) -> Loops:
     """Average all channels over whole periods of a fast and steady ripple of the input."""
+    ripples = [_find_ripple(loop) for loop in loopset.loops]
+    is_followed = any(ripple is not None and ripple.is_followed for ripple in ripples)
     loops, texts, largest = [], [], 0.0
-    for loop in loopset.loops:
-        found = _find_ripple(loop)
-        loops.append(loop if found is None else _without(loop, found))
+    for loop, found in zip(loopset.loops, ripples, strict=True):
+        loops.append(loop if found is None else _without(loop, found, is_followed=is_followed))
         if found is not None:
             step, largest = sampling(loop).step, max(largest, found.amplitude)
             rate = (
@@ -72,11 +78,18 @@ def ripple(loopset: Loops) -> Loops:
     if not texts:
         return loopset
     more = f" and {len(texts) - 2} more" if len(texts) > 2 else ""
+    name, output = loopset.input.name, loopset.output.name.replace("_", " ")
+    effect = f"the {output} does not ripple, so the loop is that over the mean {name}"
+    if is_followed:
+        effect = (
+            f"the {output} ripples too, so the {name} is taken at the edge of its ripple in the "
+            f"direction of travel. Over the mean {name}, the loop is up to "
+            f"{2.0 * largest:.2g} {loopset.input.unit} narrower"
+        )
     return loopset.with_loops(
         loops,
-        f"ripple: the {loopset.input.name} ripples at {'; '.join(texts[:2])}{more}; all channels are "
-        "averaged over its periods. If the iron follows the ripple, its loop without one is up to "
-        f"{2.0 * largest:.2g} {loopset.input.unit} wider",
+        f"ripple: the {name} ripples at {'; '.join(texts[:2])}{more}; all channels are averaged "
+        f"over its periods; {effect}",
     )
 
 
@@ -90,7 +103,7 @@ def denoise(loopset: Loops) -> Loops:
     return loopset.with_loops(
         loops,
         f"denoise: noise of up to {sigma:.2g} {loopset.input.unit} smoothed in the "
-        f"{loopset.input.name} of {count} loops",
+        f"{loopset.input.name} of {count_of(count, 'loop')}",
     )
 
 
@@ -100,15 +113,10 @@ def _find_ripple(loop: Loop) -> _Ripple | None:
     uneven = sampling(loop).uneven
     if loop.n < 4 * _MIN_PERIODS or (uneven is not None and uneven > _MAX_UNEVEN):
         return None
-    window = np.hanning(loop.n)
-    lines = np.abs(np.fft.rfft((drive - drive.mean()) * window)) * 2.0 / window.sum()
-    lines[:_MIN_PERIODS] = 0.0
+    lines = _spectrum(drive)
     peak = int(np.argmax(lines))
     amplitude = float(lines[peak])
-    around = np.concatenate([lines[peak // 2 : peak - 4], lines[peak + 5 : 2 * peak]])
-    around = around[around > 0.0]
-    is_line = around.size and amplitude > _MIN_LINE * float(np.median(around))
-    if not is_line or not _MIN_RIPPLE_SHARE < amplitude / span < _MAX_RIPPLE_SHARE:
+    if not _is_line(lines, peak) or not _MIN_RIPPLE_SHARE < amplitude / span < _MAX_RIPPLE_SHARE:
         return None
     if not 0 < peak < lines.size - 1:
         return None
@@ -118,8 +126,24 @@ def _find_ripple(loop: Loop) -> _Ripple | None:
     slow = _averaged(_averaged(drive, period), period)
     cut = (loop.n - slow.size) // 2
     fast = drive[cut : cut + slow.size] - slow
-    found = _Ripple(period, 0.5 * float(np.diff(np.quantile(fast, (0.02, 0.98)))[0]))
+    size = 0.5 * float(np.diff(np.quantile(fast, (0.02, 0.98)))[0])
+    found = _Ripple(period, size, _is_line(_spectrum(loop.output), peak, _MIN_KNOWN_LINE))
     return found if _is_ripple(drive, slow, fast, found) else None
+
+
+def _spectrum(values: FloatArray) -> FloatArray:
+    """Return the amplitudes of a signal by frequency, without those of its slow cycles."""
+    window = np.hanning(values.size)
+    lines = np.abs(np.fft.rfft((values - values.mean()) * window)) * 2.0 / window.sum()
+    lines[:_MIN_PERIODS] = 0.0
+    return np.asarray(lines)
+
+
+def _is_line(lines: FloatArray, peak: int, least: float = _MIN_LINE) -> bool:
+    """Whether an amplitude stands out from those around it."""
+    around = np.concatenate([lines[peak // 2 : peak - 4], lines[peak + 5 : 2 * peak]])
+    around = around[around > 0.0]
+    return bool(around.size and lines[peak] > least * float(np.median(around)))
 
 
 def _is_ripple(drive: FloatArray, slow: FloatArray, fast: FloatArray, found: _Ripple) -> bool:
@@ -144,8 +168,12 @@ def _averaged(values: FloatArray, period: float) -> FloatArray:
     return averaged
 
 
-def _without(loop: Loop, found: _Ripple) -> Loop:
-    """Return a loop averaged over the periods of a ripple."""
+def _without(loop: Loop, found: _Ripple, *, is_followed: bool) -> Loop:
+    """Return a loop averaged over the periods of a ripple.
+
+    Iron that follows the ripple is magnetised by its edge: the largest input of a period while the
+    mean rises, the smallest while it falls.
+    """
 
     def slow(values: FloatArray | None) -> FloatArray | None:
         if values is None or np.ptp(values) == 0.0:
@@ -158,6 +186,11 @@ def _without(loop: Loop, found: _Ripple) -> Loop:
     drive, answer = slow(loop.input), slow(loop.output)
     assert drive is not None
     assert answer is not None
+    if is_followed:
+        edge = np.zeros_like(drive)
+        for part in branches(drive):
+            edge[part.rows] = found.amplitude if part.rising else -found.amplitude
+        drive = drive + edge
     return replace(loop, input=drive, output=answer, schedule=slow(loop.schedule), time=time)
 
 
@@ -168,8 +201,13 @@ def _denoised(loop: Loop) -> Loop:
     step = (
         float(np.median(np.abs(drive[_LAG:] - drive[:-_LAG]))) / _LAG if loop.n > 4 * _LAG else span
     )
-    if sigma < max(_MIN_NOISE_SHARE * span, _MIN_NOISE_STEPS * step) or find_holes(loop.time):
+    is_smooth = sigma < max(_MIN_NOISE_SHARE * span, _MIN_NOISE_STEPS * step)
+    # Where neighbours differ by more than their noise, the drive is fast and not noisy.
+    is_fast = float(np.median(np.abs(np.diff(drive)))) > _MAX_STEP_SIGMAS * sigma
+    if is_smooth or is_fast or find_holes(loop.time):
         return loop
+    from scipy.signal import savgol_filter  # slow to load, and needed for noisy inputs only
+
     parts = branches(drive)
     length = float(np.median([part.stop - part.start for part in parts]))
     most = int(_MAX_WINDOW_SHARE * length)

@@ -9,7 +9,21 @@ from dataclasses import replace
 from anhyst.data.formats import OpenTable
 from anhyst.data.proposals import needs_scale, scale_advice, unknown_scale
 from anhyst.support.errors import InputError
-from anhyst.support.units import Header, Quantity, find_unit, parse_header
+from anhyst.support.units import (
+    INPUTS,
+    QUANTITIES,
+    Header,
+    Quantity,
+    find_unit,
+    parse_header,
+    split_header,
+)
+from anhyst.support.vocabulary import has_qualifier, is_formula
+
+_PAIRED = frozenset(
+    QUANTITIES[name] for name in (*INPUTS, "force", "thrust", "flux_density", "flux_linkage")
+)
+"""Quantities that one of several columns in the same unit may be."""
 
 
 def map_headers(
@@ -38,7 +52,34 @@ def map_headers(
             changed = replace(changed, scale=None)  # the unit is the question, not the scale
         headers[index] = changed
     _ask_for_scales(table.source_name, headers)
-    return tuple(headers)
+    return tuple(_without_doubtful_words(headers))
+
+
+def _without_doubtful_words(headers: list[Header]) -> list[Header]:
+    """Read no word of an input or an output beside another column in the same kind of unit."""
+    rivals = [
+        header.unit.dimension
+        for header in headers
+        if not header.is_known and header.target is None and header.unit is not None
+        if not has_qualifier(header.name) and not is_formula(header.name)
+    ]
+    checked = []
+    for header in headers:
+        is_rivalled = header.unit is not None and header.unit.dimension in rivals
+        if header.is_by_word and is_rivalled and header.quantity in _PAIRED:
+            checked.append(without_word(header))
+        else:
+            checked.append(header)
+    return checked
+
+
+def without_word(header: Header) -> Header:
+    """Return a header whose name counts as it is, even if it is a word for a quantity."""
+    if not header.is_by_word or header.quantity is None:
+        return header
+    name = split_header(header.text)[0]
+    free = Quantity(name, name, header.quantity.unit)
+    return replace(header, name=name, quantity=free, is_by_word=False)
 
 
 def _find(table: OpenTable, name: str, what: str) -> int:
@@ -86,7 +127,8 @@ def _map_header(source: str, own: Header, target: str) -> Header:
     if not target:
         return Header(own.text, "", Quantity("", "", "1"), None, target=target)
     meant = parse_header(target)
-    if meant.problem and own.unit and (with_own := parse_header(target, own.unit.symbol)).is_known:
+    has_own = own.unit is not None and (meant.problem or not split_header(target)[1])
+    if has_own and own.unit and (with_own := parse_header(target, own.unit.symbol)).is_known:
         meant = with_own
     where = f"{source}: column '{own.text}' mapped to '{target}'"
     if meant.problem:

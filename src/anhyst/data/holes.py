@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst.data.loops import Loop, Loops
+from anhyst.data.output_map import output_map
 from anhyst.data.path import History, is_bipolar
 from anhyst.support.numeric import FloatArray
 
@@ -53,7 +54,12 @@ def find_holes(time: FloatArray | None) -> list[Hole]:
 
 
 def cut_holes(loopset: Loops) -> Loops:
-    """Cut records at missing stretches; each later loop begins at an extreme input."""
+    """Cut records at missing stretches; each later loop begins at an extreme input.
+
+    An output that creeps keeps its record: extreme inputs do not wipe out what still creeps.
+    """
+    if output_map(loopset.output).creeps:
+        return loopset
     for loop in loopset.loops:
         found = find_holes(loop.time)
         # A drive that waits while the logger sleeps goes on where it was.

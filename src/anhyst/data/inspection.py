@@ -15,13 +15,15 @@ from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import name_full_scale
 from anhyst.data.path import History, branches
 from anhyst.data.plausibility import check_plausible
+from anhyst.data.source import LoopSource, loops_from
 from anhyst.data.speeds import rate_line
-from anhyst.data.start import Proposal, propose_histories
+from anhyst.data.start import Proposal, carry_histories, propose_histories
 from anhyst.data.symmetry import bias_line, recentre
 from anhyst.data.verdict import Verdict, Width, judge, largest_output, loop_width, single_valued
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, columns_of, dress, few, length_scale, shades
 from anhyst.support.units import Quantity
+from anhyst.support.wording import worded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -166,15 +168,19 @@ class Inspection(Result):
         return units
 
 
-def inspect(loops: Loops) -> Inspection:
+def inspect(loops: LoopSource, **reading: Any) -> Inspection:
     """Look at loops: figures of each, warnings, and whether a hysteresis model is worth it.
 
-    Noise and delay are those of the record as it is: inspect before thinning it.
+    Noise and delay are those of the record before it is thinned.
 
     Parameters
     ----------
-    loops : Loops
-        As measured.
+    loops : Loops, path-like, list of path-like, data frame or dict
+        Files, folders, data frames and dicts of arrays are read as the command line does, and not
+        thinned. `Loops` are used unchanged.
+    **reading
+        How files or columns are read: the keywords of `read_loops`, and ``clean``, the cleaning
+        steps.
 
     Returns
     -------
@@ -185,10 +191,11 @@ def inspect(loops: Loops) -> Inspection:
     InputError
         If the record cannot be what its headers say, as `check_plausible`.
     """
+    loops = loops_from(loops, "inspect: loops", reading, without=("thin",)).loops
     warnings = list(check_plausible(loops))
     residuals = {id(loop): residual for loop, residual in single_valued(loops)}
     centred, even = recentre(loops)
-    proposals = propose_histories(centred.loops, even=even)
+    proposals = carry_histories(loops.loops, propose_histories(centred.loops, even=even))
     widths = [loop_width(loop, even=even) for loop in centred.loops]
     figures = tuple(
         _figures(loop, np.abs(residuals[id(loop)]), proposal, width, even=even)
@@ -204,7 +211,7 @@ def inspect(loops: Loops) -> Inspection:
         figures,
         (*loops.notes, bias) if bias else loops.notes,
         loops.repairs,
-        tuple(warnings),
+        tuple(map(worded, warnings)),
         judge(loops),
         rate_line(loops),
     )

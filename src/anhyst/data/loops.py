@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +15,7 @@ from anhyst.data.output_map import output_map
 from anhyst.data.path import (
     SETTLED,
     History,
+    HistoryLike,
     correlation,
     is_bipolar,
     is_negative,
@@ -25,8 +26,18 @@ from anhyst.data.path import (
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, few, group_label, length_scale, range_text, shades
+from anhyst.support.result import (
+    MAX_ROWS,
+    Result,
+    few,
+    group_label,
+    html_table,
+    length_scale,
+    range_text,
+    shades,
+)
 from anhyst.support.units import GAP_ADVICE, QUANTITIES, Quantity
+from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,7 +117,7 @@ class Loop:
             )
         if array.size < 3:
             raise InputError(
-                f"loop '{self.label}': has {array.size} samples; a loop needs at least 3",
+                f"loop '{self.label}': has {count_of(array.size, 'sample')}; a loop needs at least 3",
                 code="too-few-samples",
                 key=self.label,
             )
@@ -207,6 +218,28 @@ class Loops(Result):
     def __len__(self) -> int:
         return len(self.loops)
 
+    def __iter__(self) -> Iterator[Loop]:
+        return iter(self.loops)
+
+    def __getitem__(self, index: int | str) -> Loop:
+        """Return a loop by its position or its label."""
+        if not isinstance(index, str):
+            return self.loops[index]
+        found = [loop for loop in self.loops if loop.label == index]
+        if len(found) == 1:
+            return found[0]
+        known = ", ".join(repr(label) for label in dict.fromkeys(self.labels))
+        text = f"no loop '{index}'; there are: {known}"
+        if found:
+            what = self.schedule.name if self.schedule else "scheduling value"
+            text = f"{len(found)} loops are called '{index}'; select one {what} first: at(value)"
+        raise InputError(text, code="no-such-loop", key=index)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The label of each loop, in their order."""
+        return tuple(loop.label for loop in self.loops)
+
     @property
     def schedule_values(self) -> tuple[float, ...]:
         """The distinct constant scheduling values, ascending; empty if nothing is scheduled."""
@@ -272,9 +305,9 @@ class Loops(Result):
         repairs = self.repairs if repair is None else (*self.repairs, repair)
         return replace(self, loops=tuple(loops), repairs=repairs)
 
-    def with_history(self, history: History | str) -> Loops:
+    def with_history(self, history: HistoryLike) -> Loops:
         """Return the same set with every loop declaring the given history."""
-        past = History.parse(history) if isinstance(history, str) else history
+        past = History.of(history)
         return self.with_loops(replace(loop, history=past) for loop in self.loops)
 
     def require_reversals(self) -> None:
@@ -329,6 +362,22 @@ class Loops(Result):
             values = self.schedule_values
             facts["measured at"] = ", ".join(map(self.schedule.show, values)) or "moving"
         return facts
+
+    def _repr_html_(self) -> str:
+        """Return the facts and one row for each loop, for a notebook."""
+        head = ["loop", *([self.schedule.name] if self.schedule else []), "samples"]
+        head += [self.input.label, self.output.label, "history"]
+        rows = []
+        for loop in self.loops[:MAX_ROWS]:
+            at = loop.schedule_value
+            shown = [] if self.schedule is None else ["moves" if at is None else f"{at:g}"]
+            ends = (
+                f"{np.min(side):.4g} to {np.max(side):.4g}" for side in (loop.input, loop.output)
+            )
+            rows.append([loop.label, *shown, str(loop.n), *ends, loop.history.kind])
+        rest = len(self) - len(rows)
+        rows += [[f"and {count_of(rest, 'more loop')}"]] if rest else []
+        return super()._repr_html_() + html_table(head, rows)
 
     def draw(self, ax: Axes) -> None:
         """Draw all loops, output over input, one colour a scheduling value."""

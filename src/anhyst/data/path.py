@@ -157,14 +157,40 @@ def _local_extremes(values: FloatArray) -> NDArray[np.intp]:
     return np.unique(np.concatenate(([0], inner, [values.size - 1]))).astype(np.intp)
 
 
-def thinned(drive: FloatArray, most: int) -> NDArray[np.intp]:
-    """Places of at most about `most` samples spread evenly over the way, and of every reversal."""
+_MAX_STEP = 0.5
+"""Largest step of the output, in parts of its range, beyond which samples in steep parts are added."""
+
+
+def thinned(drive: FloatArray, most: int, output: FloatArray | None = None) -> NDArray[np.intp]:
+    """Return the places of at most about `most` samples, and of every reversal.
+
+    The samples are spread evenly over the way of the drive. If an output is steep somewhere, more
+    are added, so that no step of it exceeds the mean step: at most twice as many in all.
+    """
     if drive.size <= most:
         return np.arange(drive.size)
-    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
-    nearest = np.searchsorted(travelled, np.linspace(0.0, travelled[-1], most))
-    turns = turning_points(drive, 0.02 * float(np.ptp(drive)))
-    return np.union1d(np.clip(nearest, 0, drive.size - 1), turns)
+    nearest = _spread_evenly(_way(drive), most)
+    kept = np.union1d(nearest, turning_points(drive, 0.02 * float(np.ptp(drive))))
+    steps = np.zeros(1) if output is None else np.abs(np.diff(output[kept]))
+    if output is None or steps.max() <= _MAX_STEP * np.ptp(output):
+        return kept
+    parts, way = np.ceil(steps / steps.mean()).astype(np.intp), _way(output)
+    between = [
+        kept[place] + _spread_evenly(way[kept[place] : kept[place + 1] + 1], parts[place] + 1)
+        for place in np.flatnonzero(parts > 1)
+    ]
+    return np.unique(np.concatenate([kept, *between]))
+
+
+def _way(values: FloatArray) -> FloatArray:
+    """Return the way travelled up to each sample."""
+    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
+
+
+def _spread_evenly(way: FloatArray, most: int) -> NDArray[np.intp]:
+    """Return the places of `most` samples, spread evenly over a way."""
+    nearest = np.searchsorted(way, np.linspace(way[0], way[-1], most))
+    return np.clip(nearest, 0, way.size - 1)
 
 
 _WOBBLE = 0.05
@@ -323,6 +349,30 @@ class History:
             object.__setattr__(self, "schedule", ())
 
     @classmethod
+    def of(cls, value: HistoryLike) -> History:
+        """Return a history as the functions of the package accept it.
+
+        A row of numbers lists the turning points before the first sample.
+
+        >>> str(History.of([0, 2, 0]))
+        'conditioned:0.0,2.0,0.0'
+        """
+        if isinstance(value, History):
+            return value
+        if isinstance(value, str):
+            return cls.parse(value)
+        try:
+            points = tuple(float(point) for point in value)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"history: must be a text or a list of turning points, such as [0, 2, 0], not "
+                f"{value!r:.60}",
+                code="wrong-type",
+                key="history",
+            ) from None
+        return cls("conditioned", points)
+
+    @classmethod
     def parse(cls, text: str) -> History:
         """Read a history from its text form, such as ``settled`` or ``conditioned:0,2,0``.
 
@@ -368,6 +418,15 @@ class History:
             points = ",".join(repr(float(point)) for point, _ in stretch)
             stretches.append(points if value is None else f"{points}@{float(value)!r}")
         return f"{self.kind}:{';'.join(stretches)}"
+
+
+HistoryLike = History | str | Sequence[float] | FloatArray
+"""A history, its text form, or its turning points."""
+
+
+def history_text(history: HistoryLike) -> str:
+    """Return the text form of a history; a text stays as it was written."""
+    return history if isinstance(history, str) else str(History.of(history))
 
 
 SETTLED = History("settled")

@@ -56,15 +56,17 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
     """Find the plateaus of a noisy scheduling variable; ``None`` if it is exact or moves."""
     if values.size < 4 * _MIN_WINDOW_SAMPLES or _is_exact(values):
         return None
-    rests = _find_rests(values)
-    if not rests or not all(_has_loop(drive, rest) for rest in rests):
+    rests = _find_exact_rests(values, drive) or _find_rests(values)
+    if not rests or not all(has_loop(drive, rest.rows) for rest in rests):
         return None
     levels = _levels(rests)
     if len(set(levels)) == 1 and quantity != QUANTITIES["gap"]:
         return None  # one temperature with noise says nothing
     owner = _assign(values, rests)
+    if all(rest.sigma == 0.0 for rest in rests) and not _are_ramps(values, owner):
+        return None
     rows = np.flatnonzero(owner >= 0)
-    if rows.size < (1.0 - _MAX_LOST) * values.size:
+    if rows.size < (1.0 - _MAX_LOST) * values.size and not _is_still_between(drive, owner):
         return None
     return Plateaus(
         rows,
@@ -77,6 +79,37 @@ def _is_exact(values: FloatArray) -> bool:
     edges = np.flatnonzero(np.diff(values)) + 1
     runs = np.diff(np.concatenate(([0], edges, [values.size])))
     return edges.size == 0 or int(runs.min()) >= _MIN_RUN_SAMPLES
+
+
+def _find_exact_rests(values: FloatArray, drive: FloatArray) -> list[_Rest]:
+    """Find the stretches of one value that hold a loop; an empty list if there are not two."""
+    edges = np.flatnonzero(np.diff(values)) + 1
+    bounds = np.concatenate(([0], edges, [values.size]))
+    long = np.flatnonzero(np.diff(bounds) >= _MIN_RUN_SAMPLES)
+    runs = [slice(int(bounds[index]), int(bounds[index + 1])) for index in long]
+    rests = [_Rest(rows, float(values[rows.start]), 0.0) for rows in runs]
+    rests = [rest for rest in rests if has_loop(drive, rest.rows)]
+    return rests if len(rests) > 1 else []
+
+
+def _are_ramps(values: FloatArray, owner: NDArray[np.intp]) -> bool:
+    """Whether all that is left out lies between two gaps, and is not a wrong value at one of them."""
+    labels, _ = label(owner < 0)
+    for (rows,) in find_objects(labels):
+        if rows.start == 0 or rows.stop == values.size:
+            return False
+        low, high = sorted((values[rows.start - 1], values[rows.stop]))
+        between = values[rows]
+        if low == high or between.min() < low or between.max() > high:
+            return False
+    return True
+
+
+def _is_still_between(drive: FloatArray, owner: NDArray[np.intp]) -> bool:
+    """Whether the input rests wherever the gap moves: then no loop is cut, however long it takes."""
+    labels, _ = label(owner < 0)
+    span = float(np.ptp(drive))
+    return all(float(np.ptp(drive[rows])) <= _REVERSAL * span for (rows,) in find_objects(labels))
 
 
 def _find_rests(values: FloatArray) -> list[_Rest]:
@@ -104,8 +137,9 @@ def _find_rests(values: FloatArray) -> list[_Rest]:
     return rests
 
 
-def _has_loop(drive: FloatArray, rest: _Rest) -> bool:
-    inner, span = drive[rest.rows], float(np.ptp(drive))
+def has_loop(drive: FloatArray, rows: slice | NDArray[np.intp]) -> bool:
+    """Whether some rows of a record hold a loop: the input runs through much of its range and back."""
+    inner, span = drive[rows], float(np.ptp(drive))
     is_wide = float(np.ptp(inner)) >= _MIN_SWING * span
     return is_wide and reversal_count(inner, _REVERSAL * span) > 0
 
@@ -149,4 +183,6 @@ def _describe(rests: list[_Rest], levels: list[float], lost: int, quantity: Quan
     name = quantity.name.replace("_", " ")
     many = f"{len(shown)} plateaus" if len(shown) > 1 else "one plateau"
     text = f"{name} has {many}:{','.join(shown)} (scatter {size})"
+    if scatter == 0.0:
+        text = f"{name} has {many}:{','.join(shown)}"
     return text + (f"; {lost} samples between them left out" if lost else "")

@@ -32,6 +32,9 @@ _FLAT = 0.3
 _STRONG = 0.8
 _OFFSET = 0.05
 """Largest negative force, in parts of the largest of all loops, that may be an offset of the sensor."""
+_MIN_CLIPPED_SAMPLES = 8
+_MIN_CLIPPED_SHARE = 0.1
+"""Part of the range of the input over which an output that is not clipped never stays the same."""
 _CERTAIN = 4.0
 """Standard errors by which a slope, or what a cycle would win, must be too large to count as such."""
 
@@ -72,9 +75,31 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
         if not even or any(loop is record for record in largest):
             warnings += _check_sense(loopset, loop, name, even=even_output)
         _check_order(loopset, loop, name)
+        warnings += _check_clipping(loopset, loop, name)
         if not loop.reverses:
             warnings.append(f"{name}: the input never reverses: nothing to learn about hysteresis")
     return tuple(warnings)
+
+
+def _check_clipping(loopset: Loops, loop: Loop, name: str) -> list[str]:
+    """Warn of an output that stays at its extreme while the input moves on."""
+    warnings = []
+    for extreme in (float(loop.output.max()), float(loop.output.min())):
+        ends = np.flatnonzero(np.diff(np.r_[False, loop.output == extreme, False].astype(int)))
+        spans = [
+            float(np.ptp(loop.input[start:stop]))
+            for start, stop in zip(ends[::2], ends[1::2], strict=True)
+            if stop - start >= _MIN_CLIPPED_SAMPLES
+        ]
+        share = max(spans, default=0.0) / (float(np.ptp(loop.input)) or 1.0)
+        if extreme != 0.0 and share > _MIN_CLIPPED_SHARE:
+            output = loopset.output
+            warnings.append(
+                f"{name}: the {output.name.replace('_', ' ')} stays at {extreme:.6g} {output.unit} "
+                f"over {share:.0%} of the {loopset.input.name}'s range: the sensor is clipped, and "
+                "the model will be wrong there; measure again with a larger range of the sensor"
+            )
+    return warnings
 
 
 def _check_schedule(loopset: Loops) -> list[str]:

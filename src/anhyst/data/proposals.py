@@ -10,8 +10,25 @@ import re
 import shlex
 from collections.abc import Collection, Sequence
 
-from anhyst.support.units import DIMENSIONS, QUANTITIES, Header
-from anhyst.support.vocabulary import is_drive, named_quantities
+from anhyst.support.units import (
+    DIMENSIONS,
+    INPUTS,
+    QUANTITIES,
+    Header,
+    find_unit,
+)
+from anhyst.support.vocabulary import (
+    RAW_UNITS,
+    fold,
+    has_qualifier,
+    is_drive,
+    is_formula,
+    is_measured,
+    is_sensor,
+    named_quantities,
+    undo_formula,
+    words_of,
+)
 
 _HINTS = {
     "current": ("curr", "amp", "coil", "i"),
@@ -26,9 +43,32 @@ _HINTS = {
 }
 """What columns are called beside the words of `named_quantities`; they propose, and never decide."""
 
+_OTHERS = {
+    "flux_density": {
+        "j",
+        "js",
+        "h",
+        "m",
+        "mu",
+        "applied",
+        "external",
+        "polarisation",
+        "polarization",
+    },
+    "field": {"m", "magnetisation", "magnetization", "magnetisierung", "aimantation"},
+}
+"""Words of other quantities in the unit of one: the polarisation J in T is not B."""
+
+_ELECTROMAGNETIC = frozenset({"current", "field", "force", "flux_density", "flux_linkage"})
+"""What a file about a piezo does not hold."""
+
 _MAX_CHOICES = 4
 _FIT = 4
-"""Score of a unit that fits a quantity; names count half of it."""
+"""Score of a unit that fits a quantity."""
+_NAMED = 2
+"""Score of a name that fits a quantity."""
+_DOUBT = 4
+"""Score that a name loses by a word such as *setpoint* or by being a formula."""
 
 
 def mapping(
@@ -36,24 +76,51 @@ def mapping(
 ) -> str:
     """Advise how to map the likeliest columns to what is missing."""
     found = likely(headers, wanted, skip, least)
+    note = _note_formulas(headers)
     if not found:
-        return ""
+        return note
     for column, name in found:
         if equals := _equals(headers, column, name, found, skip):
-            # Two columns in the unit that is missing: the choice is the user's, one at a time.
+            # Several columns may be what is missing: the choice is the user's, one at a time.
             choices = [_pasted(headers, [(one, name)]) for one in (column, *equals)]
-            return f"; or say which one is the {name}: {' or '.join(choices[:_MAX_CHOICES])}"
-    return f"; or map {'it' if len(found) == 1 else 'them'}: {_pasted(headers, found)}"
+            said = name.replace("_", " ")
+            said += f": {' or '.join(choices[:_MAX_CHOICES])}"
+            return f"{note}; or say which one is the {said}"
+    doubted = [f"'{headers[column].text}'" for column, _ in found
+               if has_qualifier(headers[column].name)]  # fmt: skip
+    them = "it" if len(found) == 1 else "them"
+    if doubted:
+        them = f"{them}, if {' and '.join(doubted)} can replace what was measured"
+    return f"{note}; or map {them}: {_pasted(headers, found)}"
+
+
+def _note_formulas(headers: Sequence[Header]) -> str:
+    """Say which columns hold a formula of a quantity instead of the quantity."""
+    texts = [f"'{header.text}'" for header in headers
+             if not header.is_known and is_formula(header.name) and header.target is None]  # fmt: skip
+    if not texts:
+        return ""
+    one = "is a formula" if len(texts) == 1 else "are formulas"
+    return f"; {' and '.join(texts)} {one}: export the quantity itself"
+
+
+def _is_doubted(header: Header) -> bool:
+    return has_qualifier(header.name) or is_formula(header.name)
 
 
 def _pasted(headers: Sequence[Header], found: Sequence[tuple[int, str]]) -> str:
     """Return the options that map columns, with scales to complete."""
     pairs = [(headers[column], name) for column, name in found]
-    mapped = {header.text: header.target for header in headers if header.target is not None}
+    mapped = mapped_so_far(headers)
     mapped |= {header.text: _target(header, name) for header, name in pairs}
     scales = {header.text: _unknown_scale(header, name) for header, name in pairs}
     unknown = {name: text for name, text in scales.items() if text}
     return option("columns", mapped) + scale_advice(headers, unknown)
+
+
+def mapped_so_far(headers: Sequence[Header]) -> dict[str, str]:
+    """Return what the user maps already, for a proposal to repeat."""
+    return {header.text: header.target for header in headers if header.target is not None}
 
 
 def _equals(
@@ -65,12 +132,17 @@ def _equals(
 ) -> list[int]:
     """Return the other columns whose unit fits a quantity and that look as much like it."""
     taken = {column for column, _ in found}
-    score = _likeness(headers[best], name)
+    chosen, score = headers[best], _likeness(headers[best], name)
+    others = [column for column in _free(headers, skip) if column not in taken]
+    if _fits(chosen, name):
+        score -= 0 if _is_doubted(chosen) else _NAMED
+        others = [column for column in others if _fits(headers[column], name)]
+    elif chosen.unit is not None or chosen.stated:
+        return []
     return [
         column
-        for column in _free(headers, skip)
-        if column not in taken and _fits(headers[column], name)
-        if _fits(headers[best], name) and _likeness(headers[column], name) >= score
+        for column in others
+        if _may_be(headers[column], name) and _likeness(headers[column], name) >= score
     ]
 
 
@@ -79,9 +151,10 @@ def scale_advice(headers: Sequence[Header], unknown: dict[str, str]) -> str:
     if not unknown:
         return ""
     stated = {header.text: f"{header.scale:g}" for header in headers if header.scale is not None}
-    words = " and ".join(dict.fromkeys(unknown.values()))
+    words = [word for word in dict.fromkeys(unknown.values()) if word[-1].isalpha() or "_" in word]
     number = "a number" if len(unknown) == 1 else "numbers"
-    return f" {option('scale', stated | unknown)} with {number} in place of {words}"
+    text = f" {option('scale', stated | unknown)}"
+    return f"{text} with {number} in place of {' and '.join(words)}" if words else text
 
 
 def option(name: str, pairs: dict[str, str]) -> str:
@@ -117,7 +190,9 @@ def likely(
     """Find the likeliest columns for what is missing, as `mapping`: index and quantity."""
     free = _free(headers, skip)
     candidates = []
-    for names in wanted:
+    for asked in wanted:
+        is_driven_by_volts = set(asked) >= set(INPUTS) and _is_piezo(headers)
+        names = ("voltage",) if is_driven_by_volts else asked
         pool = [
             (_likeness(headers[index], name), index, name)
             for index in free
@@ -140,15 +215,58 @@ def _free(headers: Sequence[Header], skip: Collection[int]) -> list[int]:
         if header.text and not header.is_label and column not in skip
         if header.target is None and not header.is_clock
         if not header.is_known or header.problem
+        if not is_formula(header.name) or undo_formula(header.name)
     ]
+
+
+def _is_piezo(headers: Sequence[Header]) -> bool:
+    """Whether volts beside a length or a strain drive it, because nothing else can."""
+    rest = [header for header in headers if header.quantity != QUANTITIES["gap"]]
+    dimensions = {header.unit.dimension for header in rest if header.unit is not None}
+    named = {name for header in rest for name in named_quantities(header.name)}
+    is_moved = not dimensions.isdisjoint({"length", "number"})
+    return "voltage" in dimensions and is_moved and _ELECTROMAGNETIC.isdisjoint(dimensions | named)
 
 
 def map_one(header: Header, headers: Sequence[Header] = ()) -> str:
     """Advise how to map a column whose unit is the problem."""
     name = header.quantity.name if header.quantity else ""
-    if name not in QUANTITIES or not _may_be(header, name):
+    if name in QUANTITIES and header.conflict and all(map(find_unit, header.conflict)):
+        targets = [
+            f"{QUANTITIES[name].symbol}_{unit.replace('/', '_per_')}" for unit in header.conflict
+        ]
+        mapped = mapped_so_far(headers)
+        choices = [option("columns", mapped | {header.text: target}) for target in targets]
+        return f"; say which one is true: {' or '.join(choices)}"
+    if name in QUANTITIES and header.unit is not None and header.unit.dimension == "number":
+        unit = QUANTITIES[name].unit
+        scale = option("scale", {header.text: f"{unit}_PER_PERCENT"})
+        return (
+            f"; or map it: {option('columns', {header.text: QUANTITIES[name].column})} {scale} with a "
+            f"number in place of {unit}_PER_PERCENT"
+        )
+    if name not in QUANTITIES or not (header.unit is None or _may_be(header, name)):
         return ""
+    if is_without_unit(header):
+        # All that have no unit are asked for together: one round instead of four.
+        alike = {other.quantity: other for other in [*without_units(headers), header]}
+        names = {other.text: QUANTITIES[kind.name] for kind, other in alike.items() if kind}
+        if len(names) > 1:
+            columns = {text: _target(header, quantity.name) for text, quantity in names.items()}
+            columns = mapped_so_far(headers) | columns
+            return f"; or map them in their units: {option('columns', columns)}"
     return f"; or map it: {map_as(header, name, headers)}"
+
+
+def is_without_unit(header: Header) -> bool:
+    """Whether a column is a known quantity whose unit nobody says."""
+    is_open = header.unit is None and not header.stated and header.target is None
+    return header.is_known and is_open and "has no unit" in (header.problem or "")
+
+
+def without_units(headers: Sequence[Header]) -> list[Header]:
+    """Return the columns whose units are asked for together."""
+    return [header for header in headers if is_without_unit(header)]
 
 
 def map_as(header: Header, name: str, headers: Sequence[Header]) -> str:
@@ -158,7 +276,7 @@ def map_as(header: Header, name: str, headers: Sequence[Header]) -> str:
 
 def choose_one(header: Header, headers: Sequence[Header]) -> str:
     """Return the option that makes a column the only one of its quantity."""
-    mapped = {other.text: other.target for other in headers if other.target is not None}
+    mapped = mapped_so_far(headers)
     alike = [other for other in headers if other.quantity == header.quantity]
     certain = {other.text: "" for other in alike if other.is_certain and other is not header}
     return option("columns", mapped | certain | {header.text: header.name})
@@ -179,6 +297,8 @@ def unknown_scale(header: Header, unit: str) -> str:
 
 
 def _unknown_scale(header: Header, name: str) -> str:
+    if is_formula(header.name):
+        return undo_formula(header.name)
     dimension = DIMENSIONS.get(name, name)
     is_bare = header.unit is None or header.unit.symbol == "-"
     if _fits(header, name) or (is_bare and not needs_scale(header, dimension)):
@@ -192,29 +312,44 @@ def _fits(header: Header, name: str) -> bool:
 
 def _may_be(header: Header, name: str) -> bool:
     """Whether a column can hold a quantity: its unit fits, is not known, or is that of a sensor."""
-    if header.unit is None or header.unit.symbol == "-":
-        return True
-    return _fits(header, name) or header.unit.dimension == "voltage"
+    if not _OTHERS.get(name, set()).isdisjoint(words_of(header.name)):
+        return False
+    unit = header.unit or find_unit(header.name)
+    if unit is not None and unit.symbol != "-":
+        return _fits(header, name) or unit.dimension in {DIMENSIONS.get(name, name), "voltage"}
+    is_named = name in _suggested(header)
+    first = find_unit(re.split(r"\W", header.stated)[0])  # ampere-turns are amperes to scale
+    is_named = is_named or (first is not None and first.dimension == DIMENSIONS.get(name, name))
+    if has_qualifier(header.name) and not is_named:
+        return False
+    is_raw = header.stated in {"", "-"} or fold(header.stated) in RAW_UNITS
+    return is_raw or (is_named and not re.search(r"[/^*²³]", header.stated))
 
 
-def _likeness(header: Header, name: str) -> int:
-    """Return how much a column looks like a quantity: by its name, its unit, or what else it is."""
-    if header.quantity is not None and header.quantity.name == name:
-        return 2 * _FIT
+def _suggested(header: Header) -> set[str]:
+    """Return the quantities that the name of a column suggests."""
     plain = header.name.lower()
     like = named_quantities(header.name) | {
         key
         for key, words in _HINTS.items()
         if any(plain == word if len(word) == 1 else word in plain for word in words)
     }
-    is_sensor = not is_drive(header.name)
-    if is_sensor:
-        like.discard("voltage")
-    score = 2 if name in like else -2 if like else 0
-    if header.unit is not None:
-        # Volts may be anything that a sensor gives, as a column without a unit may.
-        is_fit = _fits(header, name) and not (name == "voltage" and is_sensor)
-        score += _FIT if is_fit else 0
+    return like if is_drive(header.name) else like - {"voltage"}
+
+
+def _likeness(header: Header, name: str) -> int:
+    """Return how much a column looks like a quantity: by its name, its unit, or what else it is."""
+    if header.quantity is not None and header.quantity.name == name:
+        return 2 * _FIT
+    like = _suggested(header)
+    score = _NAMED if name in like else -_NAMED if like else 0
+    score += is_measured(header.name) - _DOUBT * _is_doubted(header)
+    if name in INPUTS and is_sensor(header.name):
+        score -= 2 * _FIT
+    # Volts may be anything that a sensor gives, as a column without a unit may.
+    is_plain = header.unit is not None and header.unit.symbol == "-"
+    if _fits(header, name) and not is_plain and (name != "voltage" or is_drive(header.name)):
+        score += _FIT
     return score
 
 

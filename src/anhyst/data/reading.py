@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,40 +13,45 @@ from numpy.typing import NDArray
 
 from anhyst.data.blocks import find_blocks, stated_gap, with_stated_gaps
 from anhyst.data.distinct import refuse_different_loops
-from anhyst.data.file_names import gap_note, gaps_of_names, with_file_name
+from anhyst.data.file_names import gap_note, gaps_of_names, refuse_other_gap, with_file_name
 from anhyst.data.formats import FORMATS, OpenTable, open_table
 from anhyst.data.formats.channels import Texts, is_number, is_value
 from anhyst.data.headers import map_headers
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, time_fault
-from anhyst.data.plateaus import find_plateaus
+from anhyst.data.path import History, HistoryLike, time_fault
+from anhyst.data.plateaus import find_plateaus, has_loop
 from anhyst.data.roles import (
     SHORTEST,
     Roles,
+    ask_for_gap,
     find_column,
     find_label,
     find_roles,
+    may_be_gap,
     may_label,
 )
 from anhyst.data.sidecar import FileDescription, is_sidecar
-from anhyst.data.start import propose_histories
-from anhyst.data.table import find_clocks, is_frame, table_of
+from anhyst.data.start import carry_histories, propose_histories
+from anhyst.data.table import LOOP_SOURCES, check_source, find_clocks, is_frame, table_of
 from anhyst.data.used_rows import UsedRows
 from anhyst.data.wide import refuse_wide
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, parse_header
+from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse_header
 
 Rows = NDArray[np.intp]
 
+_ANY = Quantity("value", "value", "1")
 _OUTPUTS_OF_GAPS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
 _DWELL = 6
 """Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
 _MOST_LOOPS = 2000
+_MAX_GAP_NOISE = 0.01
+"""Noise of a gap sensor at contact, as a share of the largest gap."""
 _ALONE = "1"
 """Label of a loop that nobody labelled."""
 
@@ -68,14 +74,14 @@ def read_loops(
     paths: PathLike | Sequence[PathLike] | Any,
     *,
     columns: Mapping[str, str] | None = None,
-    history: History | str | None = None,
+    history: HistoryLike | None = None,
     schedule: str | None = None,
     loop: str | None = None,
     constants: Mapping[str, float | str] | None = None,
     select: Mapping[str, object] | None = None,
     file_name: str | None = None,
     scale: Mapping[str, float | str] | None = None,
-    flip: Sequence[str] | str = (),
+    flip: Sequence[str] | str | None = None,
     drop: str | None = None,
     sidecar: PathLike | None = None,
     progress: Progress | None = None,
@@ -122,6 +128,7 @@ def read_loops(
         drop=drop,
     )
     beside = FileDescription.from_toml(sidecar) if sidecar is not None else None
+    check_source(paths, "read_loops: paths", LOOP_SOURCES.removeprefix("Loops, "))
     if is_frame(paths):
         reading = description if beside is None else description.over(beside)
         return join(_with_histories([_read_table(table_of(paths), _ALONE, reading, progress)]))
@@ -138,6 +145,8 @@ def read_loops(
             reading = replace(reading, constants={**reading.constants, "gap_m": gaps[path]})
         name = _ALONE if len(files) == 1 else path.stem
         parts.append(_read_table(open_table(path), name, reading, progress))
+        if parts[-1].schedule == QUANTITIES["gap"] and reading.schedule is None:
+            refuse_other_gap(path, [loop.schedule_value for loop in parts[-1].loops])
     loops = join(_with_histories(with_stated_gaps(parts)))
     loops = replace(loops, notes=(*_left_out(paths, files), *loops.notes))
     if gaps:
@@ -245,6 +254,7 @@ def _read_table(
     used, remarks = UsedRows(table, headers, raw, keep).with_valid(
         description.drop, (roles.input, roles.output)
     )
+    _refuse_hidden_gaps(used, roles, words)
     used, schedule, found = _scheduled(used, roles)
     drive, answer = used.si(roles.input), used.si(roles.output)
     assert drive is not None
@@ -310,10 +320,33 @@ def _scheduled(used: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray | Non
         return used, np.full(drive.size, roles.fixed), []
     if schedule is None or roles.quantity is None:
         return used, schedule, []
+    if roles.quantity == QUANTITIES["gap"]:
+        _refuse_negative_gaps(schedule, used.where)
     plateaus = find_plateaus(schedule, drive, roles.quantity)
     if plateaus is None:
         return used, schedule, []
     return used.at(plateaus.rows), plateaus.values, [plateaus.note]
+
+
+def _refuse_hidden_gaps(used: UsedRows, roles: Roles, texts: Sequence[int]) -> None:
+    """Ask about a column that nobody uses and that rests at several values, as a gap does."""
+    output, drive = used.headers[roles.output].quantity, used.si(roles.input)
+    if roles.quantity is not None or roles.chosen or roles.label is not None:
+        return
+    if drive is None or output is None or output.name not in _OUTPUTS_OF_GAPS:
+        return
+    for index in roles.idle:
+        header = used.headers[index]
+        if index in texts or header.target is not None or not may_be_gap(header):
+            continue
+        try:
+            column = used.table.read([index]).numbers[index]
+        except InputError:
+            continue  # a column that nobody asked for may hold anything
+        values = column if used.rows is None else column[used.rows]
+        if not np.isfinite(values).all() or find_plateaus(values, drive, _ANY) is None:
+            continue
+        ask_for_gap(used.table.source_name, header, used.headers)
 
 
 def _unlabelled(roles: Roles) -> tuple[int, ...]:
@@ -369,8 +402,6 @@ def _cut(
     assert answer is not None
     answer = answer_of(drive, answer)
     quantity, remarks = roles.quantity, [*roles.notes(headers), *notes]
-    if quantity == QUANTITIES["gap"]:
-        _refuse_negative_gaps(columns)
     blocks = _blocks(columns)
     moving = columns.schedule is not None and any(
         np.ptp(columns.schedule[rows]) != 0.0 for rows in blocks
@@ -380,8 +411,13 @@ def _cut(
         columns, quantity = replace(columns, schedule=None), None
         blocks = _blocks(columns)
     loops, unstated = [], []
+    seen: Counter[tuple[str, float | None]] = Counter()
     for index, rows in enumerate(blocks):
         loop = _loop(columns, rows)
+        seen[loop.label, loop.schedule_value] += 1
+        if loop.schedule_value is not None and seen[loop.label, loop.schedule_value] > 1:
+            count = seen[loop.label, loop.schedule_value]
+            loop = replace(loop, label=f"{loop.label}-{count}")  # the same gap once more
         stated: History | None = description.histories.get(loop.label, description.history)
         loops.append(loop if stated is None else replace(loop, history=stated))
         unstated += [index] if stated is None else []
@@ -400,8 +436,16 @@ def _cut(
 
 def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
     """Fill in histories that were not stated with those that the data suggest, and note it."""
-    loops = [loop for part in parts for index, loop in enumerate(part.loops) if index in part.open]
-    proposals = iter(propose_histories(loops, even=are_even(loops, parts[0].output)))
+    loops = [loop for part in parts for loop in part.loops]
+    is_open = [index in part.open for part in parts for index in range(len(part.loops))]
+    unknown = [loop for loop, is_unknown in zip(loops, is_open, strict=True) if is_unknown]
+    own = iter(propose_histories(unknown, even=are_even(unknown, parts[0].output)))
+    known = [
+        next(own) if is_unknown else (loop.history, "stated")
+        for loop, is_unknown in zip(loops, is_open, strict=True)
+    ]
+    carried = zip(carry_histories(loops, known), is_open, strict=True)
+    proposals = (proposal for proposal, is_unknown in carried if is_unknown)
     completed = []
     for part in parts:
         judged, notes = list(part.loops), list(part.notes)
@@ -422,13 +466,13 @@ def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
     return completed
 
 
-def _refuse_negative_gaps(columns: _Columns) -> None:
-    assert columns.schedule is not None
-    below = np.flatnonzero(columns.schedule < 0.0)
+def _refuse_negative_gaps(gaps: FloatArray, where: Callable[[int], str]) -> None:
+    """Refuse gaps below contact; near contact, the noise of the sensor may make some negative."""
+    below = np.flatnonzero(gaps < -_MAX_GAP_NOISE * float(np.max(gaps)))
     if below.size:
         row = int(below[0])
         raise InputError(
-            f"{columns.where(row)}: negative gap {columns.schedule[row]:g} m; {GAP_ADVICE}",
+            f"{where(row)}: negative gap {gaps[row]:g} m; {GAP_ADVICE}",
             code="negative-gap",
             key="gap_m",
         )
@@ -464,10 +508,12 @@ def _by_value(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
         cut |= columns.time[rows[steps]] < columns.time[rows[steps - 1]]
     if not cut.all() and rows.size < _DWELL * runs:
         return [rows]
+    parts = np.split(rows, steps)
     if runs == np.unique(values[np.concatenate(([0], steps))]).size:
-        return np.split(rows, steps)
+        return parts
     if columns.time is not None and time_fault(columns.time[rows]) is None:
-        return [rows]  # one record in time through which the value steps to and fro
+        # A record in time through which the value steps to and fro, or one that returns to a gap.
+        return parts if all(has_loop(columns.input, part) for part in parts) else [rows]
     seen: dict[float, int] = {}
     for start in [0, *steps.tolist()]:
         value = float(values[start])

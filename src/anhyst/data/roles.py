@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +12,24 @@ from numpy.typing import NDArray
 from anhyst.data.formats.channels import Texts, is_number
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import reversal_count
-from anhyst.data.proposals import choose_one, map_as, map_one, mapping
+from anhyst.data.proposals import (
+    choose_one,
+    is_without_unit,
+    map_as,
+    map_one,
+    mapped_so_far,
+    mapping,
+    option,
+    without_units,
+)
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import INPUTS, QUANTITIES, WEIGHTS, Header, Quantity, parse_header
-from anhyst.support.vocabulary import named_quantities
+from anhyst.support.vocabulary import named_quantities, words_of
 
 _NO_SCHEDULE = "none"
+_MOVED = frozenset({"displacement", "strain", "magnetostriction"})
 _INPUT_EXAMPLES = "'I_A', 'H_A_per_m' or 'u_V'"
 _OUTPUT_EXAMPLES = "'F_N', 'B_T', 'psi_Wb' or 'x_m'"
 
@@ -148,6 +159,7 @@ def _pair(
     pair = [_first(source, headers, names) for names in (INPUTS, tuple(OUTPUT_MAPS))]
     drive, answer = pair
     if drive is not None and answer is not None:
+        _ask_which_drives(source, headers, drive, answer)
         return drive, answer
     field = drive is not None and headers[drive].name == "H"
     outputs = ("flux_density", *OUTPUT_MAPS) if field else tuple(OUTPUT_MAPS)
@@ -166,6 +178,26 @@ def _pair(
         f"{source}: has no column for {what} ({_have(headers)}); name it {examples}"
         f"{mapping(headers, *missing, skip=skip())}",
         code="column-missing",
+    )
+
+
+def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, answer: int) -> None:
+    """Ask which of a voltage and a current drives what moves: a coil or a piezo."""
+    output, chosen = headers[answer].quantity, headers[drive]
+    volts = [header for header in headers
+             if header.quantity == QUANTITIES["voltage"] and not header.problem]  # fmt: skip
+    is_moved = output is not None and output.name in _MOVED
+    if not is_moved or not volts or chosen.quantity != QUANTITIES["current"]:
+        return
+    if chosen.target is not None:
+        return
+    mapped = mapped_so_far(headers)
+    choices = [option("columns", mapped | {text: ""}) for text in (chosen.text, volts[0].text)]
+    raise InputError(
+        f"{source}: '{volts[0].text}' or '{chosen.text}' may drive '{headers[answer].text}'; leave "
+        f"one out: the voltage drives: {choices[0]}, or the current drives: {choices[1]}",
+        code="column-twice",
+        key="current",
     )
 
 
@@ -201,8 +233,12 @@ def _only(source: str, headers: Sequence[Header], name: str) -> int | None:
         )
     if indices and not healthy:
         header = headers[indices[0]]
+        others = [f"'{other.text}'" for other in without_units(headers) if other is not header]
+        together = (
+            f"; {', '.join(others)} have none either" if others and is_without_unit(header) else ""
+        )
         raise InputError(
-            f"{source}: column '{header.text}': {header.problem}{map_one(header, headers)}",
+            f"{source}: column '{header.text}': {header.problem}{together}{map_one(header, headers)}",
             code="bad-header",
             key=header.text,
         )
@@ -395,15 +431,45 @@ def _are_loops(loops: list[Rows], drive: FloatArray, answer: FloatArray) -> bool
     return all(reversal_count(drive[rows], _REVERSAL * span) > 0 for rows, span in pairs)
 
 
+_GAP_NAMES = frozenset({"x", "y", "z", "s", "d", "g", "delta"})
+_GAP_WORDS = frozenset(
+    {"abstand", "distance", "dist", "standoff", "clearance", "afstand", "distanza", "distancia"}
+)
+
+
+def may_be_gap(header: Header) -> bool:
+    """Whether a column may be a gap that is called otherwise: by its unit, or else by its name."""
+    if header.unit is not None and header.unit.symbol != "-":
+        return header.unit.dimension == "length"
+    words = set(words_of(header.name))
+    named = named_quantities(header.name)
+    is_named = words <= _GAP_NAMES or words & _GAP_WORDS or named & {"gap", "displacement"}
+    return bool(words) and not header.stated and bool(is_named)
+
+
 def _refuse_schedule(source: str, header: Header, headers: Sequence[Header]) -> None:
-    """Ask about a column in units of a gap or a temperature: a label would hide it."""
-    kinds = {"length": "gap", "temperature": "temperature"}
-    name = kinds.get(header.unit.dimension if header.unit else "")
-    if name is None:
-        return
+    """Ask about a column that may be a gap or a temperature: a label would hide it."""
+    if may_be_gap(header):
+        ask_for_gap(source, header, headers, f'a mere label: --loop "{header.text}"')
+    if header.unit is not None and header.unit.dimension == "temperature":
+        raise InputError(
+            f"{source}: column '{header.text}' stays through each loop: is it the temperature, then "
+            f"map it: {map_as(header, 'temperature', headers)}, or a mere label: "
+            f'--loop "{header.text}"',
+            code="label-or-schedule",
+            key=header.text,
+        )
+
+
+def ask_for_gap(
+    source: str, header: Header, headers: Sequence[Header], otherwise: str = ""
+) -> NoReturn:
+    """Ask whether a column that stays through each loop is the gap."""
+    other = otherwise or f"no gap: {option('columns', mapped_so_far(headers) | {header.text: ''})}"
+    unit = "" if header.unit else ", in its unit such as gap_mm or gap_um"
     raise InputError(
-        f"{source}: column '{header.text}' stays through each loop: is it the {name}, then map it: "
-        f'{map_as(header, name, headers)}, or a mere label: --loop "{header.text}"',
+        f"{source}: column '{header.text}' stays through each loop: is it the gap, then map it"
+        f"{unit}: {map_as(header, 'gap', headers)}, or {other}",
         code="label-or-schedule",
         key=header.text,
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from anhyst.data.path import History
+from anhyst.data.path import History, HistoryLike
 from anhyst.support.atomic import PathLike, read_error
 from anhyst.support.errors import InputError
 
@@ -45,14 +45,14 @@ class FileDescription:
         cls,
         *,
         columns: Mapping[str, str] | None = None,
-        history: History | str | None = None,
+        history: HistoryLike | None = None,
         schedule: str | None = None,
         loop: str | None = None,
         constants: Mapping[str, float | str] | None = None,
         select: Mapping[str, object] | None = None,
         file_name: str | None = None,
         scale: Mapping[str, float | str] | None = None,
-        flip: Sequence[str] | str = (),
+        flip: Sequence[str] | str | None = None,
         drop: str | None = None,
     ) -> FileDescription:
         """Collect keyword arguments."""
@@ -60,12 +60,12 @@ class FileDescription:
             columns=dict(columns or {}),
             loop=loop,
             schedule=schedule,
-            history=History.parse(history) if isinstance(history, str) else history,
+            history=None if history is None else History.of(history),
             constants=dict(constants or {}),
             select={name: _choices(name, value) for name, value in (select or {}).items()},
             file_name=file_name,
             scale=dict(scale or {}),
-            flip=(flip,) if isinstance(flip, str) else tuple(flip),
+            flip=(flip,) if isinstance(flip, str) else tuple(flip or ()),
             drop=drop,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,17 +53,7 @@ class Speeds:
 
 def speeds_of(loops: Loops) -> Speeds | None:
     """Tell slow loops from fast ones; None where all are about as fast, or no times are known."""
-    if any(loop.time is None for loop in loops.loops):
-        return None
-    paces = [_pace(loop) for loop in loops.loops]
-    fast = [
-        any(
-            other.schedule_value == loop.schedule_value
-            and min(pace[0] / past[0], pace[1] / past[1]) >= APART
-            for other, past in zip(loops.loops, paces, strict=True)
-        )
-        for loop, pace in zip(loops.loops, paces, strict=True)
-    ]
+    fast = list(map(bool, slower_loops(loops.loops)))
     if not any(fast):
         return None
     groups: list[list[Loop]] = []
@@ -74,6 +65,22 @@ def speeds_of(loops: Loops) -> Speeds | None:
             groups.append([loop])
     slow = (loop for loop, is_fast in zip(loops.loops, fast, strict=True) if not is_fast)
     return Speeds(loops.with_loops(slow), tuple(map(tuple, groups)))
+
+
+def slower_loops(loops: Sequence[Loop]) -> list[list[int]]:
+    """Return for each loop the places of those of its gap that are clearly slower."""
+    if any(loop.time is None for loop in loops):
+        return [[] for _ in loops]
+    paces = list(map(_pace, loops))
+    return [
+        [
+            place
+            for place, (other, past) in enumerate(zip(loops, paces, strict=True))
+            if other.schedule_value == loop.schedule_value
+            and min(pace[0] / past[0], pace[1] / past[1]) >= APART
+        ]
+        for loop, pace in zip(loops, paces, strict=True)
+    ]
 
 
 def slow_loops(loops: Loops) -> Loops:

@@ -11,6 +11,7 @@ import numpy as np
 from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, folded
 from anhyst.data.path import DEMAGNETISED, SETTLED, History, branches, crossings
+from anhyst.data.speeds import slower_loops
 from anhyst.support.numeric import FloatArray
 
 Proposal = tuple[History, str]
@@ -46,6 +47,11 @@ class _Rises:
     height: float
 
     @property
+    def clearness(self) -> float:
+        """Difference in standard errors; zero if an output without noise or change shows none."""
+        return self.apart / self.error if self.error > 0.0 else 0.0
+
+    @property
     def verdict(self) -> Literal["virgin", "settled", "unsure"]:
         """Verdict on the first rise; none where the noise hides it."""
         if self.apart > max(_SURE * self.error, _ALIKE * self.height):
@@ -68,19 +74,49 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[Proposal]:
     ]
 
 
+def carry_histories(loops: Sequence[Loop], proposals: Sequence[Proposal]) -> list[Proposal]:
+    """Return the proposals, with those of fast loops corrected by the slow loops of their gap.
+
+    Eddy currents make the first cycle of a fast loop differ from later ones, as an initial curve
+    would. A slow loop shows without them whether the session began demagnetised. If it did not, the
+    slow loop is what happened before the fast one.
+    """
+    carried = list(proposals)
+    for index, slower in enumerate(slower_loops(loops)):
+        known = [place for place in slower if proposals[place][0].kind != "demagnetised"]
+        if proposals[index][0].kind != "demagnetised" or not slower or len(known) < len(slower):
+            continue
+        slow = max((loops[place] for place in slower), key=lambda loop: float(np.ptp(loop.input)))
+        reason = (
+            "it is faster than others of its gap, and their first rise is not the initial curve; "
+            "eddy currents alone make its first cycle differ (state --history to change this)"
+        )
+        carried[index] = _after(slow, loops[index]), reason
+    return carried
+
+
+def _after(slow: Loop, fast: Loop) -> History:
+    """Return the history of a loop that begins at rest after a slow one."""
+    span, start = float(np.ptp(slow.input)), float(fast.input[0])
+    last = [slow.n - 1 - int(pick(slow.input[::-1])) for pick in (np.argmin, np.argmax)]
+    ends = [float(f"{slow.input[place]:.4g}") for place in sorted(last)]
+    back = [] if abs(ends[-1] - start) <= _NEAR * span else [float(f"{start:.4g}")]
+    return History("conditioned", (*ends, *back))
+
+
 def _all_virgin(seen: Sequence[list[_Rises]]) -> bool:
     """Whether records that are unsure one by one are virgin taken together."""
     # Not the clearest part of each: the best of several is never zero on average.
     whole = [parts[-1] for parts in seen]
     if not whole or any(_clearest(parts).verdict == "settled" for parts in seen):
         return False
-    apart = sum(rises.apart / rises.error for rises in whole) / len(whole) ** 0.5
-    share = sum(rises.apart for rises in whole) / sum(abs(rises.height) for rises in whole)
-    return apart > _SURE and share > _ALIKE
+    apart = sum(rises.clearness for rises in whole) / len(whole) ** 0.5
+    heights = sum(abs(rises.height) for rises in whole)
+    return apart > _SURE and sum(rises.apart for rises in whole) > _ALIKE * heights
 
 
 def _clearest(parts: list[_Rises]) -> _Rises:
-    return max(parts, key=lambda rises: (rises.verdict == "virgin", rises.apart / rises.error))
+    return max(parts, key=lambda rises: (rises.verdict == "virgin", rises.clearness))
 
 
 def _propose(loop: Loop, parts: list[_Rises], alike: bool, *, even: bool) -> Proposal:

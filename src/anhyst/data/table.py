@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,12 +21,12 @@ from anhyst.data.formats.channels import (
     need_package,
 )
 from anhyst.data.formats.text import shown
-from anhyst.data.headers import map_headers
+from anhyst.data.headers import map_headers, without_word
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import refuse_missing, time_fault
 from anhyst.data.proposals import likely, map_one, mapping
 from anhyst.support.atomic import PathLike, check_writable, write_error
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import (
@@ -137,15 +138,22 @@ class DataTable:
 
 
 def read_columns(
-    path: PathLike,
+    path: PathLike | Any,
     columns: Mapping[str, str] | None = None,
     progress: Progress | None = None,
     scale: Mapping[str, float | str] | None = None,
-    flip: Collection[str] = (),
+    flip: Collection[str] | None = None,
+    *,
+    has_own_names: bool = False,
 ) -> DataTable:
-    """Read every column of a table, such as a drive or a demand."""
-    opened = open_table(path, least=1)
-    headers = map_headers(opened, columns or {}, scale, flip)
+    """Read every column of a file or a data frame, such as a drive or a demand.
+
+    The columns of a recording have our own names, which are no words for quantities.
+    """
+    opened = table_of(path) if is_frame(path) else open_table(path, least=1)
+    headers = map_headers(opened, columns or {}, scale, flip or ())
+    if has_own_names:
+        headers = tuple(map(without_word, headers))
     (first,) = opened.first_rows(1)
     known = {index for index, header in enumerate(headers) if header.is_known}
     texts = {
@@ -177,6 +185,8 @@ def read_columns(
 
 
 IN_MEMORY = "data frame"
+LOOP_SOURCES = "Loops, a file, a folder, a list of files, a data frame or a dict of arrays"
+"""What a verb accepts where it needs loops."""
 
 
 def is_frame(source: object) -> bool:
@@ -186,6 +196,24 @@ def is_frame(source: object) -> bool:
     )
 
 
+def check_source(source: object, argument: str, wanted: str = LOOP_SOURCES) -> None:
+    """Refuse what names no files and has no columns; the argument is called ``"verb: argument"``."""
+    if is_frame(source):
+        names = source if isinstance(source, Mapping) else getattr(source, "columns", ("?",))
+        if len(names) == 0:
+            raise InputError(f"{argument}: has no columns", code="no-loops")
+        return
+    several = isinstance(source, list | tuple)
+    paths: Sequence[object] = source if several else [source]  # type: ignore[assignment]
+    if not paths:
+        raise InputError(f"{argument}: the list is empty; name at least one file", code="no-files")
+    for path in paths:
+        if not isinstance(path, str | os.PathLike):
+            raise wrong_type(argument, wanted, path, in_list=several)
+        if not os.fspath(path):
+            raise InputError(f"{argument}: the path is empty; name a file", code="no-files")
+
+
 def table_of(frame: Any) -> MemoryTable:
     """Return the columns of a frame as a table whose headers are their names."""
     if not isinstance(frame, Mapping) and not _has_names(frame):
@@ -193,8 +221,35 @@ def table_of(frame: Any) -> MemoryTable:
         names = list(frame.column_names)
     else:
         names = list(getattr(frame, "columns", frame))
-    columns = tuple(np.asarray(frame[name]) for name in names)
+    columns = tuple(_samples_of(name, frame[name]) for name in names)
+    rows = {column.size for column in columns}
+    if rows <= {0}:
+        raise InputError(f"{IN_MEMORY}: has no rows; give measured values", code="no-data")
+    if len(rows) > 1:
+        lengths = ", ".join(
+            f"'{name}' {column.size}" for name, column in zip(names, columns, strict=True)
+        )
+        raise InputError(
+            f"{IN_MEMORY}: columns need the same number of rows (rows: {lengths})",
+            code="length-differs",
+            key=IN_MEMORY,
+        )
     return MemoryTable(IN_MEMORY, tuple(map(str, names)), columns)
+
+
+def _samples_of(name: object, values: Any) -> Any:
+    """Return a column as an array of one value a row."""
+    try:
+        column = np.asarray(values)
+    except ValueError:  # of lists of several lengths
+        column = np.empty((0, 0))
+    if column.ndim != 1:
+        raise InputError(
+            f"{IN_MEMORY}: column '{name}' must be an array with one value a row",
+            code="length-differs",
+            key=str(name),
+        )
+    return column
 
 
 def _has_names(frame: Any) -> bool:

@@ -179,12 +179,12 @@ def judge(loopset: Loops) -> Verdict:
     """Weigh loop width, the best single-valued curve and the noise against each other."""
     centred, even = recentre(loopset)
     widths = [loop_width(loop, even=even) for loop in centred.loops]
-    residuals = [residual for _, residual in single_valued(loopset)]
-    pooled = np.abs(np.concatenate(residuals))
+    pairs = single_valued(loopset)  # grouped by gap, not in the order of the loops
+    pooled = np.abs(np.concatenate([residual for _, residual in pairs]))
     mean, worst = float(pooled.mean()), float(pooled.max())
-    band = [_in_band(*pair) for pair in zip(loopset.loops, residuals, strict=True)]
+    band = [_in_band(*pair) for pair in pairs]
     band_mean, band_noise = np.average(
-        [each[:2] for each in band], axis=0, weights=[loop.n for loop in loopset.loops]
+        [each[:2] for each in band], axis=0, weights=[loop.n for loop, _ in pairs]
     ).tolist()
     dynamics = resonance_line(loopset) or lag_line(loopset) or turning_line(loopset)
     counts = np.array([loop.n for loop in loopset.loops], dtype=np.float64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,18 +10,22 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.data import Loops
-from anhyst.data.clean import DEFAULT_STEPS, ReadOptions
+from anhyst.data.clean import ReadOptions
+from anhyst.data.path import HistoryLike
 from anhyst.data.reading import files_read
+from anhyst.data.source import options_of
 from anhyst.data.speeds import rate_line
+from anhyst.data.table import check_source, is_frame
 from anhyst.draft.bearing import Numbers, draft_bearing, numbers_of
 from anhyst.draft.force import draft_force_control
 from anhyst.draft.magnet import Machine, MeasuredMagnet, Wanted, machine_of, reach_of
 from anhyst.draft.piezo import draft_piezo, fit_stack, found_lines
 from anhyst.draft.stage import draft_stage
 from anhyst.draft.text import Draft
-from anhyst.support.atomic import PathLike, whole_folder, write_texts
-from anhyst.support.errors import InputError
+from anhyst.support.atomic import PathLike, check_path, whole_folder, write_texts
+from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.jobs import Progress
+from anhyst.support.wording import count_of
 
 NEXT: Mapping[str, tuple[str, ...]] = {
     "bearing": (
@@ -41,6 +46,10 @@ NEXT: Mapping[str, tuple[str, ...]] = {
     ),
     "solenoid": ("anhyst force-control {out}/rig.toml --out {out}/run",),
     "stage": ("anhyst simulate {out}/rig.toml --out {out}/run.csv",),
+    "steels": (
+        "anhyst inspect {out}/m270_50a.csv",
+        "anhyst identify {out}/m270_50a.csv --out {out}/model.toml",
+    ),
 }
 """The examples, and what to run in a copy of one."""
 
@@ -52,7 +61,7 @@ RUN_PIEZO = (
 """The same in a drafted piezo stage."""
 
 KINDS = (".csv", ".md", ".toml")
-"""What is copied: no scripts, which make what is there."""
+"""Suffixes of the files that are copied, and the licence of data of others: no scripts."""
 
 
 def example_files(name: str) -> dict[str, Path]:
@@ -83,8 +92,9 @@ def example_files(name: str) -> dict[str, Path]:
     package = Path(__file__).resolve().parents[1]
     for root in (package.parents[1] / "examples", package / "_examples"):
         folder = root / name
-        if (folder / "loops.csv").is_file():
-            files = sorted(path for path in folder.rglob("*") if path.suffix in KINDS)
+        every = (path for path in folder.rglob("*") if path.is_file())
+        files = sorted(path for path in every if path.suffix in KINDS or path.name == "LICENSE")
+        if files:
             return {path.relative_to(folder).as_posix(): path for path in files}
     raise InputError(
         f"{package}: the examples are missing; install anhyst again", code="installation-incomplete"
@@ -158,7 +168,7 @@ class Drafted:
 
 def init(
     out: PathLike,
-    loops: Sequence[PathLike] | None = None,
+    loops: PathLike | Sequence[PathLike] | None = None,
     *,
     mass: float | None = None,
     load: float | None = None,
@@ -171,10 +181,10 @@ def init(
     schedule: str | None = None,
     loop: str | None = None,
     constants: Mapping[str, float | str] | None = None,
-    history: str | None = None,
+    history: HistoryLike | None = None,
     clean: Sequence[str] | None = None,
     scale: Mapping[str, float | str] | None = None,
-    flip: Sequence[str] | str = (),
+    flip: Sequence[str] | str | None = None,
     drop: str | None = None,
     progress: Progress | None = None,
 ) -> Drafted:
@@ -184,7 +194,7 @@ def init(
     ----------
     out : path-like
         Folder to write; made where it is not there. What is in it already is not written over.
-    loops : sequence of path-like, optional
+    loops : path-like or sequence of path-like, optional
         Loops of the magnet, or of displacement over voltage of a piezo stack: files, folders;
         without them an example is wanted.
     mass, load, gap : float, optional
@@ -214,16 +224,18 @@ def init(
         there already.
     """
     wanted = Wanted(mass, load, gap)
-    options = ReadOptions(
-        columns=columns or {},
-        constants=constants or {},
+    check_path(out, "init: out")
+    options = options_of(
+        "init",
+        columns=columns,
+        sidecar=sidecar,
         schedule=schedule,
         loop=loop,
+        constants=constants,
         history=history,
-        sidecar=None if sidecar is None else str(sidecar),
-        clean=DEFAULT_STEPS if clean is None else tuple(clean),
-        scale={name: str(factor) for name, factor in (scale or {}).items()},
-        flip=(flip,) if isinstance(flip, str) else tuple(flip),
+        clean=clean,
+        scale=scale,
+        flip=flip,
         drop=drop,
     )
     if force_control and wanted != Wanted():
@@ -246,10 +258,14 @@ def init(
                 key="--example",
             )
         return init_example(example, out)
-    if not loops:
+    if loops is not None and is_frame(loops):
+        raise wrong_type("init: loops", "a file, a folder or a list of files", loops)
+    if loops is None or (isinstance(loops, Sequence) and not loops):
         raise InputError(
             "nothing to begin with: name files with loops, or --example bearing", code="no-loops"
         )
+    check_source(loops, "init: loops", "a file, a folder or a list of files")
+    loops = [loops] if isinstance(loops, str | os.PathLike) else list(loops)
     if force_control or stage:
         return init_rig(loops, out, options, progress, wanted if stage else None)
     return init_bearing(loops, out, wanted, options, progress)
@@ -391,6 +407,6 @@ def _magnet(reach: MeasuredMagnet) -> str:
     gaps, forces = 1e3 * reach.gaps, reach.forces
     where = f"at {gaps[0]:.4g} mm" if gaps.size == 1 else f"{gaps[0]:.4g} to {gaps[-1]:.4g} mm"
     pull = f"{forces[0]:.4g} N" if gaps.size == 1 else f"{forces[0]:.4g} to {forces[-1]:.4g} N"
-    return f"{gaps.size} gaps, {where}: {pull} at {reach.current_high:.4g} A".replace(
+    return f"{count_of(gaps.size, 'gap')}, {where}: {pull} at {reach.current_high:.4g} A".replace(
         "1 gaps, at", "one gap of"
     )

@@ -21,7 +21,7 @@ from anhyst.data.formats.channels import (
     sections,
 )
 from anhyst.data.table import check_recording, read_columns, write_sections
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.kinds import TAKES, refuse_other
@@ -122,6 +122,8 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     InputError
         The source cannot be read, the format cannot be written, or it holds nothing of the source.
     """
+    check_path(source, "convert: source", "the path of a measurement")
+    check_path(out, "convert: out")
     refuse_other(source, TAKES["convert"], "convert")
     source, out = Path(source), Path(out)
     check_recording(out, reads=[source])

@@ -31,11 +31,12 @@ from anhyst.exchange.part import (
 )
 from anhyst.exchange.piezo_part import piezo_part
 from anhyst.exchange.stage_part import stage_part
-from anhyst.model.actuator import Model, read_model
+from anhyst.model.actuator import MODEL_SOURCES, Model, model_from
 from anhyst.support import running_version
 from anhyst.support.atomic import (
     PathLike,
     atomic_writer,
+    check_path,
     check_writable,
     json_text,
     whole_folder,
@@ -181,6 +182,8 @@ def export_fmu(
 
 def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Kind | None) -> Part:
     """Return the part of a model that is asked for."""
+    if not isinstance(model, Model):
+        check_path(model, "export: model", f"{MODEL_SOURCES} or of a rig file")
     file = FileKind.MODEL if isinstance(model, Model) else take_kind(model, TAKES["export"])
     if not isinstance(model, Model) and file is not FileKind.MODEL:
         for name, value in (("--of", of), ("--rate", rate), ("--kind", kind)):
@@ -206,7 +209,7 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
                     code="option-not-for-this",
                     key=name,
                 )
-        return actuator_part(model if isinstance(model, Model) else read_model(model))
+        return actuator_part(model_from(model, "export"))
     if rate is None:
         raise InputError(
             "--rate: is missing; give the ticks a second of the compensator",
@@ -404,8 +407,9 @@ def export(
     InputError
         The model cannot be read or exported so, or the place cannot be written.
     """
+    check_path(out, "export: out")
     if as_ == "lut":
-        path = export_tables(model if isinstance(model, Model) else read_model(model), out)
+        path = export_tables(model_from(model, "export"), out)
     elif as_ == "simulink":
         path = export_sfunction(model, out, of=of, rate=rate, kind=kind)
     else:

@@ -291,6 +291,7 @@ def _law(model: Model) -> dict[str, object]:
             "ACTUATOR_SHAPE": f"ANHYST_SHAPE_{cells.shape.upper()}",
             "ACTUATOR_THRESHOLDS": row(cells.thresholds),
             "ACTUATOR_WIDTHS": row(cells.widths),
+            "ACTUATOR_CENTRES": row(cells.middles),
             "ACTUATOR_WEIGHTS": row(cells.weights.ravel()),
             "ACTUATOR_INTERACTION": iron["alpha"],
         }

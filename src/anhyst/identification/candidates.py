@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from anhyst.identification.cross_validation import (
     Miss,
     Refit,
     better,
+    mean_difference,
     mean_of,
     mean_square_of,
 )
@@ -25,7 +27,8 @@ from anhyst.identification.run import SearchRun
 from anhyst.identification.space import WRITTEN
 from anhyst.identification.uncertainty import OFFSETS
 from anhyst.laws.cells import Shape
-from anhyst.support.errors import InputError
+from anhyst.model.left_over import EXACT
+from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 
 POPULATIONS = 3
 """Of play cells that are tried, at most."""
@@ -55,6 +58,27 @@ class ModelCandidate:
         if "omega" in self.held:
             text += ", no interaction"
         return f"{text}, weights fitted" if self.polished else text
+
+    def details(self) -> list[str]:
+        """Return what distinguishes a candidate from others of the same name."""
+        free = OFFSETS - self.held
+        return [
+            *(["no interaction"] if "omega" in self.held and self.cells is None else []),
+            *(["one leakage path"] if self.gap_map == "leakage" else []),
+            *(["a gain at each gap"] if self.gap_map == "circuit" else []),
+            *([f"offsets {'of all gaps' if self.common else 'free'}"] if free else []),
+        ]
+
+
+def titles(candidates: Sequence[ModelCandidate], law: str) -> list[str]:
+    """Return a name for each candidate, under its gap map; no two are the same."""
+    names = [candidate.title(law) for candidate in candidates]
+    maps = [WRITTEN.get(candidate.gap_map, candidate.gap_map) for candidate in candidates]
+    alike = Counter(zip(names, maps, strict=True))
+    return [
+        ", ".join([name, *(candidate.details() if alike[name, gap_map] > 1 else ())])
+        for name, gap_map, candidate in zip(names, maps, candidates, strict=True)
+    ]
 
 
 def require_gaps(records: FitRecords, gap_map: str) -> None:
@@ -102,13 +126,18 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
     if gap_map != "auto":
         return [ModelCandidate(gap_map, held)]
     candidates = [ModelCandidate("scaling", held)]
-    if loopset.schedule is None or loopset.schedule.name != "gap":
-        others = map_candidates(run, loopset, "free") if gaps >= 3 else []
+    if not is_over_gap(loopset):
+        others = map_candidates(run, loopset, "free")
         return candidates + [replace(other, rank=other.rank + 1) for other in others]
     if not run.form.kernel.coupled:
         candidates.append(ModelCandidate("reluctance", held))
         candidates += [ModelCandidate("leakage", held, rank=1)] if gaps >= 3 else []
     return candidates
+
+
+def is_over_gap(loopset: Loops) -> bool:
+    """Whether the loops are scheduled over a gap, which moves and does not change the iron."""
+    return loopset.schedule is not None and loopset.schedule.name == "gap"
 
 
 def cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandidate:
@@ -158,6 +187,17 @@ _PLAIN = 1.5
 waits for certainty: the standard error is of few blocks, and most of it of the one that gains most."""
 
 
+_SEVERAL = 2.5
+"""Rms deviation of a fit over that of another, both above the noise, from which on the other law is
+taken if it predicts what was withheld as well: a law that cannot follow the loops is the wrong one."""
+
+_LEAST_EXCESS = 0.1
+"""Part of a cost that is not taken for noise, however noisy the output is."""
+
+FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
+"""Errors of a fit that end a candidate, not the search."""
+
+
 @dataclass(frozen=True, eq=False)
 class Fits:
     """Two fits under one candidate: offsets free, and only those that the data demand."""
@@ -175,6 +215,14 @@ class Contest:
     refits: dict[Fold, dict[ModelCandidate, Refit]]
     left_out: Sequence[int]
     by: LeftOut = "gap"
+    noise: float = 0.0  # cost of the noise of the sensor
+    dropped: dict[ModelCandidate, str] = field(default_factory=dict)  # reason for each that failed
+
+    def drop(self, failed: ModelCandidate, error: Exception) -> None:
+        """Let a candidate that failed no longer take part."""
+        self.dropped[failed] = getattr(error, "what", str(error))
+        if failed in self.entrants:
+            self.entrants.remove(failed)
 
     def misses(self, entrant: ModelCandidate, besides: Fold = frozenset()) -> list[Miss]:
         """Return the errors of a candidate on each part that was left out."""
@@ -201,26 +249,55 @@ class Contest:
         tried = [entrant for entrant in self.entrants if self.is_tried(entrant, besides)]
         missed = {entrant: self.misses(entrant, besides) for entrant in tried}
         if not any(missed.values()):
-            return min(self._simplest(), key=lambda entrant: self._cost(entrant, besides))
+            simplest = min(self._simplest(), key=lambda entrant: self._cost(entrant, besides))
+            return self._replaced(simplest, self.entrants, besides)
         best = None
         for rank in sorted({entrant.rank for entrant in tried}):
             alike = [entrant for entrant in tried if entrant.rank == rank]
             means = {model: mean_square_of(_compared(missed[model], alike)) for model in alike}
             enough = AS_GOOD * min(means.values())
             first = next(entrant for entrant, mean in means.items() if mean <= enough)
-            pair = [best, first] if best else []
-            blocks = self.by == "block" and best is not None and best.cells is not None
-            certain = _CERTAIN if blocks else 1.0
-            if (
-                best is None
-                or better(
-                    *(_compared(missed[candidate], pair) for candidate in (best, first)), certain
-                )
-                or (blocks and self._plainly(best, first, besides))
-            ):
+            if best is None or self._is_better(first, best, besides):
                 best = first
         assert best is not None
+        return self._replaced(best, tried, besides)
+
+    def _replaced(
+        self, best: ModelCandidate, tried: Sequence[ModelCandidate], besides: Fold
+    ) -> ModelCandidate:
+        """Return the simplest candidate that fits several times better and predicts as well."""
+        while able := [other for other in tried if self._should_replace(best, other, besides)]:
+            best = min(able, key=lambda other: (other.rank, self._cost(other, besides)))
         return best
+
+    def _is_better(self, other: ModelCandidate, simple: ModelCandidate, besides: Fold) -> bool:
+        """Whether a candidate predicts better than a simpler one, by more than the scatter."""
+        pair = [simple, other]
+        blocks = self.by == "block"
+        certain = _CERTAIN if blocks and simple.cells else 1.0
+        own, others = (_compared(self.misses(each, besides), pair) for each in pair)
+        return better(own, others, certain) or (blocks and self._plainly(simple, other, besides))
+
+    def _should_replace(self, best: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
+        """Whether another candidate fits several times better and predicts as well."""
+        if not self.is_several_times_worse(best, other, besides):
+            return False
+        if not self.left_out:
+            return True
+        mean, error = mean_difference(self.misses(best, besides), self.misses(other, besides))
+        return mean >= -error
+
+    def is_several_times_worse(
+        self, entrant: ModelCandidate, other: ModelCandidate, besides: Fold = frozenset()
+    ) -> bool:
+        """Whether a candidate fits the loops several times worse than another."""
+        own, least = (self._excess(each, besides) for each in (entrant, other))
+        return own > _SEVERAL**2 * least
+
+    def _excess(self, entrant: ModelCandidate, besides: Fold) -> float:
+        """Return the cost of a fit above that of the noise, and above what nobody sees."""
+        cost = self._cost(entrant, besides)
+        return max(cost - self.noise, _LEAST_EXCESS * cost, EXACT**2)
 
     def _plainly(self, entrant: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
         """Whether another candidate is much better on both fitted and left-out data."""

@@ -65,7 +65,7 @@ class CellPaths:
         cells = self.cells
         try:
             return CellOperator(
-                cells.thresholds, cells.widths, cells.weights, cells.shape, self.aim
+                cells.thresholds, cells.widths, cells.weights, cells.shape, self.aim, cells.centres
             )
         except ValueError as error:
             raise NoResponseError(str(error)) from error

@@ -15,7 +15,7 @@ from itertools import groupby
 
 import numpy as np
 
-from anhyst.identification.candidates import Fits, ModelCandidate
+from anhyst.identification.candidates import FAILURES, Fits, ModelCandidate
 from anhyst.identification.cell_kernel import EXACT, LAW_OF, CellKernel, by_weights
 from anhyst.identification.default import TIE, TIED, FoundModel, follow
 from anhyst.identification.fit_records import FitRecords
@@ -167,9 +167,10 @@ def search_cells(
     seed: int,
     leaves_something: Callable[[FoundModel], bool],
     is_usable: Callable[[FoundModel], bool],
+    drop: Callable[[ModelCandidate, Exception], None],
 ) -> dict[ModelCandidate, Fits]:
     """Fit play cells of every curve, until a population more gains next to nothing."""
-    ends: dict[ModelCandidate, list[FoundModel]] = {}
+    found: dict[ModelCandidate, Fits] = {}
     last: dict[Shape, list[FoundModel]] = {}
     shapes = {candidate.cells.shape for candidate in candidates if candidate.cells}
     for _, alike in groupby(
@@ -185,32 +186,49 @@ def search_cells(
             form = replace(base.space.form, law=LAW_OF[shape], cells=kernel, dead_band=0.0)
             levels = _levels(candidate, form, records, base)
             before = last.get(shape, [])
-            known = _suggested(levels, before) if before else _begun(levels, base)
-            fits = _search(levels, candidate.cells, known, seed, leaves_something)
-            if before and fits[0].cost > _GAIN * before[0].cost and leaves_something(fits[0]):
-                objective = Objective(levels.coarse, levels.tie)
-                split = [
-                    _weighed(objective, before[0], (width, pinned))[1]
-                    for width in _SPLIT
-                    for pinned in _PINNED
-                ]
-                fits = _best([*fits, *levels.ends(split, len(split))])
-            if not before and not is_usable(fits[0]):
-                # Follow what begins near Jiles and Atherton to its own end, where that may be chosen.
-                near = [follow(levels.fine, theta, *_END, levels.tie) for theta in known]
-                able = sorted(filter(is_usable, near), key=lambda end: end.cost)
-                fits = [*able[:1], *fits][:_ENDED]
-            if not before or fits[0].cost <= _GAIN * before[0].cost:
-                ends[candidate] = new[shape] = fits
-        least = min((found[0].cost for found in new.values()), default=0.0)
-        last = {shape: found for shape, found in new.items() if found[0].cost <= _BEHIND * least}
+            try:
+                fits = _fit(levels, base, before, seed, leaves_something, is_usable)
+                if before and fits[0].cost > _GAIN * before[0].cost:
+                    continue
+                lean = _only_demanded(candidate, fits, records, base, seed, leaves_something)
+            except FAILURES as error:
+                drop(candidate, error)
+                continue
+            new[shape] = fits
+            found[candidate] = Fits(fits[0], lean)
+        least = min((fits[0].cost for fits in new.values()), default=0.0)
+        last = {shape: fits for shape, fits in new.items() if fits[0].cost <= _BEHIND * least}
         shapes = set(last)
-    return {
-        candidate: Fits(
-            found[0], _only_demanded(candidate, found, records, base, seed, leaves_something)
-        )
-        for candidate, found in ends.items()
-    }
+    return found
+
+
+def _fit(
+    levels: _Levels,
+    base: FoundModel,
+    before: list[FoundModel],
+    seed: int,
+    leaves_something: Callable[[FoundModel], bool],
+    is_usable: Callable[[FoundModel], bool],
+) -> list[FoundModel]:
+    """Fit play cells from what is known: those with a population less, or a law without cells."""
+    kernel = levels.fine.form.cells
+    assert isinstance(kernel, CellKernel)
+    known = _suggested(levels, before) if before else _begun(levels, base)
+    fits = _search(levels, kernel, known, seed, leaves_something)
+    if before and fits[0].cost > _GAIN * before[0].cost and leaves_something(fits[0]):
+        objective = Objective(levels.coarse, levels.tie)
+        split = [
+            _weighed(objective, before[0], (width, pinned))[1]
+            for width in _SPLIT
+            for pinned in _PINNED
+        ]
+        fits = _best([*fits, *levels.ends(split, len(split))])
+    if not before and not is_usable(fits[0]):
+        # Follow what begins near Jiles and Atherton to its own end, where that may be chosen.
+        near = [follow(levels.fine, theta, *_END, levels.tie) for theta in known]
+        able = sorted(filter(is_usable, near), key=lambda end: end.cost)
+        fits = [*able[:1], *fits][:_ENDED]
+    return fits
 
 
 def _only_demanded(
@@ -414,7 +432,7 @@ def remapped(fit: FoundModel, candidate: ModelCandidate, records: FitRecords) ->
     return Fits(wide, only_demanded(wide, *_END))
 
 
-def polish(fit: FoundModel, records: FitRecords) -> FoundModel:
+def polish(fit: FoundModel, records: FitRecords) -> Fits:
     """Let every weight of the cells of a fit move by itself, near to where it is."""
     form = fit.space.form
     assert isinstance(form.cells, CellKernel)
@@ -424,4 +442,5 @@ def polish(fit: FoundModel, records: FitRecords) -> FoundModel:
     space = replace(
         fit.space, records=records.thinned(FINE), form=replace(form, law=form.law, cells=kernel)
     )
-    return follow(space, space.pack(sets), _END[0], _POLISHED, fit.tie)
+    end = follow(space, space.pack(sets), _END[0], _POLISHED, fit.tie)
+    return Fits(end, end)

@@ -47,6 +47,9 @@ AS_GOOD = 1.02
 _NO_WORSE = 1.05
 """Factor within which a cross-validation error may rise where the loops as a whole fall."""
 
+_UNSEEN = 1e-8
+"""Mean square, in parts of the largest output squared, that no sensor sees."""
+
 FOLDED = 160
 """Samples of a loop that a fit without some of the gaps looks at, at most."""
 
@@ -224,6 +227,22 @@ def better(simple: Sequence[Miss], complex_: Sequence[Miss], errors: float = 1.0
         return True
     worse = mean_of(complex_) > _NO_WORSE * mean_of(simple)
     return bool(float(every.mean()) > max(errors * scatter, least) and not worse)
+
+
+def mean_difference(first: Sequence[Miss], second: Sequence[Miss]) -> tuple[float, float]:
+    """Return the mean of the logarithm of the ratio of two errors, and its standard error.
+
+    The ratio is taken place by place, so that a place where both extrapolate does not decide.
+    """
+    ratios = [
+        math.log(sum(mine.squares) + _UNSEEN) - math.log(sum(theirs.squares) + _UNSEEN)
+        for mine, theirs in zip(first, second, strict=True)
+    ]
+    if not np.isfinite(ratios).all():
+        return (math.inf if math.isfinite(mean_of(second)) else -math.inf), 0.0
+    logs = 0.5 * np.array(ratios)
+    variance = _SEEN * SCATTER**2 + float(np.sum((logs - logs.mean()) ** 2))
+    return float(logs.mean()), math.sqrt(variance / (_SEEN + logs.size - 1.0) / logs.size)
 
 
 def noise_at(loopset: Loops) -> list[float]:

@@ -10,7 +10,6 @@ from itertools import chain, pairwise
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from anhyst.data import Loop, Loops
 from anhyst.data.path import branches, thinned
@@ -45,8 +44,8 @@ class RestReading:
     offset: float = 0.0
     # standard error of the reading, SI; None where the records do not come to rest
     std: float | None = None
-    # half-width of the interval that covers the offset with a probability of 90 %, SI; wider than
-    # that of a normal distribution, because few readings show how far they scatter
+    # half-width of the 95 % interval, SI; wider than that of a normal distribution, because few
+    # readings show how far they scatter
     half_width: float = 0.0
 
 
@@ -135,12 +134,14 @@ def _begins(loop: Loop, offset: float, span: float) -> NDArray[np.bool_]:
 
 
 def _reading(values: Sequence[float], span: float) -> RestReading:
+    from scipy.special import stdtrit
+
     if len(values) < 2:  # one reading does not show how far it scatters
         return RestReading()
     mean = float(np.mean(values))
     std = float(np.std(values, ddof=1) / np.sqrt(len(values)))
     real = abs(mean) > _SURE * std and abs(mean) > _SAME * span
-    half_width = std * float(student.ppf(0.95, len(values) - 1))
+    half_width = std * float(stdtrit(len(values) - 1, 0.975))
     return RestReading(mean if real else 0.0, std, half_width)
 
 
@@ -164,11 +165,14 @@ class FitRecord:
     clock: FloatArray
     # samples that are left out of a fit, although the drive went through them; None: none
     unseen: NDArray[np.bool_] | None = None
+    # number of measured samples that each one represents, over the mean of it; None: all alike
+    shares: FloatArray | None = None
 
     @property
     def weights(self) -> FloatArray:
         """Weight of the deviation of each sample; zero of those that a fit does not see."""
         whole = np.full(self.input.size, self.weight)
+        whole = whole if self.shares is None else whole * np.sqrt(self.shares)
         return whole if self.unseen is None else np.where(self.unseen, 0.0, whole)
 
     @cached_property
@@ -193,8 +197,30 @@ class FitRecord:
                 settled=False,
                 clock=self.clock[part],
                 unseen=None if self.unseen is None else self.unseen[part],
+                shares=None if self.shares is None else self.shares[part],
             )
             lead = lead.then(self.input[part], self.gap).remembered()
+
+    def thinned(self, most: int) -> FitRecord:
+        """Take at most about `most` samples, and more in steep parts.
+
+        With more in steep parts, each sample represents the measured samples around it.
+        """
+        kept = thinned(self.input, most, self.output)
+        shares = None if self.shares is None else self.shares[kept]
+        if kept.size > thinned(self.input, most).size:
+            begins = np.concatenate([[0], (kept[1:] + kept[:-1] + 1) // 2])
+            every = np.ones(self.input.size) if self.shares is None else self.shares
+            represented = np.add.reduceat(every, begins)
+            shares = represented * (kept.size / represented.sum())
+        return replace(
+            self,
+            input=self.input[kept],
+            output=self.output[kept],
+            weight=self.weight * float(np.sqrt(self.input.size / kept.size)),
+            clock=self.clock[kept],
+            shares=shares,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,19 +287,7 @@ class FitRecords:
 
         The exact step does not care how densely a path is sampled, so a search may.
         """
-        loops = []
-        for record in self.loops:
-            kept = thinned(record.input, most)
-            loops.append(
-                replace(
-                    record,
-                    input=record.input[kept],
-                    output=record.output[kept],
-                    weight=record.weight * float(np.sqrt(record.input.size / kept.size)),
-                    clock=record.clock[kept],
-                )
-            )
-        return replace(self, loops=tuple(loops))
+        return replace(self, loops=tuple(record.thinned(most) for record in self.loops))
 
 
 def blocks_along(drive: FloatArray, blocks: int) -> NDArray[np.intp]:

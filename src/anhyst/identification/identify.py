@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from anhyst.data import Loops
 from anhyst.data.lag import lag_line
@@ -15,13 +15,14 @@ from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.path import SETTLED
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.resonance import resonance_line
+from anhyst.data.source import LoopSource, loops_from
 from anhyst.data.speeds import Speeds, speeds_of, with_spread_times
 from anhyst.identification.any_law import fit_any
 from anhyst.identification.bare import form_of, model_of, valid_range
 from anhyst.identification.candidates import require_gaps
 from anhyst.identification.cell_kernel import LAW_OF
+from anhyst.identification.cell_problem import LAW as CREEPING_LAW
 from anhyst.identification.choice import FEWEST, outcome_of, search_models
-from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
 from anhyst.identification.default import TO_END, follow
 from anhyst.identification.fit_records import records_of, rest_of
@@ -43,6 +44,7 @@ from anhyst.model.schema import (
 from anhyst.support import running_version
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
+from anhyst.support.wording import worded
 
 SEARCHES = ("default", "paper")
 
@@ -51,7 +53,7 @@ AUTO = "auto"
 
 
 def identify(
-    loops: Loops,
+    loops: LoopSource,
     *,
     law: str = AUTO,
     gap_map: str = "auto",
@@ -63,13 +65,16 @@ def identify(
     rate: bool = True,
     progress: Progress | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
+    **reading: Any,
 ) -> IdentifyResult:
     """Find the model of an actuator from measured loops.
 
     Parameters
     ----------
-    loops : Loops
-        Loops at constant scheduling values; all are fitted together.
+    loops : Loops, path-like, list of path-like, data frame or dict
+        Loops at constant scheduling values; all are fitted together. Files, folders, data frames
+        and dicts of arrays are read and cleaned as the command line does. `Loops` are used
+        unchanged.
     law : str
         One of :data:`anhyst.laws.LAWS`, or ``auto``: the law of Jiles and Atherton, and
         play cells where they are certain to predict better.
@@ -98,6 +103,9 @@ def identify(
     checkpoint : path-like or None
         File that keeps the finished stages of the search ``paper``, so that a killed one goes on
         where it was.
+    **reading
+        How files or columns are read: the keywords of `read_loops`, and ``clean``, the cleaning
+        steps.
 
     Returns
     -------
@@ -115,6 +123,8 @@ def identify(
     began, worked = time.perf_counter(), time.process_time()
     spent: dict[str, float] = {}
     check_wanted(law, gap_map, search)
+    read = loops_from(loops, "identify: loops", reading)
+    loops = read.loops
     odd = check_plausible(loops)
 
     def static(some: Loops, before: Outcome | None = None) -> Outcome:
@@ -176,6 +186,8 @@ def identify(
     line = left_over_text(left, loops, model)
     figures = replace(figures, not_noise=left.unexplained, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
+    if read.options is not None:
+        model = model.with_read_options(read.options)
     warnings += [reason] if (reason := obstacle(model.at_rest)) is not None else []
     spent["all else"] = time.process_time() - worked - sum(spent.values())
     return IdentifyResult(
@@ -183,7 +195,7 @@ def identify(
         loops=loops,
         fitted=fitted,
         acceptance=acceptance,
-        warnings=tuple(warnings),
+        warnings=tuple(map(worded, warnings)),
         per_gap=per_gap,
         splines=None if per_gap is None else check_splines(per_gap),
         seconds=time.perf_counter() - began,

@@ -108,9 +108,7 @@ def assess(fit: FoundModel, loopset: Loops) -> Uncertainty:
             names.append(_label(space.numbers[name], units))
             values.append(reading.offset)
             stds.append(reading.half_width)
-            sentences.append(
-                f"{names[-1]}: what the sensor reads at rest, not fitted; its interval covers 90 %"
-            )
+            sentences.append(f"{names[-1]}: what the sensor reads at rest, not fitted")
     whole = np.eye(len(names))
     whole[: space.size, : space.size] = correlation
     return Uncertainty(
@@ -191,6 +189,13 @@ _UNBELIEVED = 25.0
 """What an unusual offset costs at most, and what contradicting a reading at rest costs, in twice
 the logarithm of the odds: the highest price that still lets plain evidence overrule either."""
 
+_CONTRADICTION = 4.0
+"""A fitted offset contradicts what the sensor read from this number of standard errors on."""
+
+_MAX_MEASURED_COST = 2.0
+"""A reading is kept unless it raises the mean square deviation by this factor: the error of a law in
+its shape, which an offset can hide, raised it by 1.4 (three gaps, 2 mA of noise)."""
+
 _EXACT = 1e-20
 """Mean square deviation, in parts of the largest output, below which nothing is distinguished."""
 
@@ -212,6 +217,8 @@ def only_demanded(
     alike = 1.0 + (drives - 1) * float(np.mean(shares))
     independent = max(2.0, float(ends[-1]) / mean_memory(fit.space, linear.deviation) / alike)
     ways = [frozenset(names) for n in range(1, len(free) + 1) for names in combinations(free, n)]
+    wrong = _contradicted(fit)
+    ways = [names for names in ways if wrong <= names]
 
     def score(cost: float, space: CoordinateSpace, theta: FloatArray) -> float:
         return independent * math.log(cost + _EXACT) + _price(space, theta, independent)
@@ -226,10 +233,24 @@ def only_demanded(
     # Whatever the offsets that stay free come out at, above this cost they are not taken.
     stay = sum(name in OFFSETS for name, _ in space.entries)
     goal = math.exp(whole / independent - stay * math.log(independent) / independent)
+    if wrong:
+        goal = _MAX_MEASURED_COST * fit.cost
     held = follow(space, start, tolerance, most, fit.tie, goal)
-    enough = _responds(held) and score(held.cost, held.space, held.theta) <= whole
+    better = score(held.cost, held.space, held.theta) <= whole
+    enough = _responds(held) and (better or (bool(wrong) and held.cost <= goal))
     best = held if enough else fit
     return replace(best, evaluations=fit.evaluations + held.evaluations + 1)
+
+
+def _contradicted(fit: FoundModel) -> frozenset[str]:
+    """Name the free offsets of the input that contradict an offset that the sensor has read."""
+    reading, span = fit.space.records.rest.input, fit.space.records.input_span
+    if reading.std is None or reading.offset == 0.0:
+        return frozenset()
+    most = _CONTRADICTION * max(reading.std / span, AT_REST)
+    pairs = zip(fit.space.entries, fit.theta, strict=True)
+    names = (name for (name, gap), value in pairs if gap is None and abs(float(value)) > most)
+    return frozenset(names) & {"in_0"}
 
 
 def _responds(fit: FoundModel) -> bool:
@@ -441,13 +462,9 @@ def _freed(model: Model, cells: CellWeights, count: int) -> Model:
 
 
 def _deviation(model: Model, loops: Loops) -> float:
-    """Mean square of what a model misses, over all samples."""
-    off = [
-        model.predict(
-            loop.input, loop.schedule if model.needs_schedule else None, loop.time, loop.history
-        ).output
-        - loop.output
-        for loop in loops.loops
-    ]
-    every = np.concatenate(off)
+    """Return the mean square deviation over all samples; infinite if the model has no answer."""
+    try:
+        every = np.concatenate([model.on(loop) - loop.output for loop in loops.loops])
+    except (InputError, NegativeResult):
+        return float("inf")
     return float(every @ every) / every.size

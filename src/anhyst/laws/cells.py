@@ -3,14 +3,16 @@
 Cell ``i`` follows the effective field at a distance of its threshold, and the magnetisation is a
 sum of curves at the places of the cells::
 
-    p_i <- clip(p_i, x - r_i, x + r_i),    M = sum_i sum_j W_ij * phi(p_i / a_j)
+    p_i <- clip(p_i, x - r_i, x + r_i),    M = sum_i sum_j W_ij * phi_j(p_i)
+    phi_j(p) = (phi((p - b_j) / a_j) + phi((p + b_j) / a_j)) / 2
 
-Cell 0 has no threshold: the reversible part.
+Cell 0 has no threshold: the reversible part. Curves with centres ``b_j`` on a fine grid make the
+cells a discrete Preisach operator.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
@@ -52,9 +54,12 @@ class CellWeights:
     # share of each cell and curve in the saturation, 0 or above, A/m; shape (n + 1, J)
     weights: FloatArray
     shape: Shape = "tanh"  # the curve, ``"tanh"`` or ``"langevin"``
+    centres: FloatArray | None = None  # of the curves, 0 or above, A/m; shape (J,); None: all 0
 
     def __post_init__(self) -> None:
-        for name in ("thresholds", "widths", "weights"):
+        for name in ("thresholds", "widths", "weights", "centres"):
+            if getattr(self, name) is None:
+                continue
             values = np.ascontiguousarray(getattr(self, name), dtype=np.float64).copy()
             values.flags.writeable = False
             object.__setattr__(self, name, values)
@@ -70,6 +75,8 @@ class CellWeights:
             return f"thresholds must be a row of 1 to {MOST_CELLS} numbers"
         if a.ndim != 1 or not a.size:
             return "widths must be a row of numbers"
+        if self.centres is not None and self.centres.shape != a.shape:
+            return f"centres must be a row of {a.size} numbers, as many as widths"
         if self.weights.shape != (r.size, a.size):
             return (
                 f"weights must be {r.size} rows of {a.size}, one row for each threshold and one "
@@ -83,6 +90,8 @@ class CellWeights:
             return "thresholds must be finite and ascend from 0"
         if not np.isfinite(a).all() or (a <= 0.0).any():
             return "widths must be finite and above 0"
+        if not np.isfinite(self.middles).all() or (self.middles < 0.0).any():
+            return "centres must be finite and not negative"
         if not np.isfinite(weights).all() or (weights < 0.0).any():
             return "weights must be finite and not negative"
         return None if weights.any() else "weights are all 0; one at least must be above"
@@ -93,20 +102,43 @@ class CellWeights:
             return NotImplemented
         return self.shape == other.shape and all(
             np.array_equal(getattr(self, name), getattr(other, name))
-            for name in ("thresholds", "widths", "weights")
+            for name in ("thresholds", "widths", "weights", "middles")
         )
 
     def __hash__(self) -> int:
         """Hash by value."""
-        arrays = (self.thresholds, self.widths, self.weights)
-        return hash((self.shape, *(array.tobytes() for array in arrays)))
+        return hash((self.shape, self._content))
 
     def __str__(self) -> str:
         """Say what there is, and a few digits that differ where anything does."""
-        content = b"".join(a.tobytes() for a in (self.thresholds, self.widths, self.weights))
-        digest = sha256(self.shape.encode() + content).hexdigest()[:8]
+        digest = sha256(self.shape.encode() + self._content).hexdigest()[:8]
         count = int(np.count_nonzero(self.weights))
         return f"{self.thresholds.size} cells, {count} weights above 0 ({digest})"
+
+    @property
+    def middles(self) -> FloatArray:
+        """Centre of each curve, A/m."""
+        return np.zeros(self.widths.size) if self.centres is None else self.centres
+
+    @property
+    def _content(self) -> bytes:
+        """All numbers, as bytes."""
+        arrays = [self.thresholds, self.widths, self.weights]
+        arrays += [self.middles] if self.middles.any() else []
+        return b"".join(array.tobytes() for array in arrays)
+
+    def curves(
+        self, plays: FloatArray, of: Callable[[Shape, FloatArray], FloatArray]
+    ) -> FloatArray:
+        """Return each curve at places of each cell, or its slope over place/width; (n + 1, J, m)."""
+        halves = [
+            of(
+                self.shape,
+                (plays[:, None, :] + side * self.middles[:, None]) / self.widths[:, None],
+            )
+            for side in ((-1.0, 1.0) if self.middles.any() else (1.0,))
+        ]
+        return np.asarray(sum(halves) / len(halves))
 
     @property
     def saturation(self) -> float:
@@ -207,6 +239,15 @@ PLACES = 2001
 """Fields at which the steepest path is looked for."""
 
 
+def curve_value(shape: Shape, part: FloatArray) -> FloatArray:
+    """Return the curve ``phi``."""
+    if shape == "tanh":
+        return np.asarray(np.tanh(part))
+    from anhyst._core import langevin
+
+    return np.asarray(langevin(part.ravel())[0].reshape(part.shape))
+
+
 def curve_slope(shape: Shape, part: FloatArray) -> FloatArray:
     """Return the slope of the curve ``phi``."""
     if shape == "tanh":
@@ -219,7 +260,7 @@ def curve_slope(shape: Shape, part: FloatArray) -> FloatArray:
 @lru_cache(maxsize=16)
 def steepest_slope(cells: CellWeights) -> float:
     """Return the largest slope of the magnetisation over the effective field, of any path."""
-    end = cells.thresholds[-1] + 3.0 * cells.widths.max()
-    plays = np.linspace(-3.0 * cells.widths.max(), end, PLACES) - cells.thresholds[:, None]
-    slope = curve_slope(cells.shape, plays[:, None, :] / cells.widths[:, None])
+    reach = float((cells.middles + 3.0 * cells.widths).max())
+    plays = np.linspace(-reach, cells.thresholds[-1] + reach, PLACES) - cells.thresholds[:, None]
+    slope = cells.curves(plays, curve_slope)
     return float(np.einsum("ij,ijm->m", cells.weights / cells.widths, slope).max())

@@ -96,7 +96,9 @@ def iron_of(cells: CellWeights, alpha: float) -> CellIron:
     """Return the iron of the core."""
     from anhyst._core import CellIron
 
-    return CellIron(cells.thresholds, cells.widths, cells.weights, cells.shape, alpha)
+    return CellIron(
+        cells.thresholds, cells.widths, cells.weights, cells.shape, alpha, cells.centres
+    )
 
 
 def _cells(shape: Shape, iron: Mapping[str, float]) -> CellWeights:

@@ -38,6 +38,7 @@ from anhyst.link.frames import (
     XcpRequest,
 )
 from anhyst.link.wire import BAUD, Port, framed, key_for, split
+from anhyst.support.atomic import check_path
 from anhyst.support.block_words import GENERATION_AT, LENGTH_AT
 from anhyst.support.errors import InputError
 from anhyst.support.states import Command, State
@@ -501,6 +502,7 @@ def xcp(port: str, listen: int = 5555, *, started: Callable[[int], None] | None 
     InputError
         The port cannot be opened, or the firmware carries no XCP.
     """
+    check_path(port, "xcp: port", "the port of a controller")
     with ControllerLink(port) as controller:
         bridge = XcpBridge(controller, listen)
         if started is not None:

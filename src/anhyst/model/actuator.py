@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from anhyst._core import AnyIron
 from anhyst.data.clean import PREFIX, ReadOptions
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.path import History
+from anhyst.data.path import HistoryLike
 from anhyst.laws import LAWS
 from anhyst.model.acceptance import Acceptance, GapCheck, check_acceptance, check_over_gap
 from anhyst.model.predict import invert, predict
@@ -28,7 +28,7 @@ from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.stepper import Stepper
 from anhyst.model.writer import write_model
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, group_label, length_scale, range_text, shades
@@ -65,7 +65,7 @@ class Model(Result, ActuatorRecord):
         drive: ArrayLike,
         schedule: ArrayLike | None = None,
         time: ArrayLike | None = None,
-        history: History | str | None = None,
+        history: HistoryLike | None = None,
     ) -> FloatArray:
         """Return the output that a drive gives, shape (n,); see :meth:`predict`."""
         return self.predict(drive, schedule, time, history).output
@@ -75,7 +75,7 @@ class Model(Result, ActuatorRecord):
         demand: ArrayLike,
         schedule: ArrayLike | None = None,
         time: ArrayLike | None = None,
-        history: History | str | None = None,
+        history: HistoryLike | None = None,
     ) -> FloatArray:
         """Return the drive that a demanded output needs, shape (n,); see :meth:`invert`."""
         return self.invert(demand, schedule, time, history).drive
@@ -85,7 +85,7 @@ class Model(Result, ActuatorRecord):
         drive: ArrayLike,
         schedule: ArrayLike | None = None,
         time: ArrayLike | None = None,
-        history: History | str | None = None,
+        history: HistoryLike | None = None,
     ) -> Prediction:
         """Compute the output that a drive gives; see :func:`anhyst.model.predict.predict`."""
         return predict(self, drive, schedule, time, history)
@@ -95,7 +95,7 @@ class Model(Result, ActuatorRecord):
         demand: ArrayLike,
         schedule: ArrayLike | None = None,
         time: ArrayLike | None = None,
-        history: History | str | None = None,
+        history: HistoryLike | None = None,
     ) -> Prediction:
         """Compute the drive that a demanded output needs; see :func:`anhyst.model.predict.invert`."""
         return invert(self, demand, schedule, time, history)
@@ -104,9 +104,7 @@ class Model(Result, ActuatorRecord):
         """Return the output that the model gives for the drive of a measured loop, shape (n,)."""
         return self.predict(loop.input, loop.schedule, loop.time, loop.history).output
 
-    def stepper(
-        self, schedule: float | None = None, history: History | str | None = None
-    ) -> Stepper:
+    def stepper(self, schedule: float | None = None, history: HistoryLike | None = None) -> Stepper:
         """Start the model for use sample by sample; see :class:`anhyst.model.stepper.Stepper`."""
         return Stepper(self, schedule, history)
 
@@ -219,7 +217,20 @@ def read_model(path: PathLike) -> Model:
         Another format or version, keys that are unknown, missing, without their unit or out of
         range; with line and key.
     """
+    check_path(path, "read_model: path", "the path of a model file")
     return read_as(path, Model)
+
+
+def model_from(model: Model | PathLike, verb: str, argument: str = "model") -> Model:
+    """Return the model that a verb was given, read from its file if need be."""
+    if isinstance(model, Model):
+        return model
+    check_path(model, f"{verb}: {argument}", MODEL_SOURCES)
+    return read_model(model)
+
+
+MODEL_SOURCES = "a Model or the path of a model file"
+"""What a verb accepts where it needs a model."""
 
 
 def read_sources(model: Model, folder: PathLike = ".") -> Loops:
@@ -276,9 +287,11 @@ def obstacle(model: Model) -> str | None:
         others = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
         return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {others}"
     if model.fixed_gap_only:
+        over = model.schedule.name if model.schedule else "gap"
+        others = "scaling or reluctance" if over == "gap" else "scaling"
         return (
-            "gap map 'free' cannot be compiled: the iron itself would change with the gap; "
-            "identify with --gap-map scaling or reluctance"
+            f"gap map 'free' cannot be compiled: the iron itself would change with the {over}; "
+            f"identify with --gap-map {others}"
         )
     if model.has_eddy_currents and not has_layers(model):
         return "gamma: what answers late cannot be compiled; take the model at rest (at_rest)"

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data.output_map import full_scale
-from anhyst.model.actuator import Model
+from anhyst.model.actuator import Model, model_from
 from anhyst.model.parameters import Parameter
 from anhyst.model.predict import slow_times
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.result import Result, columns_of
 
@@ -101,13 +102,13 @@ class ModelDiff(Result):
         ax.set_ylabel("difference of the outputs, SI")
 
 
-def diff(first: Model, second: Model) -> ModelDiff:
+def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     """Compare two models of the same kind.
 
     Parameters
     ----------
-    first, second : Model
-        Same input, output and scheduling variable.
+    first, second : Model or path-like
+        Models, or their files, of the same input, output and scheduling variable.
 
     Returns
     -------
@@ -119,6 +120,7 @@ def diff(first: Model, second: Model) -> ModelDiff:
     InputError
         The models are of different quantities.
     """
+    first, second = model_from(first, "diff", "first"), model_from(second, "diff", "second")
     for role in ("input", "output"):
         mine, other = getattr(first, role), getattr(second, role)
         if mine != other:

@@ -84,13 +84,14 @@ class Dynamics:
     ) -> Creeping:
         kept = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
         shares = np.array(self.shares)
-        sign = 1.0 if known else -1.0
+        if known:
+            parts = np.stack([_lagging(inputs, *one) for one in zip(kept.T, slow, strict=True)])
+            return Creeping(inputs + shares @ parts, parts[:, -1], float(inputs[-1]))
         creep = np.empty(inputs.size)
         before = 0.0
         for i, value in enumerate(inputs.tolist()):
             slow = before + kept[i] * (slow - before) if i else slow
-            creep[i] = value + sign * float(shares @ slow)
-            before = value if known else float(creep[i])
+            creep[i] = before = value - float(shares @ slow)
         return Creeping(creep, slow, before)
 
     def settled(self, inputs: FloatArray, time: FloatArray, *, known: bool) -> FloatArray:
@@ -112,6 +113,17 @@ class Dynamics:
     def advanced(self, values: FloatArray, time: FloatArray) -> FloatArray:
         """Return a record advanced by the lag, its last value held after its end."""
         return np.interp(time + self.lag, time, values)
+
+
+def _lagging(inputs: FloatArray, kept: FloatArray, start: float) -> FloatArray:
+    """Return what follows a known input with one time constant, from a start; of floats, for speed."""
+    slow, before = float(start), 0.0
+    found: list[float] = []
+    for part, value in zip(kept.tolist(), inputs.tolist(), strict=True):
+        slow = before + part * (slow - before) if found else slow
+        found.append(slow)
+        before = value
+    return np.array(found)
 
 
 MOST_LAYERS = 16

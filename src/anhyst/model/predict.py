@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst._core import status_text
-from anhyst.data.path import History
+from anhyst.data.path import History, HistoryLike
 from anhyst.laws.law import IronOperator
 from anhyst.model.dynamics import Dynamics, too_fast
 from anhyst.model.parameters import Circuit
@@ -18,6 +18,7 @@ from anhyst.model.prediction import BoolArray, Given, Prediction, flag, warn_if_
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
+from anhyst.support.wording import count_of
 
 OK = 0
 NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
@@ -80,7 +81,7 @@ def predict(
     drive: ArrayLike,
     schedule: ArrayLike | None = None,
     time: ArrayLike | None = None,
-    history: History | str | None = None,
+    history: HistoryLike | None = None,
 ) -> Prediction:
     """Compute the output that a drive gives."""
     prediction = run_through(model, "drive", drive, schedule, time, history)
@@ -93,7 +94,7 @@ def invert(
     demand: ArrayLike,
     schedule: ArrayLike | None = None,
     time: ArrayLike | None = None,
-    history: History | str | None = None,
+    history: HistoryLike | None = None,
 ) -> Prediction:
     """Compute the drive that a demanded output needs.
 
@@ -112,7 +113,7 @@ def run_through(
     values: ArrayLike,
     schedule: ArrayLike | None,
     time: ArrayLike | None,
-    history: History | str | None,
+    history: HistoryLike | None,
 ) -> Prediction:
     """Compute as `predict` (``"drive"``) or `invert` (``"demand"``), without a Python warning."""
     inputs = as_samples(values, kind)
@@ -129,7 +130,7 @@ def _run_at_once(
     inputs: FloatArray,
     schedule: ArrayLike | None,
     time: ArrayLike | None,
-    history: History | str | None,
+    history: HistoryLike | None,
 ) -> Prediction:
     """Compute a record of an actuator without lag and creep."""
     at = None if schedule is None else as_samples(schedule, "schedule", inputs.size)
@@ -352,7 +353,7 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
         )
     if size is not None and array.size != size:
         raise InputError(
-            f"{name}: has {array.size} samples for {size}; give one for each",
+            f"{name}: has {count_of(array.size, 'sample')} for {size}; give one for each",
             code="length-differs",
             key=name,
         )
@@ -366,11 +367,11 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
     return array
 
 
-def as_history(history: History | str | None, model: ActuatorRecord) -> History:
+def as_history(history: HistoryLike | None, model: ActuatorRecord) -> History:
     """Return the history that a call asks for, or that of the model."""
     if history is None:
         return model.history
-    return History.parse(history) if isinstance(history, str) else history
+    return History.of(history)
 
 
 def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> FloatArray | None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,22 +15,30 @@ from numpy.typing import NDArray
 from anhyst.data.formats.channels import Texts
 from anhyst.data.formats.text import write_csv
 from anhyst.data.joining import IN_ONE_RUN, one_after_another
-from anhyst.data.loops import Loop
+from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import OUTPUT_MAPS, full_scale, name_full_scale
-from anhyst.data.path import SETTLED, History
-from anhyst.data.table import DataTable, read_columns
-from anhyst.model.actuator import Model, read_model
+from anhyst.data.path import SETTLED, History, HistoryLike, history_text
+from anhyst.data.table import DataTable, check_source, read_columns
+from anhyst.model.actuator import Model, model_from
 from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through
 from anhyst.model.prediction import Given, flag
-from anhyst.support.atomic import PathLike, check_writable
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.atomic import PathLike, check_path, check_writable
+from anhyst.support.errors import InputError, NegativeResult, wrong_type
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
+from anhyst.support.result import Result, range_text
+from anhyst.support.wording import worded
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from anhyst.support.units import Quantity
+
 Rows = NDArray[np.intp]
 Direction = Literal["predict", "invert"]
+GIVEN: Mapping[Direction, str] = {"predict": "drive", "invert": "demand"}
+"""What the two verbs are given, as their argument is called."""
+_WANTED = "a file, Loops, a data frame or a dict of arrays"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +52,14 @@ class Deviation:
     of: str  # the same in words: ``the largest force (24 N)``
 
 
-@dataclass(frozen=True, slots=True)
-class RunSummary:
-    """Summary of a prediction or inversion over a file.
+@dataclass(frozen=True, slots=True, repr=False)
+class RunSummary(Result):
+    """A prediction or inversion over a file or a data frame.
 
     Parameters
     ----------
-    out : str
-        The file written.
+    out : str or None
+        The file written, if any.
     column, unit : str
         Header of the computed column and its unit.
     rows, runs : int
@@ -64,9 +74,11 @@ class RunSummary:
         Against a column of the same quantity in the file, if it holds one.
     warnings : tuple of str
         One sentence each.
+    columns : mapping
+        The columns that were read, the computed one and ``valid``.
     """
 
-    out: str
+    out: str | None
     column: str
     unit: str
     rows: int
@@ -77,35 +89,71 @@ class RunSummary:
     outside: int
     deviation: Deviation | None
     warnings: tuple[str, ...]
+    columns: Mapping[str, Any] = field(default_factory=dict, compare=False)
+
+    def facts(self) -> dict[str, str]:
+        """Return the number of rows, the range of the computed quantity and what is outside."""
+        return {
+            "rows": str(self.rows),
+            "history": self.history,
+            self.column: range_text(self.low, self.high, self.unit),
+            "outside the valid range": str(self.outside),
+        }
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the columns that were read, the computed one and ``valid``."""
+        return {
+            name: column.rows() if isinstance(column, Texts) else column
+            for name, column in self.columns.items()
+        }
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the computed quantity over the rows."""
+        ax.plot(self.columns[self.column], lw=1.1)
+        ax.set_xlabel("row")
+        ax.set_ylabel(self.column)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figures, without the columns."""
+        plain = {item.name: getattr(self, item.name) for item in fields(self)}
+        del plain["columns"]
+        return plain | {"deviation": None if self.deviation is None else asdict(self.deviation)}
+
+    def save(self, path: PathLike) -> Path:
+        """Write the columns to a CSV file, whole or not at all."""
+        write_csv(path, self.columns)
+        return Path(path)
 
 
 def predict(
     model: Model | PathLike,
-    drive: PathLike,
-    out: PathLike,
+    drive: PathLike | Any,
+    out: PathLike | None = None,
     *,
     columns: Mapping[str, str] | None = None,
     scale: Mapping[str, float | str] | None = None,
-    flip: Collection[str] = (),
-    history: str | None = None,
+    flip: Collection[str] | None = None,
+    history: HistoryLike | None = None,
     progress: Progress | None = None,
 ) -> RunSummary:
-    """Compute the output that a drive in a file gives: current to force, as the model was made.
+    """Compute the output that a drive gives: current to force, as the model was made.
 
     Parameters
     ----------
     model : Model or path-like
         The model, or its file.
-    drive, out : path-like
-        The file to read, with the drive and whatever the model runs over, and the CSV file to
-        write: its columns again, the output, and ``valid``, 1 inside the valid range, else 0.
+    drive : path-like, Loops, data frame or dict of arrays
+        The drive and whatever the model runs over, with headers such as ``I_A`` and ``gap_m``.
+    out : path-like, optional
+        CSV file to write: the columns of the drive, the output, and ``valid``, 1 inside the valid
+        range, else 0. The result holds the same columns.
     columns : mapping of str to str, optional
         What columns of the file are, where their headers do not say.
     scale : mapping of str to float, optional
         By column, the value in our unit per unit in the file.
     flip : collection of str
         Columns whose sign is reversed.
-    history : str, optional
+    history : str or list of float, optional
         What happened before each run, instead of what the model says.
     progress : callable, optional
         Called with bytes read and file size.
@@ -120,31 +168,31 @@ def predict(
         A file cannot be read or written, a column is missing, or a sample is refused.
     """
 
-    def read() -> DataTable:
-        return read_columns(drive, columns, progress, scale, flip)
+    def read(source: PathLike | Any) -> DataTable:
+        return read_columns(source, columns, progress, scale, flip)
 
     return _run(model, "predict", drive, out, read, history)
 
 
 def invert(
     model: Model | PathLike,
-    demand: PathLike,
-    out: PathLike,
+    demand: PathLike | Any,
+    out: PathLike | None = None,
     *,
     columns: Mapping[str, str] | None = None,
     scale: Mapping[str, float | str] | None = None,
-    flip: Collection[str] = (),
-    history: str | None = None,
+    flip: Collection[str] | None = None,
+    history: HistoryLike | None = None,
     progress: Progress | None = None,
 ) -> RunSummary:
-    """Compute the drive that a demanded output in a file needs: force to current.
+    """Compute the drive that a demanded output needs: force to current.
 
     Parameters
     ----------
     model, out, columns, scale, flip, history, progress
         As of `predict`.
-    demand : path-like
-        The file to read, with the demanded output and whatever the model runs over.
+    demand : path-like, Loops, data frame or dict of arrays
+        The demanded output and whatever the model runs over.
 
     Returns
     -------
@@ -156,8 +204,8 @@ def invert(
         As of `predict`.
     """
 
-    def read() -> DataTable:
-        return read_columns(demand, columns, progress, scale, flip)
+    def read(source: PathLike | Any) -> DataTable:
+        return read_columns(source, columns, progress, scale, flip)
 
     return _run(model, "invert", demand, out, read, history)
 
@@ -165,12 +213,12 @@ def invert(
 def _run(
     model: Model | PathLike,
     direction: Direction,
-    path: PathLike,
-    out: PathLike,
-    read: Callable[[], DataTable],
-    history: str | None,
+    source: PathLike | Any,
+    out: PathLike | None,
+    read: Callable[[PathLike | Any], DataTable],
+    history: HistoryLike | None,
 ) -> RunSummary:
-    """Predict or invert a whole file.
+    """Predict or invert a whole file or data frame.
 
     The columns of the file are repeated as they stood; the computed quantity and ``valid`` (1
     inside the valid range of the model, 0 outside) are added. Each loop that the column ``loop``
@@ -178,16 +226,26 @@ def _run(
     is one run; only where the history is ``settled``, each stretch at one value is a cycle. Cycles
     that clock and measured output show to have been run one after the other remember those before.
     """
-    reads = [path] if isinstance(model, Model) else [model, path]
-    check_writable(out, reads=reads)
-    model = model if isinstance(model, Model) else read_model(model)
-    table = read()
-    past = history if history is not None else str(model.history)
+    if isinstance(source, Loops):
+        source = source.to_columns()
+    if isinstance(source, Model | list | tuple):
+        raise wrong_type(f"{direction}: {GIVEN[direction]}", _WANTED, source)
+    check_source(source, f"{direction}: {GIVEN[direction]}", _WANTED)
+    if out is not None:
+        check_path(out, f"{direction}: out")
+        paths = [path for path in (model, source) if isinstance(path, str | os.PathLike)]
+        check_writable(out, reads=paths)
+    model = model_from(model, direction)
+    table = read(source)
+    past = history_text(model.history if history is None else history)
     answers, valid, runs, warnings = _compute(model, direction, table, past)
     answer = model.output if direction == "predict" else model.input
+    name, computed = _completed(table, answer, answers, valid)
+    if out is not None:
+        write_csv(out, computed)
     return RunSummary(
-        out=str(out),
-        column=_write(table, out, answer, answers, valid),
+        out=None if out is None else str(out),
+        column=name,
         unit=answer.unit,
         rows=len(table),
         runs=len(runs),
@@ -196,7 +254,8 @@ def _run(
         high=float(answers.max()),
         outside=int((~valid).sum()),
         deviation=_deviation(table, answer, answers, runs),
-        warnings=warnings,
+        warnings=tuple(map(worded, warnings)),
+        columns=computed,
     )
 
 
@@ -327,14 +386,13 @@ def _by_value(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
     return np.split(rows, steps)
 
 
-def _write(
+def _completed(
     table: DataTable,
-    out: PathLike,
     quantity: Quantity,
     answer: FloatArray,
     valid: NDArray[np.bool_],
-) -> str:
-    """Write the columns of the file and those computed; return the header of the computed one."""
+) -> tuple[str, dict[str, Any]]:
+    """Return the header of the computed column, and the columns of the table with those computed."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
     name, flag = quantity.column, "valid"
     if name in columns:  # a measurement: keep it, so that the two can be compared
@@ -348,8 +406,7 @@ def _write(
             code="exists-already",
             key=taken,
         )
-    write_csv(out, columns | {name: answer, flag: valid})
-    return name
+    return name, columns | {name: answer, flag: valid}
 
 
 def _deviation(

@@ -16,6 +16,7 @@ from anhyst.support.errors import ImplausibleWarning
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, few, length_scale, range_text
 from anhyst.support.units import DIMENSIONS, UNITS, Quantity
+from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,10 +105,11 @@ def far_outside(
 
 
 def likely_unit(quantity: Quantity, times: float) -> str:
-    """Name the unit that is smaller than the SI unit by about this factor; empty if none is."""
+    """Name the thousandth or millionth of the SI unit that fits a factor; empty if none does."""
     dimension = DIMENSIONS.get(quantity.name, quantity.name)
+    parts = (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02)
     nearest = min(
-        (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02),
+        (unit for unit in parts if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
         key=lambda unit: abs(math.log(unit.scale * times)),
         default=None,
     )
@@ -202,7 +204,7 @@ class Prediction(Result):
             drive.name: range_text(self.drive.min(), self.drive.max(), drive.unit),
             answer.name: range_text(self.output.min(), self.output.max(), answer.unit),
             "history": str(self.history),
-            "outside the valid range": f"{int((~self.valid).sum())} samples",
+            "outside the valid range": count_of(int((~self.valid).sum()), "sample"),
         }
 
     def to_columns(self) -> dict[str, Any]:

@@ -115,6 +115,7 @@ class _Reader:
                 np.array(table.widths),
                 np.array(table.weights),
                 table.shape,
+                None if table.centres is None else np.array(table.centres),
             )
         except ValueError as error:
             self.file.add(("cells",), str(error), code="cells-out-of-range")

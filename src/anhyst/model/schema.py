@@ -110,17 +110,20 @@ class CandidateFit(FileRecord):
     gap_map: str
     numbers: Whole  # how many were fitted
     # root mean square deviation from all loops, in parts of the largest output: of the one chosen
-    # that of the model, of the others that of the fits that were compared
-    rms: FiniteNumber
+    # that of the model, of the others that of the fits that were compared; None: there is no fit
+    rms: FiniteNumber | None = None
     # mean absolute deviation on what was left out of the fit, gaps or loops, in the same parts;
     # None where nothing was, where the law has no answer there, or where it was passed over
     left_out: FiniteNumber | None = None
-    note: str = ""  # ``chosen``, ``passed over``, or nothing
+    # ``chosen``, ``passed over``, ``dropped`` with the reason, or nothing
+    note: str = ""
 
     def text(self) -> str:
         """Return the candidate in a line."""
         note = f" ({self.note})" if self.note else ""
         error = "" if self.left_out is None else f", left out {100.0 * self.left_out:.3g} %"
+        if self.rms is None:
+            return f"{self.law}, {self.gap_map}{note}"
         return (
             f"{self.law}, {self.gap_map}: {self.numbers} numbers, rms {100.0 * self.rms:.3g} %"
             f"{error}{note}"
@@ -278,6 +281,7 @@ class CellsTable(Table):
     thresholds: list[FiniteFloat]
     widths: list[FiniteFloat]
     weights: list[list[FiniteFloat]]
+    centres: list[FiniteFloat] | None = None
 
 
 class DynamicsTable(Table):
@@ -378,7 +382,8 @@ def section_names(
         ("schedule",): nodes,
         ("parameters",): parameter_names(law, drive, answer),
         ("cells",): {
-            name: (name, column(name, "A/m")) for name in ("thresholds", "widths", "weights")
+            name: (name, column(name, "A/m"))
+            for name in ("thresholds", "widths", "weights", "centres")
         },
         ("dynamics",): {
             "lag": ("lag", "lag_s"),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.data.path import History
+from anhyst.data.path import History, HistoryLike
 from anhyst.model.parameters import Circuit
 from anhyst.model.predict import as_history, as_samples, check, initial_state, run_through
 from anhyst.model.prediction import flag, warn_if_far
@@ -45,7 +45,7 @@ class Stepper:
         self,
         model: ActuatorRecord,
         schedule: float | None = None,
-        history: History | str | None = None,
+        history: HistoryLike | None = None,
     ) -> None:
         self.model = model
         self._schedule = model.schedule_or_default(schedule)

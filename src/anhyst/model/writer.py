@@ -58,6 +58,9 @@ CELLS = """
 # The cells of the iron: thresholds ascending from 0, and what each adds to the saturation on the
 # curve (shape) of each width, a row a threshold. They stand for the parameters of the populations.
 """
+CENTRES = """\
+# A curve with a centre above 0 is the mean of two: one around the centre, one around its negative.
+"""
 DYNAMICS = """
 # What comes late: the lag from the input to the output; creep, slow parts with these time constants
 # that add these shares of what the actuator does at once; and the rate of cycles up to which the
@@ -176,8 +179,12 @@ def _cells(cells: CellWeights) -> str:
         column("thresholds", "A/m"): cells.thresholds.tolist(),
         column("widths", "A/m"): cells.widths.tolist(),
     }
+    text = CELLS
+    if cells.centres is not None:
+        table[column("centres", "A/m")] = cells.centres.tolist()
+        text += CENTRES
     weights = f"{column('weights', 'A/m')} = {_rows(cells.weights.tolist())}\n"
-    return f"{CELLS}[cells]\n{_keys(table)}{weights}"
+    return f"{text}[cells]\n{_keys(table)}{weights}"
 
 
 def _dynamics(late: Dynamics) -> str:

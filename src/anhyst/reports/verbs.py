@@ -32,7 +32,14 @@ from anhyst.study.force_control import ForceControl, force_control
 from anhyst.study.piezo import PiezoTracking, track
 from anhyst.study.plants import bearing_plants, force_plants, piezo_plants, stage_plants
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
-from anhyst.support.atomic import PathLike, check_picture, check_writable, write_figure, write_json
+from anhyst.support.atomic import (
+    PathLike,
+    check_path,
+    check_picture,
+    check_writable,
+    write_figure,
+    write_json,
+)
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.figures import write_svg
 from anhyst.support.jobs import Progress, in_parts, workers_of
@@ -144,6 +151,7 @@ def simulate_rig(
     NegativeResult
         Levitation was lost before anything could be compared.
     """
+    check_path(rig, "simulate: rig", "the path of a rig file")
     switches = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
     chosen = [name for name, value in switches.items() if value]
     if len(chosen) > 1:
@@ -375,6 +383,8 @@ def excite_rig(
     InputError
         A file cannot be read or written, a rig gives no loops, or no controller answers.
     """
+    check_path(rig, "excite: rig", "the path of a rig file")
+    check_path(out, "excite: out")
     if plot is not None:
         check_picture(plot)
     url = address_of(xcp, port)

@@ -13,6 +13,7 @@ import numpy as np
 from anhyst.compensate.block import Kind as BlockKind
 from anhyst.compensate.force_controller import Io
 from anhyst.data.formats.text import write_csv
+from anhyst.data.path import HistoryLike, history_text
 from anhyst.identification.identify import check_wanted
 from anhyst.identification.space import coordinate_of
 from anhyst.study.fleet_magnets import (
@@ -26,7 +27,7 @@ from anhyst.study.fleet_magnets import (
     share,
 )
 from anhyst.study.fleet_spread import FleetSpread, MagnetEstimate, spread_of
-from anhyst.support.atomic import PathLike, check_writable, write_json
+from anhyst.support.atomic import PathLike, check_path, check_writable, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, all_of, workers_of
 from anhyst.support.numeric import FloatArray
@@ -317,7 +318,7 @@ def judge_fleet(
     io: Io = "q31",
     on: str = "host",
     seed: int = 1,
-    history: str | None = None,
+    history: HistoryLike | None = None,
     scheduler: str | None = None,
     jobs: int | None = None,
     progress: Progress | None = None,
@@ -343,7 +344,7 @@ def judge_fleet(
         Of the compensators, as of `compile` and `verify`.
     seed : int
         Of everything random.
-    history : str, optional
+    history : str or list of float, optional
         What happened before every loop; as sidecars say, or as each record proposes, if left out.
     scheduler : str, optional
         Of dask, such as ``"tcp://host:8786"``, whose workers do the work.
@@ -363,7 +364,10 @@ def judge_fleet(
     NegativeResult
         Not one magnet could be judged.
     """
+    check_path(magnets, "fleet: magnets", "the path of a folder")
+    check_path(out, "fleet: out")
     check_wanted(law, gap_map, "default")
-    settings = FleetSettings(rate, kind, io, law, gap_map, on, tolerance, seed, history)
+    past = None if history is None else history_text(history)
+    settings = FleetSettings(rate, kind, io, law, gap_map, on, tolerance, seed, past)
     with workers_of(scheduler):
         return fleet(magnets, out, settings, progress=progress, jobs=jobs)

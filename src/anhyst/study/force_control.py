@@ -38,7 +38,7 @@ from anhyst.study.force_trials import (
     run_trial,
     verdict_of,
 )
-from anhyst.support.atomic import PathLike, whole_folder, write_json
+from anhyst.support.atomic import PathLike, check_path, whole_folder, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.kinds import MethodName
@@ -187,6 +187,8 @@ def force_control(
     NegativeResult
         A model cannot be compiled, or a controller did not follow its commands.
     """
+    check_path(rig, "force_control: rig", "the path of a rig file")
+    check_path(out, "force_control: out")
     return _run(read_rig(rig), out, board, demand, recordings, progress)
 
 

@@ -21,15 +21,16 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import gammaincinv
 
-from anhyst.data import Loops
+from anhyst.data.clean import DEFAULT_STEPS
 from anhyst.data.output_map import is_actuator
-from anhyst.data.path import History
-from anhyst.data.reading import read_loops
-from anhyst.model.actuator import Model, read_model
+from anhyst.data.path import HistoryLike
+from anhyst.data.source import LoopSource, loops_from
+from anhyst.model.actuator import Model, model_from
 from anhyst.model.stepper import Stepper
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.wording import count_of
 
 SMALLEST = 0.5
 """Allowance of a chart in standard deviations, at least: it is best for twice that."""
@@ -174,7 +175,7 @@ class Finding:
             )
         if self.learning:
             return f"learning: {self.cycles} of {LEARN} cycles of the current seen"
-        return f"the model fits, over {self.cycles} cycles"
+        return f"the model fits, over {count_of(self.cycles, 'cycle')}"
 
 
 @dataclass(slots=True)
@@ -230,7 +231,7 @@ class DriftWatch:
     gap: float  # where the armature is at the beginning, m
     # Of the iron before the first sample; as the model says, if left out. What it gets wrong must
     # be wiped out by the first cycle.
-    history: History | str | None = None
+    history: HistoryLike | None = None
     run_length: float = RUN_LENGTH  # mean number of cycles of the current to a false alarm
     # smallest drift worth an alarm, N; a thousandth of the model's largest output if left out
     least: float | None = None
@@ -334,10 +335,11 @@ class Watched:
 
 def watch(
     model: Model | PathLike,
-    recording: Loops | PathLike,
+    recording: LoopSource,
     *,
     least: float | None = None,
     run_length: float = 1e5,
+    **reading: Any,
 ) -> Watched:
     """Say whether a model still fits its magnet, or since when it has drifted and by how much.
 
@@ -345,12 +347,14 @@ def watch(
     ----------
     model : Model or path-like
         The model, or its file.
-    recording : Loops or path-like
+    recording : Loops, path-like, data frame or dict
         One run of force over current and gap, with its times.
     least : float, optional
         Smallest drift worth an alarm, N; a thousandth of the model's largest force if left out.
     run_length : float
         Mean number of cycles to a false alarm.
+    **reading
+        How a file or columns are read, as of `read_loops`.
 
     Returns
     -------
@@ -365,10 +369,8 @@ def watch(
         raise InputError(
             f"--least: {least:g} N is not above 0; correct it", code="not-above-zero", key="--least"
         )
-    if not isinstance(model, Model):
-        model = read_model(model)
-    if not isinstance(recording, Loops):
-        recording = read_loops(recording)
+    model = model_from(model, "watch")
+    recording = loops_from(recording, "watch: recording", reading, without=DEFAULT_STEPS).loops
     if len(recording) != 1 or not is_actuator(recording):
         raise InputError(
             "a recording is one run with columns t_s, I_A, F_N and gap_m", code="columns-missing"

@@ -14,12 +14,22 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_type
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PathLike = str | os.PathLike[str]
+
+
+def check_path(value: object, argument: str, wanted: str = "a path") -> PathLike:
+    """Return a path; refuse anything else and name the argument, as ``"verb: argument"``."""
+    if not isinstance(value, str | os.PathLike):
+        raise wrong_type(argument, wanted, value)
+    if not os.fspath(value):
+        raise InputError(f"{argument}: the path is empty", code="wrong-type", key=argument)
+    return value
+
 
 _ADVICE = {
     errno.ENOSPC: "make room",

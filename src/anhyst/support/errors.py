@@ -6,6 +6,8 @@ import copyreg
 from copy import copy
 from typing import Any, Self
 
+from anhyst.support.wording import worded
+
 
 class _Coded(Exception):  # noqa: N818 - only half of one
     """An error with a code for programs and a text that says what to do."""
@@ -19,17 +21,21 @@ class _Coded(Exception):  # noqa: N818 - only half of one
         # As it stands, whatever its class is made from: errors come back from other processes.
         return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
+    def __str__(self) -> str:
+        return worded(str(self.args[0]))
+
     def at(self, location: object) -> Self:
-        """Return the same error, its text headed by the place."""
+        """Return the same error with the place in front of its text."""
         error = copy(self)
-        error.args = (f"{location}: {self}",)
+        error.args = (f"{location}: {self.args[0]}",)
         return error
 
 
 class InputError(_Coded, ValueError):
     """Bad input, reported in one line: file, line or key; what is wrong; what to do.
 
-    The command line prints it as ``anhyst: error: ...`` and exits with 2.
+    The command line prints it as ``anhyst: error: ...`` and exits with 2. In Python, the text names
+    arguments in place of options.
 
     Parameters
     ----------
@@ -41,6 +47,18 @@ class InputError(_Coded, ValueError):
     key : str, optional
         Key of a file, option, column or parameter that is wrong; empty where there is none.
     """
+
+
+def wrong_type(argument: str, wanted: str, value: object, *, in_list: bool = False) -> InputError:
+    """Return the error of an argument, such as ``"identify: loops"``, of the wrong type."""
+    given = type(value).__name__ if value is not None else "None"
+    for name in ("loops", "model"):
+        if hasattr(value, "loops") and hasattr(value, "model") and argument.endswith(name):
+            given += f"; give its {name}"
+    place = "a list with " if in_list else ""
+    return InputError(
+        f"{argument} must be {wanted}, not {place}{given}", code="wrong-type", key=argument
+    )
 
 
 class NegativeResult(_Coded, RuntimeError):  # noqa: N818 - an answer

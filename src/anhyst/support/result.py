@@ -112,6 +112,20 @@ class Result(ABC):
         return f"<table><caption style='text-align:left'><b>{name}</b></caption>{rows}</table>"
 
 
+MAX_ROWS = 10
+"""Maximum number of rows of a table in a notebook."""
+
+
+def html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table for a notebook."""
+    lines = [("th", head), *(("td", row) for row in rows)]
+    body = "".join(
+        f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>"
+        for tag, cells in lines
+    )
+    return f"<table>{body}</table>"
+
+
 def dress(ax: Axes) -> None:
     """Add a grid to the axes and remove the top and right spines."""
     ax.grid(visible=True, alpha=0.25, lw=0.6)

@@ -17,8 +17,12 @@ import numpy as np
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.vocabulary import (
+    RAW_UNITS,
     WORDS,
+    fold,
+    has_qualifier,
     is_drive,
+    is_formula,
     named_quantities,
     symbol_of_word,
     words_of,
@@ -239,13 +243,21 @@ _CHANNELS = frozenset({"channel", "chan", "ch", "kanal", "kanaal", "canal", "can
 """Names before a letter that counts and is not a unit, such as ``Channel A``."""
 _CLOCKS = MappingProxyType({"tout": "s"})
 """Names of clocks whose unit the recorder fixes: Simulink counts in s."""
-_ABSCISSAS = frozenset({"x", "x-axis", "x_axis", "xaxis"})
+_ABSCISSAS = frozenset({"x", "t", "x-axis", "x_axis", "xaxis"})
 """Names of a clock where the unit is one of time."""
 _NO_UNIT = "-"
 """What recorders write where nobody said a unit."""
-_BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*[\[(]\s*(?P<unit>[^\[\]()]*(?:\([^()]*\))?)\s*[\])]$")
-
-
+_BRACKETS = re.compile(
+    r"^(?P<name>.*?)[\s_/]*[\[(<{]\s*(?P<unit>[^\[\]()<>{}]*(?:\([^()]*\))?)\s*[\])>}]$"
+)
+_INNER_BRACKETS = re.compile(
+    r"^(?P<name>[^\[(<{]+?)[\s_/]*[\[(<{](?P<unit>[^\])>}]+)[\])>}]\s*(?P<tail>.+)$"
+)
+"""A unit in brackets before something else, such as ``I [mA] (range 2 A)``."""
+_OTHER_UNITS = re.compile(
+    r"\w\s*/\s*\(?([mk]?Nm|Nc?m+|[mk]?W|k?Ohm|Ω|rpm|[µun]?C|[kM]?V/[mc]?m)\)?$"
+)
+"""Units behind a stroke that no quantity here has."""
 _INVERSE = re.compile(r"^(.+?)[\s.·*]*(cm|mm|m|metre|meter)\s*\^?-1$")
 """A unit per length, such as ``A m^-1``."""
 
@@ -264,6 +276,7 @@ class Header:
     target: str | None = None  # what the user maps the column to; None: nothing
     scale: float | None = None  # value in our unit per unit in the file; None: not stated
     is_flipped: bool = False  # whether the sign is reversed
+    conflict: tuple[str, ...] = ()  # two units that the header states for the same values
 
     def to_si(self, values: FloatArray) -> FloatArray:
         """Convert values of the column to SI, by its scale, its sign and its unit."""
@@ -333,17 +346,27 @@ def parse_header(text: str, unit: str | None = None) -> Header:
 def _parse_header(text: str, unit: str | None) -> Header:
     """Understand the text of a column header without blanks around it."""
     name, written = split_header(text, unit)
-    problem = _conflict(text, unit)
-    if problem is not None:
-        name, written = split_header(text)
+    problem, conflict = None, _find_conflict(text, unit)
+    if conflict:
+        problem = f"its name says {conflict[0]}, its unit {conflict[1]}"
+        name, written = split_header(split_header(text)[0] if unit is None else text)
     if name.lower() == LABEL:
         return Header(text, LABEL, None, None)
     known = _known(name)
-    stated = written if unit or _BRACKETS.match(text) else ""
-    if name.lower() in _ABSCISSAS and (axis := find_unit(written)) and axis.dimension == "time":
+    stated = written if unit or _BRACKETS.match(text) or fold(written) in RAW_UNITS else ""
+    if not written and (other := _OTHER_UNITS.search(text)):
+        stated = other[1]
+    axis = find_unit(written) or find_unit(written.lower())
+    if name.lower() in _ABSCISSAS and axis is not None and axis.dimension == "time":
         known = QUANTITIES["time"]
+    if name in {"lambda", "λ", "Λ"} and axis is not None and axis.dimension == "flux_linkage":
+        known = QUANTITIES["flux_linkage"]
     if problem is not None:
-        return Header(text, name, known or Quantity(name, name, "1"), None, problem, stated)
+        known = known or _said(name, find_unit(conflict[1])) or Quantity(name, name, "1")
+        return Header(text, name, known, None, problem, stated, conflict=conflict)
+    is_gap = not written and named_quantities(name) == {"gap"}
+    if known is None and is_gap and not (has_qualifier(name) or is_formula(name)):
+        known = QUANTITIES["gap"]
     if known is None and not written:
         clock, written = _clock(name)
         if clock != name:
@@ -376,11 +399,10 @@ def _clock(name: str) -> tuple[str, str]:
 
 def _said(name: str, unit: Unit | None) -> Quantity | None:
     """Return the one quantity that the words of a name and the unit agree on."""
-    if unit is None:
-        return None
-    named = named_quantities(name)
-    fitting = [key for key in named if DIMENSIONS.get(key, key) == unit.dimension]
-    if len(fitting) != 1:
+    named = named_quantities(name) if unit is not None else set()
+    fitting = [key for key in named if unit and DIMENSIONS.get(key, key) == unit.dimension]
+    is_doubted = fitting != ["time"] and (has_qualifier(name) or is_formula(name))
+    if len(fitting) != 1 or is_doubted:
         return None
     if fitting == ["voltage"] and not is_drive(name):
         return None
@@ -395,11 +417,7 @@ def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
     """
     text = text.strip()
     stated = (unit or "").strip(" []()")
-    brackets = _BRACKETS.match(text)
-    if brackets:
-        name, written = brackets["name"].strip(), brackets["unit"].strip()
-    else:
-        name, written = _split(text.replace(" ", "_"))
+    name, written = _split_brackets(text)
     if not stated or (stated == _NO_UNIT and find_unit(written)):
         return name, written
     return (name, stated) if _same(find_unit(written), find_unit(stated)) else (text, stated)
@@ -414,14 +432,59 @@ def join_header(name: str, unit: str) -> str:
     return header if plain and not _BRACKETS.match(header) else f"{name} [{unit}]"
 
 
-def _conflict(text: str, unit: str | None) -> str | None:
-    """Say what is wrong with a name that holds another unit than the one that stands apart."""
+def _split_brackets(text: str) -> tuple[str, str]:
+    """Split a header at the brackets around its unit, wherever they are, or else as `_split`."""
+    brackets, inner = _BRACKETS.match(text), _INNER_BRACKETS.match(text)
+    if brackets and find_unit(brackets["unit"]):
+        name, written = brackets["name"].strip(), brackets["unit"].strip()
+        own, own_unit = _split_brackets(name) if name else ("", "")
+        return (own, written) if _same(find_unit(own_unit), find_unit(written)) else (name, written)
+    if inner and find_unit(inner["unit"]):
+        return f"{inner['name']} {inner['tail']}", inner["unit"].strip()
+    if brackets:
+        name, written = brackets["name"].strip(), brackets["unit"].strip()
+        own, own_unit = _split(name.replace(" ", "_"))
+        return (f"{own} ({written})", own_unit) if find_unit(own_unit) else (name, written)
+    plain = re.sub(r"\s+in\s+", " ", text)
+    return _split_stroke(text) or _split(plain.replace(" ", "_"))
+
+
+def _split_stroke(text: str) -> tuple[str, str] | None:
+    """Split ``NAME/UNIT``, ``NAME.UNIT`` and ``ImA``; ``None`` if the text is none of them."""
+    pairs = [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer("/", text)]
+    pairs += [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer(r"\.", text)]
+    pairs += [(sign, text.removeprefix(sign)) for sign in _SYMBOLS
+              if text.startswith(sign) and len(text) > len(sign) + 1]  # fmt: skip
+    free = None
+    for head, tail in pairs:
+        name, written = head.strip(" _"), tail.strip(" _")
+        unit, known = find_unit(written), _known(name)
+        if unit is None or not name or find_unit(text) or not _may_end(name, unit):
+            continue
+        names = {known.name} if known else named_quantities(name)
+        is_stroke, is_time = text[len(head)] == "/", name == "T" and unit.dimension == "time"
+        if unit.dimension in {DIMENSIONS.get(one, one) for one in names} or (is_time and is_stroke):
+            return name, written
+        # 'J/T' names a column, 'F/A' and 'm/s' are ratios.
+        is_named = len(written) > 1 if known else find_unit(name) is None
+        if free is None and is_stroke and is_named and written != "1":
+            free = name, written
+    return free
+
+
+def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:
+    """Return the two different units of a header, in its name and apart from it; empty if none."""
     stated = (unit or "").strip(" []()")
-    written = split_header(text)[1]
+    name, written = split_header(text)
+    if not stated and _BRACKETS.match(text):
+        # Volts of 'I_A [V]' are those of a sensor; A of 'I_mA [A]' are a question.
+        inner, outer = find_unit(split_header(name)[1]), find_unit(written)
+        if inner and outer and inner.dimension == outer.dimension and not _same(inner, outer):
+            return inner.symbol, outer.symbol
     own = find_unit(written) if written else None
     if not stated or stated == _NO_UNIT or own is None or _same(own, find_unit(stated)):
-        return None
-    return f"its name says {written}, its unit {stated}"
+        return ()
+    return written, stated
 
 
 def _same(first: Unit | None, other: Unit | None) -> bool:
@@ -440,7 +503,7 @@ def _split(text: str) -> tuple[str, str]:
         head, tail = "_".join(parts[:cut]), "_".join(parts[cut:])
         unit = find_unit(tail)
         if unit and tail not in {"1", "-", "%"} and _may_end(head, unit):
-            return head, tail
+            return head.rstrip("_:,-") or head, tail
     if _known(text) is None and _known(parts[0]) is not None:
         return parts[0], "_".join(parts[1:])
     return text, ""

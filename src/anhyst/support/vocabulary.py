@@ -38,9 +38,48 @@ _DRIVEN = frozenset({"coil", "spule", "spulen", "bobine", "bobina", "spoel", "pi
                      "of", "de", "la", "della", "del", "der"})  # fmt: skip
 """Words beside a voltage that drives; any other word may name what a sensor measures."""
 
+_QUALIFIER_WORDS = (
+    "supply mains netz motor drift peak spitze spitzen max maximum maximal min minimum minimal mean avg average "
+    "mittel mittelwert zero null nullpunkt offset tare tara error err fehler abweichung change aenderung "
+    "anderung set setpoint soll sollwert nominal nom cmd command commanded kommando vorgabe ref reference referenz "
+    "target demand ziel consigne limit limits grenz grenze grenzwert grens threshold schwelle trip preload "
+    "vorlast vorspann noise rauschen std sigma stddev rms leak leakage leck raw roh rohwert digits range "
+    "bereich alarm friction reibung reib residual tolerance toleranz total both double twice sum summe "
+    "velocity rate speed geschwindigkeit density dichte stromdichte status flag index sample samples "
+    "record number scan step steps extra length increment cycle direction branch delta diff "
+    "differenz bias idle quiescent ruhe heater heiz earth inrush squared "
+    "eff effective effektiv mmf ni turns durchflutung gewichts norm normalised normalized normiert"
+)
+"""Words that make another quantity of the one beside them, or not the measured one."""
+
+_MEASURED_WORDS = (
+    "meas measured measurement actual act ist istwert mess messwert monitor mon probe coil spule spulen "
+    "bobine bobina spoel magnet feedback fb mesure gemessen gemeten"
+)
+"""Words of a column that holds what was measured."""
+
+_SENSORS = frozenset({"sensor", "sensors", "cell", "lc", "loadcell", "dms", "kmd", "messdose"})
+"""Words of a column that a sensor of an output gives."""
+
+_RAW_UNIT_WORDS = "count counts cts digit digits lsb adc raw inc incs increments steps pulses bits ticks au div code"
+_QUALIFIERS = frozenset(_QUALIFIER_WORDS.split())
+_MEASURED = frozenset(_MEASURED_WORDS.split())
+RAW_UNITS = frozenset(_RAW_UNIT_WORDS.split())
+"""Units of values that have no unit yet."""
+
+_FORMULA = re.compile(
+    r"[*^|²³√×÷∫∂Δ]|^[-+]|^\d+\s*/|/\s*\d+(?:\.\d+)?$|[\s(]x\s?\d|^d[A-Z]\b|^d\w+\s*/\s*d\w+|"
+    r"^(?P<symbol>[A-Za-z])\s*/\s*(?:(?P=symbol)\w+|[A-Za-z])$|"
+    r"(?<![A-Za-z])(?:sqrt|log|log10|ln|lg|exp|abs|squared?)(?![A-Za-z])"
+)
+"""Signs of a name that is calculated from a quantity, such as ``2*F`` or ``I/Imax``."""
+_NUMBER = r"(\d+(?:\.\d+)?)"
+_PRODUCTS = (rf"{_NUMBER}\s*[*×]\s*[^*/^|]+", rf"[^*/^|]+[*×]\s*{_NUMBER}")
+_QUOTIENT = rf"[^*/^|]+/\s*{_NUMBER}"
+
 _BASES = {
     "A": "amp amps ampere amperes",
-    "V": "volt volts",
+    "V": "volt volts vdc",
     "N": "newton newtons",
     "T": "tesla teslas",
     "G": "gauss gs",
@@ -131,3 +170,60 @@ def is_drive(name: str) -> bool:
     heads = [next((word.removesuffix(end) for end in _COMPOUND if word.endswith(end)), word)
              for word in words]  # fmt: skip
     return bool(found) and _DRIVEN.issuperset(heads)
+
+
+def _parts(name: str) -> set[str]:
+    """Return the words of a name, the parts of compounds, and ``max`` of ``Imax``."""
+    words = set(words_of(name))
+    words |= {part for word in words for end in _COMPOUND if end in word
+              for part in word.split(end)}  # fmt: skip
+    return words | {word[1:] for word in words if len(word) > 3 and word[0] in "ifubhx"}
+
+
+def has_qualifier(name: str) -> bool:
+    """Whether a word makes something else of the quantity that a name says.
+
+    >>> has_qualifier("Netzstrom"), has_qualifier("Flux density"), has_qualifier("Coil current")
+    (True, False, False)
+    """
+    found = _parts(name) & _QUALIFIERS
+    if WORDS["flux_density"] & _parts(name):
+        found -= {"density", "dichte"}
+    return bool(found)
+
+
+def is_measured(name: str) -> bool:
+    """Whether a word says that a column holds measured values."""
+    return bool(_parts(name) & (_MEASURED | _SENSORS))
+
+
+def is_sensor(name: str) -> bool:
+    """Whether a word says that a sensor of an output gives a column."""
+    return bool(_parts(name) & _SENSORS)
+
+
+def is_formula(name: str) -> bool:
+    """Whether a name is calculated from a quantity, and does not name the quantity itself.
+
+    >>> is_formula("2*F"), is_formula("I/Imax"), is_formula("Strom/Current")
+    (True, True, False)
+    """
+    return _FORMULA.search(name) is not None
+
+
+def undo_formula(name: str) -> str:
+    """Return the factor that undoes a formula, ``FACTOR`` if the user has to know it, or nothing.
+
+    >>> undo_formula("2*F"), undo_formula("F/10"), undo_formula("I/Imax"), undo_formula("F^2")
+    ('0.5', '10', 'FACTOR', '')
+    """
+    plain = name.replace("_", " ").strip()
+    for pattern in _PRODUCTS:
+        if (match := re.fullmatch(pattern, plain)) and float(match[1]):
+            return f"{1.0 / float(match[1]):.6g}"
+    if match := re.fullmatch(_QUOTIENT, plain):
+        return match[1]
+    if re.fullmatch(r"-\s*\w+", plain):
+        return "-1"
+    found = _FORMULA.search(plain)
+    return "FACTOR" if found and (found["symbol"] or re.search(r"[\s(]x\s?\d", plain)) else ""

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from anhyst.compilation.toolchain import Missing
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, cores
 from anhyst.verification.bundle import (
@@ -102,6 +102,7 @@ def verify(
         The folder is not what compile wrote, a target is unknown, no target at all can run, or a
         number is out of range.
     """
+    check_path(folder, "verify: folder", "the path of a compiled folder")
     for name, number in (("host steps", host_steps), ("steps", target_steps), ("seed", seed)):
         if not 1 <= number < 1 << 32:
             raise InputError(

@@ -20,7 +20,10 @@ extern "C" {
 typedef enum { ANHYST_SHAPE_TANH = 0, ANHYST_SHAPE_LANGEVIN = 1 } anhyst_shape;
 
 /* The law itself, A/m throughout:
-     p_i <- clip(p_i, x - r_i, x + r_i),   m = sum_i f_i(p_i),   f_i(p) = sum_j W_ij*phi(p/a_j). */
+     p_i <- clip(p_i, x - r_i, x + r_i),   m = sum_i f_i(p_i),   f_i(p) = sum_j W_ij*phi_j(p),
+     phi_j(p) = (phi((p - b_j)/a_j) + phi((p + b_j)/a_j))/2.
+   The curve phi_j is odd, as phi is. With centres b_j and widths a_j on a fine grid, f_i is any odd
+   rising function. The cells are then a discrete symmetric Preisach operator. */
 typedef struct {
   int cells;               /* 1..ANHYST_CELLS_MAX */
   int widths;              /* 1 or more */
@@ -28,6 +31,7 @@ typedef struct {
   const double *width;     /* a_j, above 0 */
   const double *weight;    /* W_ij, `cells` rows of `widths`, 0 or above, one at least above */
   anhyst_shape shape;
+  const double *centre; /* b_j, 0 or above; NULL: all 0 */
 } anhyst_cell_weights_f64;
 
 /* A quintic piece. */

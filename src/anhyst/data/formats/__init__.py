@@ -78,6 +78,10 @@ ONE_TABLE = frozenset({".csv", ".parquet"})
 """Formats that hold one clock, and each name once."""
 
 
+_BINARY = (open_mat, open_mdf, open_tdms, open_hdf5, open_parquet, open_excel)
+"""What cannot open a text."""
+
+
 def open_table(path: PathLike, least: int = 2) -> OpenTable:
     """Open a table by its first bytes, because the same format has many file names.
 
@@ -96,7 +100,8 @@ def open_table(path: PathLike, least: int = 2) -> OpenTable:
             return (open_mat if is_mat else opener)(path, least)
     if head.startswith(b"PK") and is_workbook(path):
         return open_excel(path, least)
-    return (open_text if head and is_text(head) else by_name)(path, least)
+    is_misnamed = by_name in _BINARY and bool(head) and is_text(head)
+    return (open_text if is_misnamed else by_name)(path, least)
 
 
 def _is_of_matlab(path: Path) -> bool:

@@ -423,14 +423,16 @@ class _Reader:
         if len(fields) != width:
             path, count = self.layout.path, len(fields)
             has = f"{count} field{'s' if count != 1 else ''}"
-            remedy = "complete or remove the line"
-            if self.layout.delimiter == "," and count > width and not any("." in f for f in fields):
-                remedy = (
+            advice = ""
+            has_points = any("." in field for field in fields)
+            if self.layout.delimiter == "," and count > width and not has_points:
+                advice = (
                     "if the decimal sign is a comma as well, export with semicolons between the "
-                    f"columns; else {remedy}"
+                    "columns; else "
                 )
             raise InputError(
-                f"{path}: line {number}: has {has} where the header names {width} columns; {remedy}",
+                f"{path}: line {number}: has {has} where the header names {width} columns; "
+                f"{advice}complete or remove the line",
                 code="fields-missing",
             )
         return fields

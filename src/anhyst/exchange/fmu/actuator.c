@@ -47,8 +47,9 @@ static int build_law(tables_of *made)
   static const double threshold[] = ACTUATOR_THRESHOLDS;
   static const double width[] = ACTUATOR_WIDTHS;
   static const double weight[] = ACTUATOR_WEIGHTS;
-  static const anhyst_cell_weights_f64 given = {ACTUATOR_CELLS, ACTUATOR_CURVES, threshold,
-                                                width,          weight,          ACTUATOR_SHAPE};
+  static const double centre[] = ACTUATOR_CENTRES;
+  static const anhyst_cell_weights_f64 given = {ACTUATOR_CELLS, ACTUATOR_CURVES, threshold, width,
+                                                weight,         ACTUATOR_SHAPE,  centre};
   size_t pieces = 0;
   if (anhyst_cells_lay_f64(&made->cells, &given, ANHYST_CELLS_AIM, &pieces) != ANHYST_OK) {
     return -1;

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import os
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 from anhyst.data.loops import Loops
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.model.acceptance import check_over_drive
-from anhyst.model.actuator import Model, read_model
+from anhyst.model.actuator import MODEL_SOURCES, Model, read_model
 from anhyst.reports.model.figures import (
     figure_between,
     figure_loops,
@@ -36,9 +36,10 @@ from anhyst.reports.model.sections_model import (
     section_reduction,
 )
 from anhyst.reports.model.subject import ModelSubject, acceptance, gather, own_figures, share
-from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.atomic import PathLike, atomic_writer, check_path
 from anhyst.support.errors import InputError
 from anhyst.support.figures import write_png
+from anhyst.support.kept import c_name
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.page import (
     Cell,
@@ -55,6 +56,7 @@ from anhyst.support.page import (
     symbol_of,
     table,
 )
+from anhyst.support.wording import worded
 
 _RMS_OF_MEAN = float(np.sqrt(0.5 * np.pi))
 """Standard deviation of a normal variable over its mean absolute value."""
@@ -209,7 +211,7 @@ def _holds(subject: ModelSubject) -> str:
     return f"Seen to hold for {'; '.join(parts)}. Outside, results are computed and flagged."
 
 
-def write_report(model: PathLike, out: PathLike = "report.html") -> tuple[str, ...]:
+def write_report(model: Model | PathLike, out: PathLike = "report.html") -> tuple[str, ...]:
     """Write the report of a model: one HTML file that needs nothing else.
 
     The measurements are read again. Where they are missing or have changed, the report is written
@@ -217,8 +219,9 @@ def write_report(model: PathLike, out: PathLike = "report.html") -> tuple[str, .
 
     Parameters
     ----------
-    model : path-like
-        A model file.
+    model : Model or path-like
+        The model, or its file. The measurements of a `Model` are searched for from the working
+        folder.
     out : path-like
         Where the HTML file is to appear, whole or not at all.
 
@@ -233,8 +236,18 @@ def write_report(model: PathLike, out: PathLike = "report.html") -> tuple[str, .
     InputError
         The model file cannot be used, or the report cannot be written.
     """
-    path = Path(model)
-    subject = subject_of(read_model(path), path.parent)
+    check_path(out, "report: out")
+    if isinstance(model, Model):
+        with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
+            file = model.save(Path(scratch) / f"{c_name(model.name)}.toml")
+            return _write(model, Path(), file, out)
+    path = Path(check_path(model, "report: model", MODEL_SOURCES))
+    return _write(read_model(path), path.parent, path, out)
+
+
+def _write(model: Model, folder: Path, path: Path, out: PathLike) -> tuple[str, ...]:
+    """Write the report of a model in a file whose measurements are named from a folder."""
+    subject = subject_of(model, folder)
     html = render(subject, path.name, hashlib.sha256(path.read_bytes()).hexdigest())
     with atomic_writer(out) as stream:
         stream.write(html)
@@ -242,10 +255,8 @@ def write_report(model: PathLike, out: PathLike = "report.html") -> tuple[str, .
     if subject.absent:
         warnings.insert(0, f"{subject.absent}; the report is written from the model file alone")
     if subject.acceptance.passed is False:
-        warnings.insert(
-            0, f"{os.fspath(path)}: {subject.acceptance.text(subject.model.input.unit)}"
-        )
-    return tuple(warnings)
+        warnings.insert(0, f"{path}: {subject.acceptance.text(subject.model.input.unit)}")
+    return tuple(map(worded, warnings))
 
 
 def subject_of(model: Model, folder: PathLike) -> ModelSubject:

@@ -242,7 +242,7 @@ def section_laws(subject: ModelSubject) -> Section | None:
             Cell(candidate.gap_map),
             Cell(candidate.note),
             Cell(str(candidate.numbers)),
-            Cell(percent(candidate.rms)),
+            Cell("" if candidate.rms is None else percent(candidate.rms)),
             Cell("" if candidate.left_out is None else percent(candidate.left_out),
                  bar=candidate.left_out / most if candidate.left_out is not None and most else None),
         ]
@@ -322,7 +322,9 @@ def _cells(model: Model) -> Block:
         [f"{r:.4g}", *(f"{100.0 * w / cells.saturation:.3g}" for w in row)]
         for r, row in zip(cells.thresholds.tolist(), cells.weights.tolist(), strict=True)
     ]
-    heads = ["threshold (A/m)", *(f"width {a:.4g} A/m (%)" for a in cells.widths.tolist())]
+    around = [f" around {b:.4g}" * (b > 0.0) for b in cells.middles.tolist()]
+    heads = [f"width {a:.4g} A/m{at} (%)" for a, at in zip(cells.widths, around, strict=True)]
+    heads.insert(0, "threshold (A/m)")
     return table(f"Cells: {cells}, in parts of {cells.saturation:.5g} A/m", heads, rows)
 
 

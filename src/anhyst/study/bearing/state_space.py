@@ -15,7 +15,7 @@ from anhyst.rig.drift import changed
 from anhyst.rig.from_loops import complete_rig
 from anhyst.study.bearing.linear import Point, voltage_matrices
 from anhyst.study.bearing.operating import find_operating_point
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.numeric import FloatArray
 
 if TYPE_CHECKING:
@@ -63,6 +63,8 @@ def linearise(
     InputError
         The rig cannot be read, no current carries the force, or python-control is not installed.
     """
+    if not isinstance(rig, BodyRig):
+        check_path(rig, "linearise: rig", "the path of a rig file")
     library = control_library()
     bearing = rig if isinstance(rig, BodyRig) else read_bearing(rig)
     bearing = _moved(bearing, gap, force)

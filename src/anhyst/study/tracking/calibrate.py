@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.data.headers import without_word
 from anhyst.data.table import read_columns
 from anhyst.model.actuator import has_layers
 from anhyst.rig.body import BodyRig, read_bearing
@@ -31,8 +32,8 @@ from anhyst.study.bearing.operating import make_ready
 from anhyst.study.tracking.bodies import BearingLaw, law_of
 from anhyst.study.tracking.learner import fit
 from anhyst.study.tracking.motion import DEAD, MOVED, Motion, MotionLaw, refuse_uncalibratable
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable
-from anhyst.support.errors import InputError
+from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
+from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.kinds import PROBED, FileKind, MethodName, kind_of
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, columns_of
@@ -80,10 +81,10 @@ def _beside(rig: BodyRig) -> tuple[str, ...]:
 
 def _read(rig: BodyRig, path: PathLike) -> dict[str, FloatArray]:
     """Read the columns that are needed of a file, SI."""
-    table = read_columns(path)
+    table = read_columns(path, has_own_names=True)
     columns = {}
     for name in (*needed(rig), *_beside(rig)):
-        wanted = parse_header(name).quantity
+        wanted = without_word(parse_header(name)).quantity
         assert wanted is not None
         values = table.get(wanted.name)
         if values is None:
@@ -332,9 +333,16 @@ def calibrate(
     InputError
         A file cannot be read, or does not fit the rig.
     """
+    if not isinstance(rig, BodyRig):
+        check_path(rig, "calibrate: rig", "the path of a rig file")
     whole = rig if isinstance(rig, BodyRig) else _read_rig(rig)
     alone = isinstance(recordings, Recording | str | Path)
+    if not alone and not isinstance(recordings, Sequence):
+        raise wrong_type("calibrate: recordings", "recordings or their paths", recordings)
     given: list[Recording | PathLike] = [recordings] if alone else list(recordings)  # type: ignore[arg-type,list-item]
+    for one in given:
+        if not isinstance(one, Recording):
+            check_path(one, "calibrate: recordings", "recordings or their paths")
     files = [Path(one) for one in given if not isinstance(one, Recording)]
     if out is not None:
         check_writable(out, [whole.path, *whole.measured.files, *files])

@@ -23,7 +23,7 @@ from anhyst.compilation.play import CompiledPlay
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
 from anhyst.compilation.vectors import vectors_csv
 from anhyst.control.fixed_axes import codes
-from anhyst.model.actuator import Model
+from anhyst.model.actuator import MODEL_SOURCES, Model
 from anhyst.rig.body import BodyRig
 from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.recording import Loss, column, of_magnets
@@ -54,7 +54,7 @@ from anhyst.rig.stage.loop import (
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst.support import running_version
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
 from anhyst.support.kept import c_name, check_name
@@ -170,6 +170,9 @@ def compile_file(
     NegativeResult
         The wanted accuracy cannot be reached.
     """
+    check_path(out, "compile: out")
+    if not isinstance(model, Model):
+        check_path(model, "compile: model", f"{MODEL_SOURCES} or of the rig file of a stage")
     if not isinstance(model, Model) and kind_of(model) is FileKind.STAGE:
         for option, given in (("--accuracy", accuracy), ("--controller", controller)):
             if given is not None:

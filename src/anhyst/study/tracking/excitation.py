@@ -42,7 +42,7 @@ from anhyst.study.tracking.bodies import START_S, law_of
 from anhyst.study.tracking.learner import Learner
 from anhyst.study.tracking.motion import refuse_uncalibratable
 from anhyst.study.tracking.simulate import OWN, refuse_unstable
-from anhyst.support.atomic import PathLike, check_picture, write_figure
+from anhyst.support.atomic import PathLike, check_path, check_picture, write_figure
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kinds import FileKind, kind_of
 from anhyst.support.numeric import FloatArray
@@ -205,6 +205,8 @@ def excite_to_calibrate(
     -------
     CalibratingMove
     """
+    check_path(rig, "excite_to_calibrate: rig", "the path of a rig file")
+    check_path(out, "excite_to_calibrate: out")
     if kind_of(rig) not in (FileKind.STAGE, FileKind.UNKNOWN):
         raise InputError(
             f"{rig}: --calibrate is for stages; a bearing learns from any recording in which its "

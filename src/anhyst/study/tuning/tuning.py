@@ -41,7 +41,7 @@ from anhyst.study.tuning.result import RESULTS, Tuned, Tuning, file_note, write_
 from anhyst.study.tuning.search import BUDGET, GainSearch
 from anhyst.study.tuning.stage import SLOWEST, StageLoop
 from anhyst.study.tuning.trial import Tunable
-from anhyst.support.atomic import PathLike, check_writable, seen_from
+from anhyst.support.atomic import PathLike, check_path, check_writable, seen_from
 from anhyst.support.errors import InputError, Interrupted
 from anhyst.support.jobs import Progress, all_of, workers_of
 from anhyst.support.kinds import NAMES, PROBED, TAKES, FileKind, MethodName
@@ -128,6 +128,8 @@ def tune(
     Interrupted
         Ctrl-C, too early for any gains.
     """
+    check_path(rig, "tune: rig", "the path of a rig file")
+    check_path(out, "tune: out")
     if budget < 10:
         raise InputError(
             f"--budget: {budget} sets of gains are too few; give 10 or more",

@@ -1,0 +1,180 @@
+"""Text for a person: tables and sentences in 80 columns, and at most 25 lines without ``--verbose``.
+
+A table that is too wide loses its last columns, and a text that is too long loses its last lines. A
+last line says what was left out. Therefore, verbs print the most useful lines first.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+import textwrap
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from anhyst.support.wording import count_of
+
+WIDTH = 80
+"""Width of a pipe, in columns."""
+MAX_LINES = 25
+"""Maximum number of lines that a verb prints without ``--verbose``."""
+MIN_LINES = 12
+"""Number of lines that results get in any case, however many warnings there are."""
+MAX_CELL = 34
+"""Width from which the text of a cell is wrapped, in columns."""
+_GAP = "  "
+_INDENT = "    "
+_VALUE = re.compile(r"(\d) (%|[A-Za-zµ]{1,2}\b)")
+_NUMBER = re.compile(r"[-+<>~]?\d")
+
+
+@dataclass
+class TerminalTable:
+    """Rows under a title; the first column and columns of words are aligned to the left."""
+
+    title: str
+    head: Sequence[str]
+    rows: list[list[str]] = field(default_factory=list)
+
+    def add_row(self, *cells: str) -> None:
+        """Add a row."""
+        self.rows.append(list(cells))
+
+    def lines(self, width: int, *, is_verbose: bool) -> list[str]:
+        """Return the table as text.
+
+        Columns that do not fit follow below with the first column repeated, or are named only.
+        """
+        columns = [
+            _Column(name, [row[index] for row in self.rows], is_first=index == 0)
+            for index, name in enumerate(self.head)
+        ]
+        first, rest = columns[0], columns[1:]
+        blocks: list[list[_Column]] = []
+        while rest or not blocks:
+            fitting = [first]
+            while rest and sum(c.width + len(_GAP) for c in (*fitting, rest[0])) <= width + 2:
+                fitting.append(rest.pop(0))
+            if len(fitting) == 1 and rest:
+                fitting.append(rest.pop(0))
+            blocks.append(fitting)
+        text = wrapped(self.title, width) if self.title else []
+        for block in blocks if is_verbose else blocks[:1]:
+            text += _lines_of(block)
+        hidden = [column.name for block in blocks[1:] for column in block[1:] if column.name]
+        if hidden and not is_verbose:
+            text += wrapped(f"more columns with --verbose: {', '.join(hidden)}", width)
+        return text
+
+
+class _Column:
+    """A column of a table, its cells wrapped."""
+
+    def __init__(self, name: str, cells: Sequence[str], *, is_first: bool) -> None:
+        self.name = name
+        self.head = textwrap.wrap(name, MAX_CELL) or [""]
+        self.cells = [textwrap.wrap(cell, MAX_CELL) or [""] for cell in cells]
+        lines = [line for cell in (self.head, *self.cells) for line in cell]
+        self.width = max(map(len, lines))
+        filled = [cell[0] for cell in self.cells if cell[0]]
+        has_numbers = sum(map(bool, map(_NUMBER.match, filled))) > len(filled) // 2
+        self.is_right = has_numbers and not is_first
+
+    def pad(self, text: str) -> str:
+        return text.rjust(self.width) if self.is_right else text.ljust(self.width)
+
+
+def _lines_of(columns: Sequence[_Column]) -> list[str]:
+    """Return head and rows of columns side by side."""
+    lines = []
+    for cells in zip(*([c.head, *c.cells] for c in columns), strict=True):
+        for index in range(max(map(len, cells))):
+            parts = (
+                column.pad(cell[index] if index < len(cell) else "")
+                for column, cell in zip(columns, cells, strict=True)
+            )
+            lines.append(_GAP.join(parts).rstrip())
+    return lines
+
+
+def wrapped(text: str, width: int) -> list[str]:
+    """Wrap a sentence between words; a path and a command to paste stay in one piece."""
+    if text.lstrip().startswith("anhyst "):
+        return [text]
+    start = text[: len(text) - len(text.lstrip())]
+    lines = textwrap.wrap(
+        _VALUE.sub("\\1\N{NO-BREAK SPACE}\\2", text),
+        width,
+        subsequent_indent=start + _INDENT,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines] or [""]
+
+
+@dataclass
+class Printer:
+    """Prints what a verb has to say, and keeps count of its lines."""
+
+    is_verbose: bool = False
+    used: int = 0
+    limit: int = MAX_LINES
+    held: list[str] = field(default_factory=list)
+
+    def reserve(self, texts: Iterable[str]) -> None:
+        """Keep lines free for warnings."""
+        needed = sum(-(-len(text) // WIDTH) for text in texts)
+        self.limit = max(MIN_LINES, MAX_LINES - needed)
+
+    def print(self, parts: Iterable[str | TerminalTable]) -> None:
+        """Print tables and sentences as far as there are lines, and hold the others.
+
+        A sentence is printed as a whole or not at all, and nothing is printed after a gap.
+        """
+        width = _width()
+        for part in parts:
+            if isinstance(part, TerminalTable):
+                lines = part.lines(width, is_verbose=self.is_verbose)
+                fitting = len(lines) if self.is_verbose else self.limit - 1 - self.used
+            else:
+                lines = [line for text in part.split("\n") for line in wrapped(text, width)]
+                fits = self.is_verbose or self.used + len(lines) < self.limit
+                fitting = len(lines) if fits else 0
+            fitting = 0 if self.held else max(fitting, 0)
+            for index, line in enumerate(lines[:fitting]):
+                _print_line(line, is_bold=isinstance(part, TerminalTable) and index == 0)
+            self.used += len(lines[:fitting])
+            self.held += lines[fitting:]
+
+    def finish(self) -> None:
+        """Print the lines that were held if there is room, or else their number."""
+        if self.used + len(self.held) <= self.limit:
+            for line in self.held:
+                _print_line(line)
+        elif self.held:
+            _print_line(f"{count_of(len(self.held), 'more line')}: --verbose")
+        self.held = []
+
+
+def _width() -> int:
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
+
+
+def _print_line(line: str, *, is_bold: bool = False) -> None:
+    if is_bold and sys.stdout.isatty():
+        from rich.console import Console
+
+        Console(highlight=False).print(line, style="bold", markup=False, soft_wrap=True)
+    else:
+        print(line)
+
+
+printer = Printer()
+"""What the present verb prints with."""
+
+
+def start_printing() -> None:
+    """Begin to count lines for another verb."""
+    printer.is_verbose, printer.used, printer.limit = False, 0, MAX_LINES
+    printer.held = []

@@ -1,0 +1,151 @@
+"""The curves whose weights a fit of play cells solves for, and how smooth the weights are.
+
+A basis has few wide curves with one common middle, or narrow curves on a grid. On the grid, the
+curve of each threshold may take any rising form: the cells are a discrete Preisach operator
+(docs/actuators.md). The regularisation penalises second differences of the weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.laws.cells import CellWeights
+from anhyst.support.numeric import FloatArray
+
+PLAYS = 12
+"""Cells with a threshold: as many as a compiled compensator takes."""
+
+FINEST = 0.04
+"""First threshold, in parts of the range of the input; the last is half of it. A finer one does what
+a lag does, and lets the inverse jump where the drive turns."""
+
+WIDTHS = (0.5, 1.0, 2.0, 8.0)
+"""Of the curves, in ranges of the input; the last is all but straight."""
+
+SMOOTH = 1e-3
+"""Weight of the second differences over the thresholds, in parts of the size of a column; neighbours
+that no sample distinguishes share what they have."""
+
+LEVELS = 20
+"""Thresholds of the grid, and its curves over the range of the input."""
+
+OVERLAP = 0.7
+"""Half-width of a curve on the grid, in steps. Equal weights then add up to a straight line."""
+
+GRID_SMOOTH = (1e-3, 1e-2, 5e-2)
+"""Weights of the second differences on the grid; the error at withheld samples selects one."""
+
+FAR = 19.0
+"""Widths from the middle of a curve on, from which on it is 1 to the last digit."""
+
+MIN_MOTION = 0.5
+"""Least change of a curve, in parts of the largest change, from which on the loops move it. The tail
+of a curve that they do not pass says nothing of its height."""
+
+
+@dataclass(frozen=True, eq=False)
+class CellBasis:
+    """Curves of play cells whose weights are unknown, A/m."""
+
+    thresholds: FloatArray
+    widths: FloatArray
+    centres: FloatArray | None = None  # None: all curves have one middle
+    end: float = np.inf  # largest field of the grid
+    is_even: bool = False  # whether the fields of the grid go as far below zero
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of thresholds and of curves."""
+        return self.thresholds.size, self.widths.size
+
+    def columns(self, fields: FloatArray) -> FloatArray:
+        """Return the output of each curve at the places of the cells; shape (n, cells * curves)."""
+        if self.centres is None:
+            return np.tanh(fields[:, :, None] / self.widths).reshape(fields.shape[0], -1)
+        found = np.tanh((fields[:, :, None] - self.centres) / self.widths)
+        near = self.centres < FAR * self.widths
+        if fields.min() < 0.0:
+            near[:] = True
+        mirrored = np.tanh((fields[:, :, None] + self.centres[near]) / self.widths[near])
+        found[:, :, ~near] += 1.0
+        found[:, :, near] += mirrored
+        found *= 0.5
+        return np.asarray(found.reshape(fields.shape[0], -1))
+
+    def solved_columns(self, matrix: FloatArray) -> NDArray[np.bool_]:
+        """Return the columns that a fit solves for, given their values over the loops.
+
+        On the grid, these are the curves that the loops pass, and those that another drive over
+        the same range can pass after it was at both ends. Weights that the loops do not show
+        continue those of their neighbours.
+        """
+        if self.centres is None:
+            return np.ones(matrix.shape[1], dtype=np.bool_)
+        height = np.ptp(matrix, axis=0)
+        r, b, slack = self.thresholds[:, None], self.centres, 0.5 * self.thresholds[1]
+        within = (b <= self.end - r + slack) & ((b >= r) | self.is_even)
+        within[:, 0] = r[:, 0] < self.end
+        return np.asarray((height > MIN_MOTION * height.max()) | within.ravel())
+
+    def differences(self, kept: NDArray[np.bool_]) -> FloatArray:
+        """Return the second differences of the kept columns; columns after the curves have none."""
+        place = np.full(kept.size, -1)
+        place[kept] = np.arange(np.count_nonzero(kept))
+        count, rows = int(np.count_nonzero(kept)), []
+        for triple in self._neighbours():
+            at = place[list(triple)]
+            if at.min() < 0:
+                continue
+            row = np.zeros(count)
+            row[at] = 1.0, -2.0, 1.0
+            rows.append(row)
+        return np.array(rows) if rows else np.zeros((1, count))
+
+    def _neighbours(self) -> Iterable[tuple[int, int, int]]:
+        """Columns that are one after the other over the thresholds, and on the grid over centres."""
+        cells, curves = self.shape
+        for curve, cell in product(range(curves), range(2, cells - 1)):
+            at = cell * curves + curve
+            yield at - curves, at, at + curves
+        if self.centres is not None:
+            for cell, curve in product(range(cells), range(2, curves - 1)):  # 0 is the straight one
+                at = cell * curves + curve
+                yield at - 1, at, at + 1
+
+    def cells(self, weights: FloatArray) -> CellWeights:
+        """Return the cells with solved weights, A/m. Thresholds without any weight are dropped."""
+        table = weights.reshape(self.shape)
+        if self.centres is None:
+            return CellWeights(self.thresholds, self.widths, table)
+        rows = table.any(axis=1) | (self.thresholds == 0.0)
+        curves = table.any(axis=0)
+        return CellWeights(
+            self.thresholds[rows],
+            self.widths[curves],
+            table[np.ix_(rows, curves)],
+            centres=self.centres[curves],
+        )
+
+
+def common_middle(span: float) -> CellBasis:
+    """Return few wide curves with one middle, for an input of some range."""
+    thresholds = np.concatenate([[0.0], span * np.geomspace(FINEST, 0.5, PLAYS)])
+    return CellBasis(thresholds, span * np.array(WIDTHS))
+
+
+def grid(span: float, *, is_even: bool) -> CellBasis:
+    """Return curves on a grid over the range of the input, and one that is all but straight.
+
+    The fields of an even grid count from the middle of the range, else from its low end.
+    """
+    step = span / LEVELS
+    count = LEVELS // 2 if is_even else LEVELS
+    centres = np.concatenate([[0.0], step * (np.arange(count) + 0.5)])
+    widths = np.concatenate([[WIDTHS[-1] * span], np.full(count, OVERLAP * step)])
+    thresholds = np.asarray(0.5 * step * np.arange(LEVELS), dtype=np.float64)
+    return CellBasis(thresholds, widths, centres, count * step, is_even)

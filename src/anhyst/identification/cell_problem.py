@@ -1,0 +1,459 @@
+"""The least-squares problem of play cells with lag and creep, over loops of a displacement.
+
+The places of the cells depend on the drive and the thresholds alone. Therefore, all weights, the
+creep and the offset come from one problem with weights not below zero. A trial says what this
+problem cannot vary: the lag, the middle of the curves (``in_0``) and the creep times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data import Loop, Loops
+from anhyst.data.estimates import noise
+from anhyst.data.path import History, correlation
+from anhyst.data.speeds import rate_of
+from anhyst.identification.cell_basis import SMOOTH, CellBasis, common_middle, grid
+from anhyst.model.actuator import Model
+from anhyst.model.dynamics import Dynamics
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import MU_0
+
+MIDDLES = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
+"""Of the curves, in ranges of the input above its lowest value."""
+
+LAGS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
+"""In samples."""
+
+LONGEST_AT_ONE_RATE = 1.0
+"""Of these, where all loops run at about one rate: there a lag and a wider loop are all but the same."""
+
+RATES_APART = 3.0
+"""Fastest loop over slowest one from which on a lag is told from a wider loop."""
+
+CREEP = (1 / 200, 1 / 10, 2.0)
+"""Time constants, in parts of the longest record."""
+
+SLOWEST_SAMPLE = 3.0
+"""A time constant is this many samples at least."""
+
+STRAIGHT = 0.02
+"""Share of the straight part in the mean slope. The model must have one; what is straight beyond is a
+cell on the widest curve, so that the saturation of all cells is more than the output ever is."""
+
+STRAY = 10.0
+"""Deviation, in parts of the usual one, from which on a sample shows no loop but a spike, or that the
+amplifier was switched on."""
+
+REACHED = 0.98
+"""Of the way to the far end."""
+
+MOST_UNKNOWN = 0.3
+"""Of a record, that may be left out as its first rise."""
+
+FEW = 0.02
+"""Most samples that may be left out as such."""
+
+MOST_SAMPLES = 20_000
+"""That are fitted."""
+
+NOISE = 1.1
+"""Deviation, in parts of the noise, up to which the noise explains it and no grid is tried."""
+
+FOLDS = 5
+"""Maximum number of parts that are withheld one after the other: loops, or blocks of few loops."""
+
+BLOCKS = 20
+"""Blocks of a record that are withheld together. With fewer, a fold lacks whole branches; a grid then
+has to extrapolate, and its error says nothing about other records."""
+
+MIN_LOOPS = 3
+"""Loops from which on whole loops are withheld."""
+
+CENTRED = 0.1
+"""Middle of the range of the input, in parts of it, up to which an even grid is tried."""
+
+LAW = "play-cells"
+
+HOLDS = 1.5
+"""Deviation, in parts of that of the slowest loops, up to which a model holds at a rate."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One trial: lag in s, middle of the curves, creep times, smoothness; and its result."""
+
+    lag: float
+    middle: float
+    times: tuple[float, ...] = ()
+    smooth: float = SMOOTH
+    weights: FloatArray | None = None
+    rms: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """A least-squares problem with weights not below zero."""
+
+    basis: CellBasis
+    matrix: FloatArray  # columns: weights of the cells, of the creep, and the offset either way
+    target: FloatArray
+    part: NDArray[np.intp]  # of each row: with which others it is withheld
+
+    @cached_property
+    def kept(self) -> NDArray[np.bool_]:
+        """The columns that are solved for."""
+        curves = self.basis.thresholds.size * self.basis.widths.size
+        kept = np.ones(self.matrix.shape[1], dtype=np.bool_)
+        kept[:curves] = self.basis.solved_columns(self.matrix[:, :curves])
+        return kept
+
+    @cached_property
+    def roughness(self) -> FloatArray:
+        """Sum of the squared second differences of the weights, as a quadratic form."""
+        differences = self.basis.differences(self.kept)
+        return np.asarray(differences.T @ differences)
+
+    def solve(self, attempt: Trial, height: float) -> Trial:
+        """Solve for the weights of a trial."""
+        seen = self.matrix[:, self.kept]
+        weights = self._weights(seen.T @ seen, seen.T @ self.target, attempt.smooth)
+        off = self.matrix @ weights - self.target
+        return replace(attempt, weights=weights, rms=float(np.linalg.norm(off)) * height)
+
+    def withheld_errors(self, smooths: Sequence[float]) -> list[float]:
+        """Return, for each smoothness, the deviation at parts withheld one after the other."""
+        seen = self.matrix[:, self.kept]
+        normal, pull = seen.T @ seen, seen.T @ self.target
+        squares = np.zeros(len(smooths))
+        for part in range(self.part.max() + 1):
+            out = self.part == part
+            own, target = seen[out], self.target[out]
+            rest = normal - own.T @ own, pull - own.T @ target
+            for index, smooth in enumerate(smooths):
+                weights = self._weights(*rest, smooth)[self.kept]
+                squares[index] += float(np.sum((own @ weights - target) ** 2))
+        return [float(rms) for rms in np.sqrt(squares)]
+
+    def _weights(self, normal: FloatArray, pull: FloatArray, smooth: float) -> FloatArray:
+        from scipy.optimize import nnls
+
+        size = np.sqrt(np.abs(np.diag(normal)))
+        normal = normal + smooth**2 * size[:, None] * self.roughness * size
+        normal += 1e-12 * np.trace(normal) * np.eye(normal.shape[0])
+        factor = np.linalg.cholesky(normal)
+        weights = np.zeros(self.kept.size)
+        weights[self.kept], _ = nnls(factor.T, np.linalg.solve(factor, pull), maxiter=10000)
+        return weights
+
+
+class CellProblem:
+    """Loops, and the columns of their least-squares problem."""
+
+    def __init__(self, loopset: Loops) -> None:
+        self.loopset = loopset
+        self.solved = 0
+        self.low = min(float(loop.input.min()) for loop in loopset.loops)
+        self.span = max(float(loop.input.max()) for loop in loopset.loops) - self.low
+        self.height = max(float(np.ptp(loop.output)) for loop in loopset.loops)
+        if any(correlation(loop.input, loop.output) < -0.5 for loop in loopset.loops):
+            name, drive = loopset.output.name.replace("_", " "), loopset.input.name
+            raise InputError(
+                f"the {name} falls as the {drive} rises; flip the sign of one of the columns",
+                code="output-falls",
+            )
+        self.slope = STRAIGHT * self.height / self.span
+        self.basis = common_middle(self.span)
+        # where the curves may have their middle, in units of the input
+        self.middles = [self.low + part * self.span for part in MIDDLES]
+        self._plays: dict[tuple[float, float], list[tuple[FloatArray, FloatArray]]] = {}
+        self._columns: tuple[tuple[float, float], list[FloatArray]] | None = None
+        self.known = [_known(loop) for loop in loopset.loops]
+        self.counted = self.known
+
+    def on_grids(self) -> list[CellProblem]:
+        """Return the same problem with curves on a grid from the low end of the input.
+
+        If the input goes about as far to either side of zero, an even grid is added.
+        """
+        middle = self.low + 0.5 * self.span
+        found = []
+        for is_even in (True, False) if abs(middle) <= CENTRED * self.span else (False,):
+            other = copy(self)
+            other.basis = grid(self.span, is_even=is_even)
+            other.middles = [middle if is_even else self.low]
+            other._plays, other._columns = {}, None
+            found.append(other)
+        return found
+
+    def with_first_rises(self) -> CellProblem:
+        """Return the same problem in which first rises count that begin where the cells do.
+
+        A grid has curves of their own for these.
+        """
+        other = copy(self)
+        other.counted = [
+            np.ones_like(counted) if self._begins_at(self.middles[0], loop) else counted
+            for loop, counted in zip(self.loopset.loops, self.counted, strict=True)
+        ]
+        return other
+
+    def _begins_at(self, middle: float, loop: Loop) -> bool:
+        """Whether a loop begins where the cells do: the input was nowhere else before."""
+        before = np.append(_before(loop.history, loop.input), loop.input[0])
+        return bool(np.max(np.abs(before - middle)) <= (1.0 - REACHED) * self.span)
+
+    def exceeds_noise(self, attempt: Trial) -> bool:
+        """Whether a fit has a larger residual than the noise of the sensor explains."""
+        noises = [noise(loop.output) for loop in self.loopset.loops]
+        return attempt.rms > NOISE * float(np.sqrt(np.mean(np.square(noises))))
+
+    def leave_out_strays(self) -> None:
+        """Leave out few samples that deviate from the best fit without a lag as no loop does."""
+        best = min(
+            (self.solve(Trial(0.0, middle)) for middle in self.middles),
+            key=lambda attempt: attempt.rms,
+        )
+        assert best.weights is not None
+        offset = float(best.weights[-2] - best.weights[-1])
+        off = [
+            np.abs(loop.output - made - offset)
+            for loop, (made, _) in zip(self.loopset.loops, self.outputs(best), strict=True)
+        ]
+        usual = float(np.median(np.concatenate(off)))
+        counted = [
+            known & (deviation <= STRAY * usual)
+            for known, deviation in zip(self.counted, off, strict=True)
+        ]
+        before, after = (
+            sum(int(deviation.sum()) for deviation in some) for some in (self.counted, counted)
+        )
+        if before - after <= FEW * before:
+            self.counted = counted
+
+    @cached_property
+    def step(self) -> float:
+        """Time from sample to sample, s; 0 where a loop has none."""
+        if any(loop.time is None for loop in self.loopset.loops):
+            return 0.0
+        steps = [
+            np.median(np.diff(loop.time)) for loop in self.loopset.loops if loop.time is not None
+        ]
+        return float(min(steps))
+
+    @property
+    def rates(self) -> list[float]:
+        """Cycle rate of each loop, Hz."""
+        return [rate_of(loop.input, loop.time) for loop in self.loopset.loops]
+
+    @property
+    def lags(self) -> list[float]:
+        """That are tried, s."""
+        if not self.step:
+            return [0.0]
+        one_rate = max(self.rates) < RATES_APART * min(self.rates)
+        return [part * self.step for part in LAGS if not one_rate or part <= LONGEST_AT_ONE_RATE]
+
+    @cached_property
+    def times(self) -> tuple[float, ...]:
+        """Time constants of the creep, s."""
+        if not self.step:
+            return ()
+        longest = max(
+            float(loop.time[-1] - loop.time[0])
+            for loop in self.loopset.loops
+            if loop.time is not None
+        )
+        spread = (part * longest for part in CREEP)
+        return tuple(time for time in spread if time >= SLOWEST_SAMPLE * self.step)
+
+    def plays(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
+        """Return the places of the cells over each loop, and at rest before it, from the middle."""
+        if (lag, middle) not in self._plays:
+            self._plays |= {(lag, other): [] for other in self.middles}
+            middles, thresholds = np.array(self.middles)[:, None], self.basis.thresholds
+            for loop in self.loopset.loops:
+                drive = loop.input
+                if lag and loop.time is not None:
+                    drive = Dynamics(lag).delayed(drive, loop.time)
+                # Cells begin in the middle.
+                lead = _before(loop.history, drive) - middles
+                lead = np.concatenate([np.zeros_like(middles), lead], axis=1)
+                start = np.zeros((middles.size, thresholds.size))
+                at_rest = moved(lead, thresholds, start)[-1]
+                places = moved(drive - middles, thresholds, at_rest)
+                for index, other in enumerate(self.middles):
+                    self._plays[lag, other].append((places[:, index], at_rest[index]))
+        return self._plays[lag, middle]
+
+    def outputs(self, attempt: Trial) -> list[tuple[FloatArray, float]]:
+        """Return the output of weights over each loop and before it, without creep and offset."""
+        assert attempt.weights is not None
+        found = []
+        for columns, (fields, at_rest) in zip(
+            self.columns(attempt), self.plays(attempt.lag, attempt.middle), strict=True
+        ):
+            weights = attempt.weights[: columns.shape[1]]
+            rest = self.basis.columns(at_rest[None])[0] @ weights + self.slope * at_rest[0]
+            found.append((columns @ weights + self.slope * fields[:, 0], float(rest)))
+        return found
+
+    def columns(self, attempt: Trial) -> list[FloatArray]:
+        """Return what each weight gives over each loop; the last ones are remembered."""
+        key = attempt.lag, attempt.middle
+        if self._columns is None or self._columns[0] != key:
+            self._columns = key, [self.basis.columns(fields) for fields, _ in self.plays(*key)]
+        return self._columns[1]
+
+    def solve(self, attempt: Trial, creeping: Sequence[FloatArray] = ()) -> Trial:
+        """Solve for weights; the creep follows the output of the weights that are known already."""
+        self.solved += 1
+        if attempt.times and not creeping:
+            creeping = self.creep(attempt, attempt.times)
+        return self.system(attempt, creeping).solve(attempt, self.height)
+
+    def deviation(
+        self, attempt: Trial, creeping: Sequence[FloatArray], some: list[NDArray[np.bool_]]
+    ) -> float:
+        """Return the root mean square deviation of a solved trial over some samples."""
+        assert attempt.weights is not None
+        system = self.system(attempt, creeping, some)
+        return float(np.linalg.norm(system.matrix @ attempt.weights - system.target))
+
+    def system(
+        self,
+        attempt: Trial,
+        creeping: Sequence[FloatArray] = (),
+        some: list[NDArray[np.bool_]] | None = None,
+    ) -> System:
+        """Return the least-squares problem of a trial, with the slow responses over each loop."""
+        rows_of = self.counted if some is None else some
+        rows, targets, parts = [], [], []
+        plays = self.plays(attempt.lag, attempt.middle)
+        for index, (loop, own) in enumerate(
+            zip(self.loopset.loops, self.columns(attempt), strict=True)
+        ):
+            weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
+            ends = np.ones((loop.n, 1))
+            slow = [creeping[index]] if creeping else []
+            counted = rows_of[index]
+            rows.append(weight * np.hstack([own, *slow, ends, -ends])[counted])
+            at_once = self.slope * plays[index][0][:, 0]
+            targets.append(weight * (loop.output - at_once)[counted])
+            parts.append(self.parts[index][counted])
+        return System(self.basis, *map(np.concatenate, (rows, targets, parts)))
+
+    @cached_property
+    def parts(self) -> list[NDArray[np.intp]]:
+        """Return with which others each sample is withheld; -1 for samples that never are.
+
+        Without the ends of a record, or its largest loops, a fit has to extrapolate, and all fits
+        are then alike. A first rise that few curves do not fit is no part of the comparison.
+        """
+        loops = self.loopset.loops
+        if len(loops) < MIN_LOOPS:
+            blocks = [np.arange(loop.n) * FOLDS * BLOCKS // loop.n for loop in loops]
+            ends = 0, FOLDS * BLOCKS - 1
+            parts = [np.where(np.isin(block, ends), -1, block % FOLDS) for block in blocks]
+        else:
+            is_largest = [float(np.ptp(loop.input)) >= REACHED * self.span for loop in loops]
+            is_kept = [not all(is_largest) and largest for largest in is_largest]
+            parts = [
+                np.full(loop.n, -1 if kept else index % FOLDS)
+                for index, (loop, kept) in enumerate(zip(loops, is_kept, strict=True))
+            ]
+        return [np.where(known, part, -1) for known, part in zip(self.known, parts, strict=True)]
+
+    def creep(self, attempt: Trial, times: tuple[float, ...]) -> list[FloatArray]:
+        """Return the slow responses to the output of a trial, a column for each time constant."""
+        found = []
+        for loop, (at_once, rest) in zip(self.loopset.loops, self.outputs(attempt), strict=True):
+            assert loop.time is not None
+            columns = []
+            for time in times:
+                single = Dynamics(0.0, (time,), (1.0,))
+                settled = loop.history.kind == "settled"
+                start = (
+                    single.settled(at_once, loop.time, known=True) if settled else np.array([rest])
+                )
+                columns.append(single.added(at_once, loop.time, start).values - at_once)
+            found.append(np.stack(columns, axis=1))
+        return found
+
+    def model(self, attempt: Trial) -> Model:
+        """Return the model of a solution."""
+        assert attempt.weights is not None
+        cells = self.basis.thresholds.size * self.basis.widths.size
+        slope, weights = self.slope, attempt.weights[:cells] / self.slope
+        slow = attempt.weights[cells:-2]
+        kept = [(t, float(w)) for t, w in zip(attempt.times, slow, strict=True) if w > 1e-4]
+        return Model(
+            name="model",
+            input=self.loopset.input,
+            output=self.loopset.output,
+            parameters={
+                "alpha": 0.0,
+                "c_H": 1.0,
+                "c_out": slope / MU_0,
+                "in_0": attempt.middle,
+                "out_0": float(attempt.weights[-2] - attempt.weights[-1]),
+            },
+            law=LAW,
+            cells=self.basis.cells(weights),
+            dynamics=Dynamics(
+                attempt.lag, tuple(t for t, _ in kept), tuple(w for _, w in kept), max(self.rates)
+            ),
+        )
+
+
+def thinned(loopset: Loops) -> Loops:
+    """Thin long records to every n-th sample."""
+    every = 1 + sum(loop.n for loop in loopset.loops) // MOST_SAMPLES
+    if every == 1:
+        return loopset
+    loops = [
+        replace(
+            loop,
+            input=loop.input[::every],
+            output=loop.output[::every],
+            time=None if loop.time is None else loop.time[::every],
+        )
+        for loop in loopset.loops
+    ]
+    return loopset.with_loops(loops)
+
+
+def _known(loop: Loop) -> NDArray[np.bool_]:
+    """Return from where on it does not matter how a body came to rest: after the first far end."""
+    counted = np.ones(loop.n, dtype=np.bool_)
+    if loop.history.kind == "settled":
+        return counted
+    far = np.abs(loop.input - loop.input[0])
+    first = int(np.argmax(far >= REACHED * far.max()))
+    if first <= MOST_UNKNOWN * loop.n:
+        counted[:first] = False
+    return counted
+
+
+def _before(history: History, drive: FloatArray) -> FloatArray:
+    """Return what moved the cells before a loop."""
+    points = np.array(history.turning_points)
+    return np.concatenate([points, drive]) if history.kind == "settled" else points
+
+
+def moved(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> FloatArray:
+    """Return the place of each cell over some drives, (drives, n); shape (n, drives, cells)."""
+    along = drive.T[:, :, None]
+    low, high = along - thresholds, along + thresholds
+    moved_to = np.empty_like(low)
+    now = start
+    for i, place in enumerate(moved_to):
+        now = np.minimum(np.maximum(now, low[i]), high[i], out=place)
+    return moved_to

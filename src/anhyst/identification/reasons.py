@@ -1,0 +1,164 @@
+"""The reasons for a choice, as sentences, and the list of all candidates.
+
+A sentence states the figures that decided. It names a candidate with a smaller error, if there is
+one, and says why that candidate was not chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from anhyst.data import Loops
+from anhyst.identification.candidates import Contest, ModelCandidate, is_over_gap, titles
+from anhyst.identification.space import WRITTEN
+from anhyst.model.schema import CHOSEN, CandidateFit
+
+_FITS_BETTER = 1.5
+"""Rms deviation over that of a map that cannot be compiled, from which on the reason offers it."""
+
+
+def written_map(candidate: ModelCandidate) -> str:
+    """Return the gap map that a candidate has in a model file."""
+    return WRITTEN.get(candidate.gap_map, candidate.gap_map)
+
+
+def list_candidates(contest: Contest, best: ModelCandidate, law: str) -> tuple[CandidateFit, ...]:
+    """Put all candidates side by side, the simplest first."""
+    every = sorted({*contest.fits, *contest.dropped}, key=lambda candidate: candidate.rank)
+    return tuple(
+        CandidateFit(
+            law=title,
+            gap_map=written_map(candidate),
+            numbers=fits.lean.theta.size if fits else 0,
+            rms=float(np.sqrt(fits.lean.cost)) if fits else None,
+            left_out=contest.finite_error(candidate) if candidate in contest.entrants else None,
+            note=_note(contest, candidate, best),
+        )
+        for candidate, title in zip(every, titles(every, law), strict=True)
+        for fits in [contest.fits.get(candidate)]
+    )
+
+
+def _note(contest: Contest, candidate: ModelCandidate, best: ModelCandidate) -> str:
+    if candidate == best:
+        return CHOSEN
+    if candidate in contest.dropped:
+        return f"dropped: {contest.dropped[candidate]}"
+    return "" if candidate in contest.entrants else "passed over"
+
+
+def explain_law(contest: Contest, best: ModelCandidate, law: str, loopset: Loops) -> str:
+    """Say why this law was chosen."""
+    names = dict(zip(contest.fits, titles(list(contest.fits), law), strict=True))
+    withheld = {"gap": _places(loopset), "loop": "loops", "block": "blocks of samples"}
+    own = contest.finite_error(best)
+    if own is None:
+        return (
+            f"law {names[best]}: the simplest, no candidate has an answer at all withheld samples"
+        )
+    text = (
+        f"law {names[best]} predicts withheld {withheld[contest.by]} with a mean error of "
+        f"{_percent(own)} of the largest output"
+    )
+    errors = {model: contest.finite_error(model) for model in contest.entrants if model != best}
+    others = {model: error for model, error in errors.items() if error is not None}
+    if not others:
+        return text
+    least = min(others, key=lambda model: others[model])
+    under = "" if written_map(least) == written_map(best) else f" under '{written_map(least)}'"
+    text += f"; {names[least]}{under} has an error of {_percent(others[least])}"
+    return text + (_why_not(contest, best, least) if others[least] < own else "")
+
+
+def _why_not(contest: Contest, best: ModelCandidate, other: ModelCandidate) -> str:
+    """Say why a candidate with a smaller mean error was not chosen."""
+    if contest.is_several_times_worse(other, best):
+        rms = np.sqrt([contest.fits[each].lean.cost for each in (best, other)])
+        return f", but it fits the loops with {_percent(rms[1])} rms instead of {_percent(rms[0])}"
+    if other.rank > best.rank:
+        return ", but the difference is within its scatter and the law is more complex"
+    return ", but its mean square error, which decides, is larger or within its scatter"
+
+
+def explain_gap_map(
+    contest: Contest,
+    best: ModelCandidate,
+    wanted: str,
+    loopset: Loops,
+    passed_over: Sequence[ModelCandidate],
+) -> str:
+    """Say why this gap map was chosen."""
+    name = written_map(best)
+    gaps, count = _places(loopset), len(loopset.schedule_values)
+    if count < 2:
+        over = loopset.schedule.name if loopset.schedule else "gap"
+        return f"there are loops at one {over} only, so no parameter depends on the {over}"
+    if count == 2:
+        why = (
+            f"gap map '{name}' was {'chosen by its fit alone' if wanted == 'auto' else 'requested'}; "
+            f"with two {gaps} none can be withheld to test it, so between and beyond them the model "
+            "is a guess"
+        )
+    elif wanted != "auto":
+        why = f"gap map '{name}' was requested"
+    else:
+        why = _compare_maps(contest, best, gaps)
+    text = f"{why}{_offer(contest, best, loopset)}"
+    if names := dict.fromkeys(map(written_map, passed_over)):
+        text += (
+            f"; passed over: {', '.join(names)} (cannot be compiled, fails the acceptance test, "
+            "deviates between the gaps or starts far from the measurement)"
+        )
+    return text
+
+
+def _compare_maps(contest: Contest, best: ModelCandidate, gaps: str) -> str:
+    name = written_map(best)
+    errors = contest.errors_of_maps(best) if contest.by == "gap" else {}
+    own = errors.pop(name, np.inf)
+    if not np.isfinite(own):
+        return f"gap map '{name}' fits the loops best"
+    why = (
+        f"gap map '{name}' predicts withheld {gaps} with a mean error of {_percent(own)} of the "
+        "largest output"
+    )
+    if others := ", ".join(
+        f"{other} {_percent(error)}" if np.isfinite(error) else f"{other} has no answer there"
+        for other, error in errors.items()
+    ):
+        why += f" ({others})"
+    if any(error < own for error in errors.values()):
+        why += "; a smaller error is within its scatter, of a more complex map or of a worse fit"
+    return why
+
+
+def _offer(contest: Contest, best: ModelCandidate, loopset: Loops) -> str:
+    """Name the map ``free`` if it fits better and was not chosen because it cannot be compiled."""
+    if is_over_gap(loopset) or best.gap_map == "free":
+        return ""
+    own = contest.fits[best].lean.cost
+    costs = [
+        fits.lean.cost
+        for each, fits in contest.fits.items()
+        if each.gap_map == "free" and each not in contest.entrants
+    ]
+    if not costs or own < _FITS_BETTER**2 * min(costs):
+        return ""
+    rms = [_percent(float(np.sqrt(cost))) for cost in (own, min(costs))]
+    return (
+        f"; --gap-map free fits the loops with {rms[1]} rms instead of {rms[0]}, but cannot be "
+        "compiled"
+    )
+
+
+def _places(loopset: Loops) -> str:
+    """Return what the values of the schedule are called."""
+    if loopset.schedule is None or is_over_gap(loopset):
+        return "gaps"
+    return f"values of the {loopset.schedule.name}"
+
+
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.2g} %"
