@@ -164,7 +164,7 @@ def test_a_table_that_cannot_be_used_is_refused(tmp_path: Path, content: str, me
         ),
         pytest.param(
             table().encode() + np.random.default_rng(2).bytes(50_000),
-            "text-in-numbers I_A: loops.csv; line 162",
+            "fields-missing: loops.csv; line 160",
             id="rubbish behind good lines",
         ),
         pytest.param(

@@ -67,6 +67,7 @@ _STARTS = {
     ]
 }
 _MAX_ASCII = 127
+_MIN_ASCII_SHARE = 0.8
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?P<sign>[.,])\d{3}")
 _DECIMAL = re.compile(r"[+-]?\d*(?P<sign>[.,])\d+([eE][+-]?\d+)?")
 _WHOLE = re.compile(r"[+-]?[1-9]\d\d")
@@ -150,12 +151,18 @@ def _sort(text: str, layout: Layout, line: int) -> TextRow:
             return TextRow(line, fields, is_sample=False, remark=remark)
         _refuse_other_header(fields, layout, line)
     is_cut = len(held) < min(layout.width, len(layout.header))
-    is_text = re.match(r"[^\W\d]{2}", held[0]) is not None and not is_mark(held[0])
+    is_text = _is_plain(text) and re.match(r"[^\W\d]{2}", held[0]) and not is_mark(held[0])
     is_line = len(fields) == 1 and re.fullmatch(r"[-=_*~]{3,}", held[0]) is not None
     if is_cut and (is_text or is_line):
         remark = f"line {line} is left out, because it is not a sample: '{text[:60]}'"
         return TextRow(line, fields, is_sample=False, remark=remark)
     return TextRow(line, fields, word=held[0].lower() if is_statistics(held) else "")
+
+
+def _is_plain(text: str) -> bool:
+    """Whether a line is a text that somebody wrote, and not bytes of a damaged file."""
+    count = sum(sign.isascii() for sign in text)
+    return text.replace("\t", " ").isprintable() and count >= _MIN_ASCII_SHARE * len(text)
 
 
 def is_statistics(held: Sequence[str]) -> bool:

@@ -424,7 +424,8 @@ class _Reader:
             path, count = self.layout.path, len(fields)
             has = f"{count} field{'s' if count != 1 else ''}"
             advice = ""
-            if self.layout.delimiter == "," and width < count <= 2 * width:
+            has_points = any("." in field for field in fields)
+            if self.layout.delimiter == "," and count > width and not has_points:
                 advice = (
                     "if the decimal sign is a comma as well, export with semicolons between the "
                     "columns; else "
