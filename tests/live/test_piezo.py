@@ -25,6 +25,7 @@ from anhyst.study.prepared import PreparedPiezo
 from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.states import Command, State
+from tests.cli.command import unwrapped
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, seen, state_is, until
 from tests.live.test_recorder import numbers
@@ -157,12 +158,14 @@ def test_the_command_runs_it_and_its_recording_is_what_a_bench_gives_and_inspect
         try:
             assert process.stdout is not None
             address = process.stdout.readline().split()[0].removesuffix("/")
+            # The page answers before the bench ticks: a command of then would be of tick 0.
+            wait_for(lambda: path.is_file() and path.stat().st_size > 2e4)
             with connect(f"ws{address[4:]}/live", origin=Origin(address), max_size=None) as line:
                 line.send(json.dumps({"do": "command", "name": "run", "id": 1}))
                 wait_for(lambda: path.stat().st_size > 2e6)
         finally:
             process.send_signal(signal.SIGINT)
-        assert f"written: {path}" in process.stdout.read()
+        assert f"written: {path}" in unwrapped(process.stdout.read())
     assert process.returncode == 0
     rows = numbers(path)
     (begun,) = np.flatnonzero(np.diff(rows[:, -1]) == 1.0)[:1]  # the first period

@@ -77,7 +77,7 @@ def without_word(header: Header) -> Header:
     """Return a header whose name counts as it is, even if it is a word for a quantity."""
     if not header.is_by_word or header.quantity is None:
         return header
-    name = split_header(header.text)[0]
+    name = split_header(header.text, header.unit.symbol if header.unit else None)[0]
     free = Quantity(name, name, header.quantity.unit)
     return replace(header, name=name, quantity=free, is_by_word=False)
 

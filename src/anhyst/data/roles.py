@@ -221,8 +221,11 @@ def _only(source: str, headers: Sequence[Header], name: str) -> int | None:
         i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name
     ]
     healthy = [index for index in indices if headers[index].problem is None]
-    # What the user maps, and our own symbols, go before words.
-    healthy = [index for index in healthy if headers[index].is_certain] or healthy
+    # What the user maps goes before the quantity's name, that before our symbols, these before words.
+    mapped = [index for index in healthy if headers[index].target is not None]
+    named = [index for index in healthy if headers[index].text.lower() == name]
+    symbols = [index for index in healthy if headers[index].is_certain]
+    healthy = mapped or named or symbols or healthy
     if len(healthy) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in healthy)
         choices = " or ".join(choose_one(headers[index], headers) for index in healthy)
