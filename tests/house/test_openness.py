@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from anhyst.cli.app import app
+from anhyst.cli.printing import printer
 from anhyst.dashboard.verb import opened
 from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS
@@ -124,6 +125,7 @@ def measured(lab: Path) -> Path:
 
 
 def run(*arguments: object) -> str:
+    printer.used, printer.is_verbose = 0, True  # `main` begins with a new count of lines
     result = CliRunner().invoke(app, [str(one) for one in arguments])
     assert result.exit_code == 0, result.output
     return result.output
