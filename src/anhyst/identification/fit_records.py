@@ -88,12 +88,14 @@ def _lowest(loop: Loop, span: float) -> float | None:
     size = float(np.median(drive[drive - drive.min() <= _SAME * span]))
     if np.mean(drive - drive.min() <= _REST_BAND * span) < _MIN_REST_SHARE:
         clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
-        size = _touched(drive, clock, size)
+        size = _touched(drive, clock, size, span)
     return size if near == low else -size
 
 
-def _touched(drive: FloatArray, clock: FloatArray, otherwise: float) -> float:
+def _touched(drive: FloatArray, clock: FloatArray, otherwise: float, span: float) -> float:
     """Return the lowest value of a drive that turns back without a rest.
+
+    The reversals of minor loops above that value say nothing about it.
 
     Noise pulls the smallest sample down, and every other sample there is higher than the lowest
     value. Therefore the curves before and after the reversal are extrapolated to where they meet.
@@ -102,7 +104,7 @@ def _touched(drive: FloatArray, clock: FloatArray, otherwise: float) -> float:
     tips = [
         (first.stop - 1, min(first.stop - first.start, second.stop - second.start))
         for first, second in pairwise(parts)
-        if second.rising
+        if second.rising and drive[first.stop - 1] - drive.min() <= AT_REST * span
     ]
     lowest = []
     for row, length in tips:
