@@ -27,7 +27,8 @@ def test_a_recording_goes_from_format_to_model_by_what_inspect_says(
         ("Load cell", "N", "2000", "1000", "force"),
         ("Gap", "mm", "200", "100", "0.4 to 0.4", "gap"),
     ):
-        assert any(all(cell in line for cell in cells) for line in listed.splitlines())
+        lines = [f" {line} " for line in listed.splitlines()]
+        assert any(all(f" {cell} " in line for cell in cells) for line in lines)
     assert "'Coil/Current' as current, 'Load cell' as force" in listed
     assert main(["inspect", str(source), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 
@@ -145,6 +146,14 @@ def test_offset_of_the_input_is_within_its_interval(noise_A: float) -> None:
         covered += abs(reading.offset - 0.012) <= reading.half_width
     assert np.mean(offsets) == pytest.approx(0.012, abs=2e-4)
     assert covered >= 180
+
+
+def test_reversals_of_minor_loops_are_no_rest() -> None:
+    turns = [0.0, 3.0, 1.0, 2.5, 1.5, 3.0, 0.0, 3.0, 1.2, 3.0, 0.0]
+    drive = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in itertools.pairwise(turns)])
+    loop = Loop("1", drive, 12.0 * play(drive, 0.05) ** 2, None, None, History("settled"))
+    loops = Loops((loop, loop), QUANTITIES["current"], QUANTITIES["force"])
+    assert rest_of(loops).input.offset == 0.0
 
 
 def test_record_is_cut_at_a_missing_stretch() -> None:
