@@ -152,7 +152,7 @@ def test_reversals_of_minor_loops_are_no_rest() -> None:
     turns = [0.0, 3.0, 1.0, 2.5, 1.5, 3.0, 0.0, 3.0, 1.2, 3.0, 0.0]
     drive = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in itertools.pairwise(turns)])
     loop = Loop("1", drive, 12.0 * play(drive, 0.05) ** 2, None, None, History("settled"))
-    loops = Loops((loop, loop), QUANTITIES["current"], QUANTITIES["force"])
+    loops = Loops((loop,), QUANTITIES["current"], QUANTITIES["force"], None)
     assert rest_of(loops).input.offset == 0.0
 
 
