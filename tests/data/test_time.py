@@ -151,8 +151,15 @@ def test_offset_of_the_input_is_within_its_interval(noise_A: float) -> None:
 def test_reversals_of_minor_loops_are_no_rest() -> None:
     turns = [0.0, 3.0, 1.0, 2.5, 1.5, 3.0, 0.0, 3.0, 1.2, 3.0, 0.0]
     drive = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in itertools.pairwise(turns)])
-    loop = Loop("1", drive, 12.0 * play(drive, 0.05) ** 2, None, None, History("settled"))
-    loops = Loops((loop,), QUANTITIES["current"], QUANTITIES["force"], None)
+    loops = Loops(
+        tuple(
+            Loop(label, drive, 12.0 * play(drive, 0.05) ** 2, None, None, History("settled"))
+            for label in ("first", "second", "third")
+        ),
+        QUANTITIES["current"],
+        QUANTITIES["force"],
+        None,
+    )
     assert rest_of(loops).input.offset == 0.0
 
 
