@@ -19,10 +19,9 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data import Loop, Loops
-from anhyst.data.path import History
+from anhyst.data.path import History, move_plays
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.identification.cell_problem import moved
 from anhyst.model.writer import write_model
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.study.piezo import measure, reference, track
@@ -101,7 +100,7 @@ def _single_valued(own: Loop) -> Inverse:
 def _classic(own: Loop) -> Inverse:
     """Return plays with weights, at once and odd, turned round in closed form."""
     thresholds = np.concatenate([[0.0], np.linspace(0.05, 0.5, 12) * np.ptp(own.input)])
-    places = moved(own.input[None], thresholds, np.zeros((1, thresholds.size)))[START:, 0]
+    places = move_plays(own.input[None], thresholds, np.zeros((1, thresholds.size)))[START:, 0]
     ends = np.ones((places.shape[0], 1))
     weights, _ = nnls(np.hstack([places, ends, -ends]), own.output[START:] * 1e6, maxiter=10000)
     offset, weights = weights[-2] - weights[-1], weights[:-2]
@@ -111,7 +110,7 @@ def _classic(own: Loop) -> Inverse:
 
     def inverse(whole: Loop) -> FloatArray:
         wanted = 1e6 * whole.output[None] - offset
-        asked = moved(wanted, turned, np.zeros((1, turned.size)))[:, 0]
+        asked = move_plays(wanted, turned, np.zeros((1, turned.size)))[:, 0]
         return np.asarray(asked @ back)
 
     return inverse

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from anhyst.data.estimates import noise, sampling
 from anhyst.data.holes import find_holes
 from anhyst.data.loops import Loop
-from anhyst.data.path import Branch, branches
+from anhyst.data.path import Branch, branches, move_plays
 from anhyst.support.numeric import FloatArray
 
 _BRANCH_SAMPLES = 120
@@ -304,12 +304,9 @@ def _play_curves(drive: FloatArray) -> FloatArray:
     """Return hinges over play operators of the input, a column each."""
     size = (drive - drive.min()) / np.ptp(drive)
     columns = [np.ones_like(size)]
-    for threshold in _THRESHOLDS.tolist():
-        position, positions = float(size[0]), []
-        for value in size.tolist():
-            position = min(max(position, value - threshold), value + threshold)
-            positions.append(position)
-        play = np.array(positions)
+    start = np.full((1, _THRESHOLDS.size), size[0])
+    plays = move_plays(size[None], _THRESHOLDS, start)[:, 0]
+    for threshold, play in zip(_THRESHOLDS.tolist(), plays.T, strict=True):
         columns += [
             play,
             *(np.maximum(play - knot, 0.0) for knot in _KNOTS[:: 1 + (threshold > 0)]),

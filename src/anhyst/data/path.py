@@ -23,6 +23,17 @@ LARGEST = 1e50
 """Nothing measured is larger in any unit; squares and sums of such numbers stay finite."""
 
 
+def move_plays(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> FloatArray:
+    """Return the states of play operators over some drives, (drives, n); shape (n, drives, plays)."""
+    along = drive.T[:, :, None]
+    low, high = along - thresholds, along + thresholds
+    states = np.empty_like(low)
+    now = start
+    for i, state in enumerate(states):
+        now = np.minimum(np.maximum(now, low[i]), high[i], out=state)
+    return states
+
+
 def turning_points(values: FloatArray, threshold: float) -> NDArray[np.intp]:
     """Find the first sample, every reversal larger than the threshold, and the last sample.
 

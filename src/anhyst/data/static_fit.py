@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from anhyst.data.loops import Loop
-from anhyst.data.path import thinned
+from anhyst.data.path import move_plays, thinned
 from anhyst.support.numeric import FloatArray
 
 _DEGREE = 7
@@ -68,20 +68,10 @@ def static_rms(drive: FloatArray, output: FloatArray, *, plays: bool = True) -> 
     x = (drive[rows] - middle) / (half or 1.0)
     columns = [legvander(x, _DEGREE)]
     if plays:
-        states = _play_states(x)
+        thresholds = np.array(_THRESHOLDS)
+        begin = np.clip(0.0, x[0] - thresholds, x[0] + thresholds)
+        states = move_plays(x[None], thresholds, begin[None])[:, 0]
         columns += [states, states * x[:, None]]
     terms = np.hstack(columns)
     shares = np.linalg.lstsq(terms, output[rows])[0]
     return float(np.sqrt(np.mean((output[rows] - terms @ shares) ** 2)))
-
-
-def _play_states(drive: FloatArray) -> FloatArray:
-    """Return the states of play operators along an input, a column for each threshold."""
-    widths = np.array(_THRESHOLDS)
-    lower, upper = drive[:, None] - widths, drive[:, None] + widths
-    states: FloatArray = np.empty_like(lower)
-    state = np.clip(0.0, lower[0], upper[0])
-    for at in range(drive.size):
-        state = np.minimum(np.maximum(state, lower[at]), upper[at])
-        states[at] = state
-    return states

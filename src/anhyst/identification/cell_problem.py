@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
 from anhyst.data.estimates import noise
-from anhyst.data.path import History, correlation
+from anhyst.data.path import History, correlation, move_plays
 from anhyst.data.speeds import rate_of
 from anhyst.identification.cell_basis import SMOOTH, CellBasis, common_middle, grid
 from anhyst.model.actuator import Model
@@ -287,8 +287,8 @@ class CellProblem:
                 lead = _before(loop.history, drive) - middles
                 lead = np.concatenate([np.zeros_like(middles), lead], axis=1)
                 start = np.zeros((middles.size, thresholds.size))
-                at_rest = moved(lead, thresholds, start)[-1]
-                places = moved(drive - middles, thresholds, at_rest)
+                at_rest = move_plays(lead, thresholds, start)[-1]
+                places = move_plays(drive - middles, thresholds, at_rest)
                 for index, other in enumerate(self.middles):
                     self._plays[lag, other].append((places[:, index], at_rest[index]))
         return self._plays[lag, middle]
@@ -446,14 +446,3 @@ def _before(history: History, drive: FloatArray) -> FloatArray:
     """Return what moved the cells before a loop."""
     points = np.array(history.turning_points)
     return np.concatenate([points, drive]) if history.kind == "settled" else points
-
-
-def moved(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> FloatArray:
-    """Return the place of each cell over some drives, (drives, n); shape (n, drives, cells)."""
-    along = drive.T[:, :, None]
-    low, high = along - thresholds, along + thresholds
-    moved_to = np.empty_like(low)
-    now = start
-    for i, place in enumerate(moved_to):
-        now = np.minimum(np.maximum(now, low[i]), high[i], out=place)
-    return moved_to
