@@ -52,7 +52,7 @@ def measurements() -> Path:
 @pytest.fixture(scope="session")
 def cases() -> Path:
     """Folder of measurement files that strangers brought; tests skip where it is absent."""
-    folder = ROOT.parent / "shared" / "cases"
+    folder = ROOT.parent / "shared" / "cases" / "files"
     if not folder.is_dir():
         pytest.skip(NO_MEASUREMENTS)
     return folder

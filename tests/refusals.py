@@ -23,6 +23,12 @@ from anhyst.support.wording import command_line
 MESSAGES = Path(__file__).with_name("messages.toml")
 
 
+def in_commands(error: Exception) -> str:
+    """Return the message of an error as the command line prints it."""
+    with command_line():
+        return str(error)
+
+
 @contextmanager
 def refused(
     what: str, error: type[InputError | NegativeResult] = InputError
@@ -32,8 +38,7 @@ def refused(
         yield caught
     code, key, held = _parts(what)
     found = caught.value
-    with command_line():
-        text = str(found)
+    text = in_commands(found)
     assert (found.code, found.key if key else "") == (code, key), f"{found.key}: {found}"
     assert [part for part in held if part not in text] == [], text
     assert "\n" not in text

@@ -22,7 +22,7 @@ def case(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Copy a case into a folder of its own, or let its script write it."""
 
     def bring(name: str) -> Path:
-        source = cases / "files" / name
+        source = cases / name
         if source.suffix == ".py":
             monkeypatch.chdir(tmp_path)
             runpy.run_path(str(source))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -14,21 +13,10 @@ from anhyst.data.verdict import judge
 from anhyst.identification import identify
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
-from tests.data.test_dynamics import play
+from tests.data.test_clean import play
 from tests.refusals import says
 
 from .command import quick, unwrapped
-
-ROOT = Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture(scope="module")
-def cases() -> Path:
-    """Folder of files of strangers."""
-    folder = Path(os.environ.get("ANHYST_CASES", ROOT.parent / "shared" / "cases" / "files"))
-    if not folder.is_dir():
-        pytest.skip("real measurements are not here: set ANHYST_DATA to their folder")
-    return folder
 
 
 def last_line(text: str) -> str:

@@ -12,15 +12,9 @@ from anhyst.data.lag import lag_line
 from anhyst.data.resonance import find_resonance
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
+from tests.data.test_clean import play
 
 DRIVES = ("multisine", "chirp", "random", "triangle", "steps")
-
-
-def play(drive: FloatArray, threshold: float) -> FloatArray:
-    state, states = 0.0, np.empty_like(drive)
-    for at, value in enumerate(drive.tolist()):
-        state = states[at] = max(value - threshold, min(value + threshold, state))
-    return states
 
 
 def drive_of(kind: str, time: FloatArray, hz: float, rng: np.random.Generator) -> FloatArray:

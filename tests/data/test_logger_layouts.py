@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from anhyst.data import read_loops
 from anhyst.data.table import list_channels
 from anhyst.support.errors import InputError
-from tests.conftest import NO_MEASUREMENTS
 from tests.data.logger_layouts import (
     CURRENT,
     FORCE,
@@ -123,14 +122,6 @@ def test_damaged_exports_are_read_or_refused(
         read_loops(path, **export.reading)
 
 
-def case(measurements: Path, name: str) -> Path:
-    """Return a file of the collection that lies next to the measurements."""
-    path = measurements.parent / "cases" / "files" / name
-    if not path.is_file():
-        pytest.skip(NO_MEASUREMENTS)
-    return path
-
-
 @pytest.mark.parametrize(
     ("name", "columns"),
     [
@@ -144,9 +135,9 @@ def case(measurements: Path, name: str) -> Path:
     ],
 )
 def test_files_of_real_loggers_hold_the_same_loop(
-    name: str, columns: dict[str, str], measurements: Path
+    name: str, columns: dict[str, str], cases: Path
 ) -> None:
-    path = case(measurements, name)
+    path = cases / name
     scale = dict.fromkeys(columns, 1.0)
     (loop,) = read_loops(path, columns=columns, scale=scale, history="settled").loops
     assert loop.n == 1200
@@ -167,10 +158,8 @@ def test_files_of_real_loggers_hold_the_same_loop(
         ("invalid_samples.mf4", "not-finite I: sample 301; 25 of 1200 samples; --drop invalid"),
     ],
 )
-def test_invalid_samples_of_real_loggers_are_counted(
-    name: str, words: str, measurements: Path
-) -> None:
+def test_invalid_samples_of_real_loggers_are_counted(name: str, words: str, cases: Path) -> None:
     columns = {"Channel A": "I_A", "Channel B": "F_N"} if name.endswith("csv") else {}
     scale = dict.fromkeys(columns, 1.0)
     with refused(words):
-        read_loops(case(measurements, name), columns=columns, scale=scale)
+        read_loops(cases / name, columns=columns, scale=scale)

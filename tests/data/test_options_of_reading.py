@@ -14,16 +14,6 @@ from anhyst.identification.run import IdentifyTable
 from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 
-
-@pytest.fixture(scope="module")
-def cases(measurements: Path) -> Path:
-    """Folder of files that were read wrong once."""
-    folder = measurements.parent / "cases" / "files"
-    if not folder.is_dir():
-        pytest.skip("the cases are not here")
-    return folder
-
-
 PHASE = np.linspace(0.0, 6.0 * np.pi, 600)
 
 

@@ -13,7 +13,7 @@ import pytest
 from anhyst.data.clean import ReadOptions
 from anhyst.data.loops import Loops
 from anhyst.support.errors import InputError
-from anhyst.support.wording import command_line
+from tests.refusals import in_commands
 
 PLACEHOLDER = re.compile(r"\w+_PER_\w+")
 MAX_QUESTIONS = 5
@@ -69,12 +69,6 @@ class Bench:
 
 
 TABLES = (TIMES, CURRENTS, FORCES)
-
-
-def in_commands(error: InputError) -> str:
-    """Return a message as the command line prints it."""
-    with command_line():
-        return str(error)
 
 
 def bench_of(seed: int) -> Bench:

@@ -14,8 +14,7 @@ from anhyst.data.clean import ReadOptions
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import parse_header
-from anhyst.support.wording import command_line
-from tests.refusals import refused
+from tests.refusals import in_commands, refused
 
 SAMPLES = 90
 
@@ -25,12 +24,6 @@ def loop(gap: float = 1.0) -> tuple[FloatArray, FloatArray]:
     phase = np.linspace(0.0, 2.0 * np.pi, SAMPLES)
     drive = 1.0 - np.cos(phase)
     return drive, (drive - 0.1 * np.sin(phase)) ** 2 / gap
-
-
-def in_commands(error: InputError) -> str:
-    """Return a message as the command line prints it."""
-    with command_line():
-        return str(error)
 
 
 def write(path: Path, header: str, *columns: FloatArray) -> Path:

@@ -14,7 +14,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 
-from .test_dynamics import play
+IMPORTLINE
 
 
 def record(drive: FloatArray, output: FloatArray, names: tuple[str, str]) -> Loops:

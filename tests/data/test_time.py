@@ -22,8 +22,6 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.data.test_clean import play
 
-CASES = Path(__file__).resolve().parents[2].parent / "shared" / "cases" / "files"
-
 
 def triangles(rate_Hz: float, period_s: float, delay_s: float, seed: int) -> Loop:
     """Four bipolar triangles of growing size, the output late by a delay, 0.1 % of noise."""
@@ -185,12 +183,11 @@ def test_uneven_clock_of_a_slow_logger_has_no_holes() -> None:
     assert find_holes(np.cumsum(steps)) == []
 
 
-@pytest.mark.skipif(not CASES.is_dir(), reason="needs the cases")
-def test_cases_are_read_right() -> None:
-    late = inspect(read_loops([CASES / "delay10ms.csv"])).loops[0]
+def test_cases_are_read_right(cases: Path) -> None:
+    late = inspect(read_loops([cases / "delay10ms.csv"])).loops[0]
     assert late.skew_s == pytest.approx(0.01, rel=0.05)
-    floored = inspect(read_loops([CASES / "floored_force.csv"]))
+    floored = inspect(read_loops([cases / "floored_force.csv"]))
     assert not floored.loops[0].skew
-    missing = inspect(read_loops([CASES / "missing.csv"]))
+    missing = inspect(read_loops([cases / "missing.csv"]))
     assert any("0.595 s are missing after sample 301" in text for text in missing.warnings)
     assert json.dumps(missing.as_dict())

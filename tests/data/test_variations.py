@@ -16,8 +16,8 @@ from anhyst.data import Loops
 from anhyst.data.clean import ReadOptions
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.wording import command_line
 from tests.data.variations import Truth, Variation, draw, write
+from tests.refusals import in_commands
 
 Outcome = Literal["read", "proposed", "refused", "wrong"]
 
@@ -52,11 +52,9 @@ def outcome(variation: Variation, folder: Path) -> tuple[Outcome, str]:
     said = ""
     for attempt in range(MAX_PROPOSALS + 1):
         try:
-            with command_line():
-                loops = read(path, options)
+            loops = read(path, options)
         except InputError as error:
-            with command_line():
-                said = str(error)
+            said = in_commands(error)
             more = {name: text for name, text in options_in(said).items() if name != "clean"}
             if not more or more.items() <= options.items():
                 return "refused", said
