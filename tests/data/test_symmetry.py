@@ -14,7 +14,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 
-IMPORTLINE
+from .test_clean import play
 
 
 def record(drive: FloatArray, output: FloatArray, names: tuple[str, str]) -> Loops:
