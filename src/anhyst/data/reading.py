@@ -267,16 +267,10 @@ def _read_table(
         own = "" if name == _ALONE else name
         blocks = find_blocks(source_name, used.breaks(), drive, has_gaps=takes_gap, name=own)
     if blocks is not None:
-        labels, found = blocks.labels, [*found, blocks.note]
+        found = [*found, blocks.note]
         if blocks.gaps is not None:
             schedule, roles = blocks.gaps, replace(roles, quantity=QUANTITIES["gap"])
-    elif roles.label is None:
-        # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
-        # there is to distinguish them by.
-        own = _ALONE if roles.quantity is not None else name
-        labels = Texts((roles.fixed_label or own,), np.zeros(drive.size, np.int32))
-    else:
-        labels = used.texts(roles.label)
+    labels = _labels(used, roles, name, drive.size) if blocks is None else blocks.labels
     has_times = roles.time is not None and headers[roles.time].unit is not None
     time = used.si(roles.time)
     columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, used.where)
@@ -285,6 +279,18 @@ def _read_table(
     heads = raw.breaks[0][1] if raw.breaks else raw.notes
     stated = stated_gap(heads) if takes_gap and roles.quantity is None else None
     return replace(part, has_blocks=blocks is not None, stated_gap=stated)
+
+
+def _labels(used: UsedRows, roles: Roles, name: str, count: int) -> Texts:
+    """Return the label of the loop of each row.
+
+    Unlabelled files at different gaps hold "the" loop each. Without gaps, only the name of the file
+    distinguishes them.
+    """
+    if roles.label is not None:
+        return used.texts(roles.label)
+    own = _ALONE if roles.quantity is not None else name
+    return Texts((roles.fixed_label or own,), np.zeros(count, np.int32))
 
 
 def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
