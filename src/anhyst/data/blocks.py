@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.data.formats.channels import Texts
+from anhyst.data.formats.channels import Texts, to_number
 from anhyst.data.joining import LoopPart
 from anhyst.data.path import reversal_count
 from anhyst.support.errors import InputError
@@ -57,7 +57,7 @@ def stated_gap(texts: Sequence[str]) -> tuple[float | None, str] | None:
             unit = find_unit(written) or own
             if unit is not None and unit.dimension != "length":
                 continue
-            number = float(match["number"].replace(",", "."))
+            number = to_number(match["number"])
             found = (unit.value_to_si(number) if unit else None), text.strip()
     return found
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import find_objects, label, uniform_filter1d
 
+from anhyst.data.estimates import TO_SIGMA
 from anhyst.data.path import reversal_count
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES, Quantity
@@ -116,7 +117,7 @@ def _find_rests(values: FloatArray) -> list[_Rest]:
     """Find the stretches whose moving average stays; an empty list if it drifts within one."""
     width = int(np.clip(_WINDOW_SHARE * values.size, _MIN_WINDOW_SAMPLES, _MAX_WINDOW_SAMPLES))
     steps = np.abs(np.diff(values))
-    noise = 1.4826 * float(np.median(steps)) / math.sqrt(2.0)
+    noise = TO_SIGMA * float(np.median(steps)) / math.sqrt(2.0)
     noise = max(noise, float(np.mean(steps)) / 2.0)
     smooth = uniform_filter1d(values, width, mode="nearest")
     limit = _MAX_DRIFT * float(np.median(np.abs(values))) + _SIGMAS * noise / math.sqrt(width)

@@ -15,7 +15,7 @@ from anhyst.data.blocks import find_blocks, stated_gap, with_stated_gaps
 from anhyst.data.distinct import refuse_different_loops
 from anhyst.data.file_names import gap_note, gaps_of_names, refuse_other_gap, with_file_name
 from anhyst.data.formats import FORMATS, OpenTable, open_table
-from anhyst.data.formats.channels import Texts, is_number, is_value
+from anhyst.data.formats.channels import Texts, is_number, is_value, to_number
 from anhyst.data.headers import map_headers
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source, are_even
@@ -391,7 +391,7 @@ def _same(text: str, value: str | float) -> bool:
         return True
     if not is_number(text) or not is_number(str(value)):
         return False
-    return float(text.replace(",", ".")) == float(str(value).replace(",", "."))
+    return to_number(text) == to_number(str(value))
 
 
 def _cut(

@@ -274,10 +274,15 @@ class TextInNumbersError(InputError):
         self.column = column
 
 
+def to_number(text: str) -> float:
+    """Return the number that a text is, with a point or a comma as its decimal sign."""
+    return float(text.replace(",", ".", 1))
+
+
 def is_number(text: str) -> bool:
     """Whether a field reads as a number, with decimal point or comma (NaN and Inf included)."""
     try:
-        float(text.replace(",", ".", 1))
+        to_number(text)
     except ValueError:
         return False
     return "_" not in text
@@ -307,7 +312,7 @@ def is_value(text: str) -> bool:
 
 def is_finite(text: str) -> bool:
     """Whether a field reads as a number that is neither NaN nor infinite."""
-    return is_number(text) and math.isfinite(float(text.replace(",", ".", 1)))
+    return is_number(text) and math.isfinite(to_number(text))
 
 
 class OpenTable(Protocol):

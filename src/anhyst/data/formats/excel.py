@@ -31,6 +31,7 @@ from anhyst.data.formats.channels import (
     is_number,
     need_package,
     one_line_if_damaged,
+    to_number,
 )
 from anhyst.data.formats.odd_rows import Thousands, is_statistics, refuse_factors
 from anhyst.support.errors import InputError
@@ -293,8 +294,7 @@ def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     """Values of a column, and whether it is dates or times of a day."""
     if all(_is_value(cell) or cell == "" or is_mark(str(cell)) for cell in cells):
         cells = [
-            float(cell.replace(",", ".")) if isinstance(cell, str) and is_number(cell) else cell
-            for cell in cells
+            to_number(cell) if isinstance(cell, str) and is_number(cell) else cell for cell in cells
         ]
     kinds = {type(cell) for cell in cells}
     if str in kinds and kinds & {int, float}:  # marks such as OL among numbers

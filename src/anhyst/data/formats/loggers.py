@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from anhyst.data.formats.channels import is_number, is_value
+from anhyst.data.formats.channels import is_number, is_value, to_number
 from anhyst.data.formats.preamble import Column, Lines, TextColumns, find_run, split_line, unit_text
 from anhyst.support.errors import InputError
 
@@ -31,10 +31,6 @@ def find_logger(path: Path, lines: Lines, first: int) -> TextColumns | None:
 def _has_channel(table: TextColumns) -> bool:
     columns = table.columns
     return any(column.position is not None and not column.is_counter for column in columns)
-
-
-def _number(text: str) -> float:
-    return float(text.replace(",", "."))
 
 
 def _plain(field: str) -> str:
@@ -79,7 +75,7 @@ def _rigol(path: Path, lines: Lines, first: int) -> TextColumns | None:
         match = _CHANNEL.fullmatch(field)
         name, unit = (match[1], match[2] or "") if match else (field, "")
         columns.append(Column(name, unit_text(units[index]) if units else unit, index))
-    clock = (_number(timing["start"]), _number(timing["increment"]))
+    clock = (to_number(timing["start"]), to_number(timing["increment"]))
     return TextColumns(data, ",", len(row), tuple(columns), clock)
 
 
@@ -157,7 +153,7 @@ def _yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | None:
         run = find_run(lines, run.start + 1, ",", 1)
     if run is None:
         return None
-    if len({_number(step) for step in steps}) > 1:
+    if len({to_number(step) for step in steps}) > 1:
         raise InputError(
             f"{path}: its channels have different steps of time ({', '.join(steps)}); export them "
             "at one rate",
@@ -179,7 +175,7 @@ def _yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | None:
         for name, unit, position in zip(names, units, positions, strict=False)
     ]
     start = next(iter(_settings(rows, _STARTS)), "0")
-    clock = (_number(start) if is_number(start) else 0.0, _number(steps[0]))
+    clock = (to_number(start) if is_number(start) else 0.0, to_number(steps[0]))
     return TextColumns(run.start, ",", run.width, tuple(columns), clock)
 
 

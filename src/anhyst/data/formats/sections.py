@@ -12,7 +12,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from anhyst.data.formats.channels import MOST_BYTES, is_number, is_value
+from anhyst.data.formats.channels import MOST_BYTES, is_number, is_value, to_number
 from anhyst.data.formats.encoding import encoding_of
 from anhyst.data.formats.preamble import Column, TextColumns, split_line, unit_text
 from anhyst.data.formats.stamps import second_of_day
@@ -271,4 +271,4 @@ class _Segments:
 
 
 def _value(text: str) -> float:
-    return float(text.replace(",", ".")) if is_number(text) else 0.0
+    return to_number(text) if is_number(text) else 0.0
