@@ -23,6 +23,12 @@ LARGEST = 1e50
 """Nothing measured is larger in any unit; squares and sums of such numbers stay finite."""
 
 
+def runs_of(mask: NDArray[np.bool_]) -> list[slice]:
+    """Return the stretches of rows at which a mask is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
 def move_plays(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> FloatArray:
     """Return the states of play operators over some drives, (drives, n); shape (n, drives, plays)."""
     along = drive.T[:, :, None]

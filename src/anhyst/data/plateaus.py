@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects, label, uniform_filter1d
 
 from anhyst.data.estimates import TO_SIGMA
-from anhyst.data.path import reversal_count
+from anhyst.data.path import reversal_count, runs_of
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES, Quantity
 
@@ -95,8 +94,7 @@ def _find_exact_rests(values: FloatArray, drive: FloatArray) -> list[_Rest]:
 
 def _are_ramps(values: FloatArray, owner: NDArray[np.intp]) -> bool:
     """Whether all that is left out lies between two gaps, and is not a wrong value at one of them."""
-    labels, _ = label(owner < 0)
-    for (rows,) in find_objects(labels):
+    for rows in runs_of(owner < 0):
         if rows.start == 0 or rows.stop == values.size:
             return False
         low, high = sorted((values[rows.start - 1], values[rows.stop]))
@@ -108,13 +106,14 @@ def _are_ramps(values: FloatArray, owner: NDArray[np.intp]) -> bool:
 
 def _is_still_between(drive: FloatArray, owner: NDArray[np.intp]) -> bool:
     """Whether the input rests wherever the gap moves: then no loop is cut, however long it takes."""
-    labels, _ = label(owner < 0)
     span = float(np.ptp(drive))
-    return all(float(np.ptp(drive[rows])) <= _REVERSAL * span for (rows,) in find_objects(labels))
+    return all(float(np.ptp(drive[rows])) <= _REVERSAL * span for rows in runs_of(owner < 0))
 
 
 def _find_rests(values: FloatArray) -> list[_Rest]:
     """Find the stretches whose moving average stays; an empty list if it drifts within one."""
+    from scipy.ndimage import uniform_filter1d  # slow to load, and needed for noisy gaps only
+
     width = int(np.clip(_WINDOW_SHARE * values.size, _MIN_WINDOW_SAMPLES, _MAX_WINDOW_SAMPLES))
     steps = np.abs(np.diff(values))
     noise = TO_SIGMA * float(np.median(steps)) / math.sqrt(2.0)
@@ -124,9 +123,8 @@ def _find_rests(values: FloatArray) -> list[_Rest]:
     ahead = np.concatenate((smooth[width:], np.full(width, smooth[-1])))
     is_still = np.abs(ahead - smooth) <= limit
     is_still[width:] &= is_still[:-width].copy()
-    labels, _ = label(is_still)
     rests = []
-    for (rows,) in find_objects(labels):
+    for rows in runs_of(is_still):
         if rows.stop - rows.start < 2 * width:
             continue
         inner = values[rows]

@@ -9,7 +9,7 @@ import numpy as np
 from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, Loops, folded
 from anhyst.data.output_map import output_map
-from anhyst.data.path import branches, correlation, is_bipolar, is_negative, separation
+from anhyst.data.path import branches, correlation, is_bipolar, is_negative, runs_of, separation
 from anhyst.data.symmetry import check_not_even, recentre
 from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
@@ -85,11 +85,10 @@ def _check_clipping(loopset: Loops, loop: Loop, name: str) -> list[str]:
     """Warn of an output that stays at its extreme while the input moves on."""
     warnings = []
     for extreme in (float(loop.output.max()), float(loop.output.min())):
-        ends = np.flatnonzero(np.diff(np.r_[False, loop.output == extreme, False].astype(int)))
         spans = [
-            float(np.ptp(loop.input[start:stop]))
-            for start, stop in zip(ends[::2], ends[1::2], strict=True)
-            if stop - start >= _MIN_CLIPPED_SAMPLES
+            float(np.ptp(loop.input[rows]))
+            for rows in runs_of(loop.output == extreme)
+            if rows.stop - rows.start >= _MIN_CLIPPED_SAMPLES
         ]
         share = max(spans, default=0.0) / (float(np.ptp(loop.input)) or 1.0)
         if extreme != 0.0 and share > _MIN_CLIPPED_SHARE:
