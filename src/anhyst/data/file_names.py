@@ -10,6 +10,7 @@ from pathlib import Path
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header
+from anhyst.support.vocabulary import WORDS
 
 
 def with_file_name(path: Path, description: FileDescription) -> FileDescription:
@@ -43,7 +44,7 @@ def with_file_name(path: Path, description: FileDescription) -> FileDescription:
     return replace(description, constants=constants)
 
 
-_GAP_WORD = r"(?:air[-_ ]?gap|gap|luftspalt|spalt|entrefer|traferro|intraferro|luchtspleet|spleet|entrehierro)"
+_GAP_WORD = rf"(?:{'|'.join(sorted(WORDS['gap'], key=len, reverse=True))})"
 _NUMBER = r"(?P<number>\d+(?:[.,p]\d+)?|0[_-]\d+)"
 _UNIT = r"[ _]?(?P<unit>mm|um|µm|μm|micron|cm|mil|thou|inch)(?![a-z0-9])"
 _WITH_WORD = re.compile(rf"{_GAP_WORD}[-_ =]*{_NUMBER}{_UNIT}", re.IGNORECASE)
