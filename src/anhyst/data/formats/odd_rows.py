@@ -21,51 +21,44 @@ from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header
 
 _DIGITS = b'0123456789+-.,;eE \t\r\n"'
-_STATISTICS = re.compile(
-    r"(mean|average|avg|aver|mittel(wert)?|moyenne|media|min|minimum|max|maximum|std\.?|st\.?[ -]?dev"
-    r"|std[ ._-]?dev(iation)?|stddev|standard[ -]?(deviation|abweichung)|stabw|sum|summe|total|median"
-    r"|variance|varianz|range|spannweite|rms|count|anzahl|peak|ø|σ|x̄)[.:]?",
-    re.IGNORECASE,
+_STATISTIC_WORDS = (
+    *(
+        "mean",
+        "average",
+        "avg",
+        "aver",
+        "mittel(wert)?",
+        "moyenne",
+        "media",
+        "min",
+        "minimum",
+        "max",
+    ),
+    *("maximum", r"std\.?", r"st\.?[ -]?dev", r"std[ ._-]?dev(iation)?", "stddev"),
+    *(
+        "standard[ -]?(deviation|abweichung)",
+        "stabw",
+        "sum",
+        "summe",
+        "total",
+        "median",
+        "variance",
+    ),
+    *("varianz", "range", "spannweite", "rms", "count", "anzahl", "peak", "ø", "σ", "x̄"),
 )
+_FACTOR_WORDS = (
+    *("scale", "scaling", "scal(e|ing)?[ -]?factor", "factor", "faktor", "skalierung", "gain"),
+    *("verst(ä|ae)rkung", "offset", "slope", "multiplier", "sensitivity", "conversion"),
+)
+_STATISTICS = re.compile(rf"({'|'.join(_STATISTIC_WORDS)})[.:]?", re.IGNORECASE)
+_FACTORS = re.compile(rf"({'|'.join(_FACTOR_WORDS)})[.:]?", re.IGNORECASE)
 _MAX_WORD = 30
-_FACTORS = re.compile(
-    r"(scale|scaling|scal(e|ing)?[ -]?factor|factor|faktor|skalierung|gain|verst(ä|ae)rkung"
-    r"|offset|slope|multiplier|sensitivity|conversion)[.:]?",
-    re.IGNORECASE,
-)
 _ODD_LINE = re.compile(
     rf"^[ \t\";,]*({_STATISTICS.pattern}|{_FACTORS.pattern})[\s\";,]",
     re.IGNORECASE | re.MULTILINE,
 )
-_STARTS = {
-    word.encode()
-    for word in [
-        "me",
-        "av",
-        "mi",
-        "mo",
-        "ma",
-        "st",
-        "su",
-        "to",
-        "va",
-        "ra",
-        "sp",
-        "rm",
-        "co",
-        "an",
-        "pe",
-        "sc",
-        "fa",
-        "sk",
-        "ga",
-        "ve",
-        "of",
-        "sl",
-        "mu",
-        "se",
-    ]
-}
+_STARTS = {word[:2].encode() for word in (*_STATISTIC_WORDS, *_FACTOR_WORDS) if word[:2].isascii()}
+"""First two letters of the words, which are quick to look for."""
 _MAX_ASCII = 127
 _MIN_ASCII_SHARE = 0.8
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?P<sign>[.,])\d{3}")
