@@ -327,13 +327,19 @@ def find_clocks(table: OpenTable, columns: Sequence[int]) -> set[int]:
     clocks = set()
     for index in columns:
         try:
-            steps = np.diff(table.read([index]).numbers[index])
+            times = table.read([index]).numbers[index]
         except InputError:
             continue
-        usual = float(np.median(steps)) if steps.size else 0.0
-        if usual > 0.0 and bool(np.all(np.abs(steps - usual) <= _MAX_JITTER * usual)):
+        if _even_step(times, _MAX_JITTER) is not None:
             clocks.add(index)
     return clocks
+
+
+def _even_step(times: FloatArray, share: float) -> float | None:
+    """Return the usual step of rising times; ``None`` if one deviates by more than a share of it."""
+    steps = np.diff(times)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return usual if usual > 0.0 and np.all(np.abs(steps - usual) <= share * usual) else None
 
 
 def _pace(table: OpenTable, index: int) -> tuple[int | None, float | None]:
@@ -344,10 +350,8 @@ def _pace(table: OpenTable, index: int) -> tuple[int | None, float | None]:
     clock = channel.clock or (channel if channel in table.clocks else None)
     if clock is None or clock.length < 2:
         return channel.length, None
-    steps = np.diff(table.seconds(clock))
-    usual = float(np.median(steps))
-    even = usual > 0.0 and bool(np.all(np.abs(steps - usual) <= _EVEN * usual))
-    return channel.length, 1.0 / usual if even else None
+    usual = _even_step(table.seconds(clock), _EVEN)
+    return channel.length, None if usual is None else 1.0 / usual
 
 
 def _roles(headers: Sequence[Header], texts: Sequence[int]) -> dict[int, str]:
