@@ -6,7 +6,9 @@
 #include <stdint.h>
 
 #include "anhyst/compensator/flags.h"
+#include "anhyst/compensator/layout.h"
 #include "anhyst/compensator/plays.h"
+#include "anhyst/compensator/stage.h"
 #include "anhyst/numeric/status.h"
 
 #ifdef __cplusplus
