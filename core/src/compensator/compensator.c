@@ -133,9 +133,7 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
 /* Forgets what was found last, which says nothing of another memory or block. */
 static void forget(anhyst_compensator *c)
 {
-  const anhyst_candidate none = {{{0, 0, 0, 0, 0}}, 0, 0, 0, 0, 0, 0};
-  c->next = none;
-  c->solved = 0;
+  c->stage = ANHYST_STAGE_UNKNOWN;
 }
 
 void anhyst_compensator_demagnetise(anhyst_compensator *c)
@@ -159,8 +157,8 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   const place at = gap_place(words, gap);
   c->arms = arms_at(words, at);
   c->flux = flux_of(c, demand, at);
-  if (c->solved != 0U) {
-    c->next.fine = 0; /* leads to where nobody went */
+  if (c->stage == ANHYST_STAGE_AHEAD) { /* of where nobody went */
+    c->stage = ANHYST_STAGE_UNKNOWN;
   }
   const int32_t field = c->kernel->field(c);
   const int32_t inner = c->arms.bias + anhyst_scale(c->flux, c->arms.flux_arm) +
@@ -170,7 +168,7 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
       limited(c, inner, ((int32_t)words[ANHYST_WORD_CURRENT_LOW] * 65536) >> up,
               ((int32_t)words[ANHYST_WORD_CURRENT_HIGH] * 65536) >> up, ANHYST_CURRENT_LIMITED);
   c->current = (int32_t)((uint32_t)reached << up);
-  c->solved = 1;
+  c->stage = ANHYST_STAGE_AHEAD;
   return c->current;
 }
 
@@ -185,14 +183,10 @@ int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int1
 void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32_t gap)
 {
   const int16_t *words = c->words;
-  const int same_gap = c->solved != 0U && gap == c->gap;
+  const int same_gap = c->stage == ANHYST_STAGE_AHEAD && gap == c->gap;
   if (!same_gap) {
     c->arms = arms_at(words, gap_place(words, gap));
     c->gap = gap;
-    if (c->solved == 0U) {
-      c->next.way = 0;
-      c->next.fine = 0;
-    }
   }
   if (same_gap && applied == c->current && (c->flags & ANHYST_CURRENT_LIMITED) == 0U) {
     c->flux_applied = c->flux;
@@ -203,7 +197,7 @@ void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32
     c->kernel->keep(c);
   }
   c->memory = c->next.memory;
-  c->solved = 0;
+  c->stage = ANHYST_STAGE_HERE;
 }
 
 /* What was solved is applied where that rounds to it. */
