@@ -2,6 +2,8 @@
 #ifndef ANHYST_PLAYS_H
 #define ANHYST_PLAYS_H
 
+#include <limits.h>
+
 /* Plays of the law of cells that have a width, at most. */
 #define ANHYST_CELLS 12
 
@@ -11,5 +13,14 @@
 #ifndef ANHYST_MEMORIES
 #define ANHYST_MEMORIES 1
 #endif
+
+/* What a saved memory begins with. */
+#define ANHYST_SAVED_VERSION 1U
+
+/* Size of a type in words of 16 bits. */
+#define ANHYST_WORDS_OF(type) (sizeof(type) * CHAR_BIT / 16U)
+
+/* Missed ticks that a commit makes up for at most. */
+#define ANHYST_CATCH_UP_TICKS_MAX 64U
 
 #endif

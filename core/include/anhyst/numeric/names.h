@@ -129,5 +129,13 @@
 #define anhyst_simplified_candidate_x ANHYST_NAME(anhyst_simplified_candidate)
 #define anhyst_cells_candidate_x ANHYST_NAME(anhyst_cells_candidate)
 #define anhyst_compensator_demagnetise_x ANHYST_NAME(anhyst_compensator_demagnetise)
+#define anhyst_conditioning_step_x ANHYST_NAME(anhyst_conditioning_step)
+#define anhyst_compensator_commit_after_x ANHYST_NAME(anhyst_compensator_commit_after)
+#define anhyst_compensator_follows_x ANHYST_NAME(anhyst_compensator_follows)
+#define anhyst_compensator_restore_x ANHYST_NAME(anhyst_compensator_restore)
+#define anhyst_compensator_save_x ANHYST_NAME(anhyst_compensator_save)
+#define anhyst_saved_memory_x ANHYST_NAME(anhyst_saved_memory)
+#define anhyst_saved_content_x ANHYST_NAME(anhyst_saved_content)
+#define anhyst_saved_layer_x ANHYST_NAME(anhyst_saved_layer)
 
 #endif

@@ -138,6 +138,8 @@ typedef struct anhyst_compensator_x {
   ANHYST_REAL current;             /* solved, a fraction */
   ANHYST_REAL flux;                /* solved */
   ANHYST_REAL flux_applied;        /* after the last commit */
+  ANHYST_REAL applied;             /* current of the last commit, a fraction */
+  int32_t conditioned;             /* ticks of the start-up sequence that were given */
   ANHYST_REAL gap;                 /* for which was solved, as it was given */
   uint16_t flags;                  /* of the last solve, see flags.h */
   uint16_t stage;                  /* see anhyst_stage */
@@ -184,3 +186,45 @@ int32_t anhyst_conditioning_length_x(const anhyst_compensator_x *c);
 /* The current of its tick 0, 1, ...: triangles between the limits of the current; 0 after the
    end. Apply it and commit it as any other. */
 ANHYST_REAL anhyst_conditioning_x(const anhyst_compensator_x *c, int32_t tick);
+
+/* As anhyst_conditioning_step of compensator.h. */
+ANHYST_REAL anhyst_conditioning_step_x(anhyst_compensator_x *c);
+
+/* As anhyst_compensator_follows; a measured current that is not a number does not follow. */
+int anhyst_compensator_follows_x(const anhyst_compensator_x *c, ANHYST_REAL measured,
+                                 ANHYST_REAL tolerance);
+
+/* As anhyst_compensator_commit_after. */
+void anhyst_compensator_commit_after_x(anhyst_compensator_x *c, ANHYST_REAL applied,
+                                       ANHYST_REAL gap, uint16_t ticks);
+
+/* As anhyst_saved_memory. */
+typedef struct {
+  anhyst_memory_x memory;
+  ANHYST_REAL plays[ANHYST_CELLS];
+  ANHYST_REAL owed;
+} anhyst_saved_layer_x;
+
+typedef struct {
+  uint32_t checksum;
+  uint32_t block;
+  uint16_t version;
+  uint16_t kind;
+  uint32_t size;
+  ANHYST_REAL flux_applied;
+  ANHYST_REAL applied;
+  ANHYST_REAL gap;
+  anhyst_saved_layer_x layer[ANHYST_MEMORIES];
+} anhyst_saved_content_x;
+
+typedef union {
+  anhyst_saved_content_x content;
+  uint16_t word[ANHYST_WORDS_OF(anhyst_saved_content_x)];
+} anhyst_saved_memory_x;
+
+/* As anhyst_compensator_save. */
+void anhyst_compensator_save_x(const anhyst_compensator_x *c, anhyst_saved_memory_x *to);
+
+/* As anhyst_compensator_restore. */
+anhyst_status anhyst_compensator_restore_x(anhyst_compensator_x *c,
+                                           const anhyst_saved_memory_x *from);
