@@ -17,7 +17,7 @@ from anhyst.compensate.holding import SECONDS
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.controller import ControllerPlan, controller_values
 from anhyst.compilation.manifest import controller_bytes, explain, parameters_bytes, state_bytes
-from anhyst.compilation.parameters import c_parameters, memories, parameters_source, scales_source
+from anhyst.compilation.parameters import c_parameters, literal, memories, parameters_source, scales_source
 from anhyst.compilation.toolchain import (
     CONTROL,
     LAYERS,
@@ -71,6 +71,7 @@ def sources(
         f"{plan.name}_parameters.h": render("parameters.h.j2", parameters),
         f"{plan.name}_parameters.c": render("parameters.c.j2", parameters),
         "main.c": render("main.c.j2", common),
+        "interrupt.c": render("interrupt.c.j2", parameters),
         "anhyst.mk": render("anhyst.mk.j2", common),
         "anhyst.cmake": render("anhyst.cmake.j2", common),
     }
@@ -139,7 +140,12 @@ def _parameters(plan: Plan) -> dict[str, object]:
     """Return what the files of the parameters show beside what all files do."""
     model, block = plan.model, plan.block
     names = Names(model.output.unit, model.input.unit)
-    values: dict[str, object] = {"signals": signal_lines(plan), "rate": f"{plan.request.rate:.10g}"}
+    values: dict[str, object] = {
+        "signals": signal_lines(plan),
+        "limits": limit_lines(plan),
+        "layered": memories(block) > 1,
+        "rate": f"{plan.request.rate:.10g}",
+    }
     if isinstance(block, RealBlock):
         return values | {"structures": c_parameters(plan.name, block, names, model.schedule)}
     return values | {
@@ -162,6 +168,7 @@ def _guide(plan: Plan) -> dict[str, object]:
         "signals": [(name, text.strip()) for name, _, text in rows],
         "scale_name": f"{plan.name.upper()}_FULL_SCALE_DEMAND_{_unit(plan.model.output)}",
         "unit": plan.model.output.unit,
+        "layered": memories(plan.block) > 1,
         "condition": (
             f"{cycles} triangle{'s' * (cycles > 1)} of current between its limits, "
             f"{start.seconds:g} s"
@@ -213,6 +220,35 @@ def signal_lines(plan: Plan) -> list[str]:
     else:
         lines.append("gap      not used: pass 0")
     return lines
+
+
+def limit_lines(plan: Plan) -> list[str]:
+    """Return the macros with the limits of demand, current and gap, a line each."""
+    model, block, macro = plan.model, plan.block, plan.name.upper()
+    scales, limits, io = block.scales, block.limits, plan.request.io
+    gap = scales.gap_low, scales.gap_high
+    rows = [("DEMAND", limits.demand, 0.0, scales.demand, model.output)]
+    rows += [("CURRENT", limits.current, 0.0, scales.current, model.input)]
+    if model.schedule is not None:
+        rows += [("GAP", gap, gap[0], (gap[1] - gap[0]) or 1.0, model.schedule)]
+
+    def written(value: float, origin: float, scale: float) -> str:
+        if io == "f32":
+            return literal(value)
+        one = ONES[io]
+        code = one // 32768 * round((value - origin) / scale * 32768.0)
+        return f"({code})" if code < 0 else f"{min(code, one - 1)}"
+
+    texts = [
+        (f"#define {macro}_{name}_{end} {written(value, origin, scale)}", _value(value, quantity))
+        for name, ends, origin, scale, quantity in rows
+        for end, value in zip(("MIN", "MAX"), ends, strict=True)
+    ]
+    if model.schedule is None:
+        number = "0.0f" if io == "f32" else "0"
+        texts += [(f"#define {macro}_GAP_{end} {number}", "not used") for end in ("MIN", "MAX")]
+    end = max(len(text) for text, _ in texts)
+    return [f"{text:<{end}} /* {doc} */" for text, doc in texts]
 
 
 def _real_signals(plan: Plan) -> list[str]:
