@@ -71,7 +71,7 @@ def sources(
         f"{plan.name}_parameters.h": render("parameters.h.j2", parameters),
         f"{plan.name}_parameters.c": render("parameters.c.j2", parameters),
         "main.c": render("main.c.j2", common),
-        "interrupt.c": render("interrupt.c.j2", parameters),
+        "example/interrupt.c": render("interrupt.c.j2", parameters),
         "anhyst.mk": render("anhyst.mk.j2", common),
         "anhyst.cmake": render("anhyst.cmake.j2", common),
     }
