@@ -22,6 +22,8 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/law/sensitivity.c"
   "${ANHYST_CORE_DIR}/src/law/batch_dispatch.c"
   "${ANHYST_CORE_DIR}/src/compensator/block.c"
+  "${ANHYST_CORE_DIR}/src/compensator/block_f32.c"
+  "${ANHYST_CORE_DIR}/src/compensator/block_f64.c"
   "${ANHYST_CORE_DIR}/src/compensator/full.c"
   "${ANHYST_CORE_DIR}/src/compensator/full_block.c"
   "${ANHYST_CORE_DIR}/src/compensator/cells.c"
