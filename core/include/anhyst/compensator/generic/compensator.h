@@ -70,9 +70,10 @@ typedef struct {
 
 typedef struct {
   ANHYST_REAL joins; /* field where the next play joins, in the direction */
-  ANHYST_REAL flux;  /* air*x + m where the segment of the row begins */
-  ANHYST_REAL rise;  /* what the row rises on the segment */
+  ANHYST_REAL flux;  /* air*x + m where the segment of the row begins, over 4 */
+  ANHYST_REAL rise;  /* rise of the row on the segment */
   ANHYST_REAL begin; /* field where the segment begins, in the direction */
+  ANHYST_REAL width; /* width of the segment */
   int32_t segment;   /* word of the block with which the segment begins; 0: nothing is known */
 } anhyst_cells_candidate_x;
 
