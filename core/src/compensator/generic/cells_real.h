@@ -115,11 +115,18 @@ static inline number part_at(number x, number begin, grid width)
   return (x - begin) * width.count;
 }
 
-/* The field at a part of a segment, rounded down by up to 1.25 steps of the grid. */
+/* The field at a part of a segment, rounded down by up to 1.25 steps of the grid: before the end of
+   the segment. */
 static inline number place_in(number begin, grid width, number part)
 {
   const number x = on_grid(begin + part * width.width - (number)0.75 * GRID_STEP);
-  return part < WHOLE_SEGMENT ? (x > begin ? x : begin) : begin + width.width;
+  return x > begin ? x : begin;
+}
+
+/* The largest part below the whole segment, for a part that rounding made larger. */
+static inline number inner_part(number part)
+{
+  return part < WHOLE_SEGMENT ? part : WHOLE_SEGMENT - NUMBER_EPS;
 }
 
 /* missing/rise; 0 <= missing < rise. */
