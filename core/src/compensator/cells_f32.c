@@ -1,7 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "anhyst/compensator/compensator_f32.h"
+/* The law of play cells in single precision. */
+#include "formats/f32.h"
 
-#include "lookup_f32.h"
-
-#include "anhyst/numeric/f32.h"
+#include "generic/cells_real.h"
+#include "generic/cells_path.h"
+#include "generic/cells_block.h"
 #include "generic/cells.h"
+
+#define FOR_BLOCK 0
+
+const anhyst_kernel_f32 anhyst_kernel_cells_f32 = {ANHYST_KIND_CELLS, cells_field, cells_flux,
+                                                cells_is_valid,    cells_carry, cells_keep,
+                                                cells_start,       FOR_BLOCK};

@@ -19,6 +19,8 @@ from anhyst.compilation.controller import ControllerPlan, controller_values
 from anhyst.compilation.manifest import controller_bytes, explain, parameters_bytes, state_bytes
 from anhyst.compilation.parameters import c_parameters, literal, memories, parameters_source, scales_source
 from anhyst.compilation.toolchain import (
+    AROUND,
+    AROUND_SINGLE,
     CONTROL,
     LAYERS,
     SINGLE,
@@ -58,6 +60,7 @@ def sources(
     """Return the C files and what helps to build them."""
     real = isinstance(plan.block, RealBlock)
     taken = (SINGLE if real else SOURCES)[plan.block.kind] + (CONTROL if controller else ())
+    taken += AROUND_SINGLE if real else AROUND
     if not real and memories(plan.block) > 1:
         taken += LAYERS
     parts = ("parameters",) if controller is None else ("parameters", "controller")

@@ -159,6 +159,10 @@ SOURCES: dict[Kind, tuple[str, ...]] = {
 }
 """Sources of each kind in fixed point."""
 
+AROUND = ("compensator/watch.c", "compensator/saved.c")
+AROUND_SINGLE = ("compensator/watch_f32.c", "compensator/saved_f32.c")
+"""What an interrupt and a power cycle need beyond solve and commit."""
+
 LAYERS = ("compensator/solid.c",)
 """What solid iron needs beyond that, in fixed point."""
 

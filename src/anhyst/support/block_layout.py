@@ -38,6 +38,7 @@ MAGIC = (0x6E41, 0x7968)
 LAYOUT = 2
 LEAST_WORDS = 64
 MOST_WORDS = 2048
+MOST_REAL_WORDS = 1048576
 SCALE_WORDS = 11
 UNITS = ("", "1", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", "degC")
 """Units of the signals, by their numbers in ``SCALE_UNITS``."""

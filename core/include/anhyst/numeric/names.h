@@ -28,6 +28,7 @@
 #define anhyst_compensator_x ANHYST_NAME(anhyst_compensator)
 #define anhyst_compensator_commit_x ANHYST_NAME(anhyst_compensator_commit)
 #define anhyst_compensator_init_x ANHYST_NAME(anhyst_compensator_init)
+#define anhyst_compensator_init_sized_x ANHYST_NAME(anhyst_compensator_init_sized)
 #define anhyst_compensator_output_x ANHYST_NAME(anhyst_compensator_output)
 #define anhyst_compensator_solve_x ANHYST_NAME(anhyst_compensator_solve)
 #define anhyst_compensator_swap_x ANHYST_NAME(anhyst_compensator_swap)

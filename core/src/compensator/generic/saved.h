@@ -7,9 +7,9 @@ static uint32_t checksum_of(const saved_memory *saved)
   const size_t first = sizeof(saved->content.checksum) / sizeof(saved->word[0]);
   uint32_t sum = ANHYST_CHECKSUM_START;
   for (size_t i = first; i < sizeof(saved->word) / sizeof(saved->word[0]); i++) {
-    sum = anhyst_checksum_word(sum, saved->word[i]);
+    sum = anhyst_checksum_add(sum, saved->word[i]);
   }
-  return sum;
+  return ~sum & 0xFFFFFFFFUL;
 }
 
 /* The checksum of the block in use. */

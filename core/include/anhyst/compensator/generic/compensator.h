@@ -57,7 +57,7 @@ typedef union {
 
 /* What a law knows of a place beside the memory there. */
 typedef struct {
-  ANHYST_REAL m; /* magnetisation */
+  ANHYST_REAL m;       /* magnetisation */
   ANHYST_REAL y_slope; /* of the irreversible part over the field */
   ANHYST_REAL m_slope; /* of the magnetisation */
   int16_t direction;   /* 1: the field rises, -1: it falls, 0: it stays */
@@ -70,9 +70,10 @@ typedef struct {
 
 typedef struct {
   ANHYST_REAL joins; /* field where the next play joins, in the direction */
-  ANHYST_REAL flux;  /* air*x + m where the segment of the row begins */
-  ANHYST_REAL rise;  /* what the row rises on the segment */
+  ANHYST_REAL flux;  /* air*x + m where the segment of the row begins, over 4 */
+  ANHYST_REAL rise;  /* rise of the row on the segment */
   ANHYST_REAL begin; /* field where the segment begins, in the direction */
+  ANHYST_REAL width; /* width of the segment */
   int32_t segment;   /* word of the block with which the segment begins; 0: nothing is known */
 } anhyst_cells_candidate_x;
 
@@ -134,25 +135,31 @@ typedef struct anhyst_compensator_x {
   anhyst_arms_x arms;              /* at the gap for which was solved */
   ANHYST_REAL per_demand;          /* 1 over full scale of the demand */
   ANHYST_REAL per_current;         /* 1 over full scale of the current */
-  ANHYST_REAL per_gap;             /* segments of the tables over the gap for a unit of it */
+  ANHYST_REAL per_gap;             /* 1 over the range of the gap; 0: nothing depends on it */
   ANHYST_REAL current;             /* solved, a fraction */
   ANHYST_REAL flux;                /* solved */
   ANHYST_REAL flux_applied;        /* after the last commit */
   ANHYST_REAL applied;             /* current of the last commit, a fraction */
   int32_t conditioned;             /* ticks of the start-up sequence that were given */
   ANHYST_REAL gap;                 /* for which was solved, as it was given */
-  uint16_t flags;                  /* of the last solve, see flags.h */
-  uint16_t stage;                  /* see anhyst_stage */
+  uint16_t flags;                  /* of the last solve and its commit, see flags.h */
+  uint16_t stage;                  /* of next, see stage.h; arms belong to gap unless UNKNOWN */
 #if ANHYST_MEMORIES > 1
   anhyst_deeper_x deeper[ANHYST_MEMORIES - 1];
 #endif
 } anhyst_compensator_x;
 
-/* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the block is not
-   valid: magic, layout, kind, length within capacity (words), checksum, every range and every
-   table. Nothing is changed then. */
-anhyst_status anhyst_compensator_init_x(anhyst_compensator_x *c, const anhyst_kernel_x *kernel,
-                                        const ANHYST_REAL *words, uint32_t capacity);
+/* As anhyst_compensator_init_sized and anhyst_compensator_init of compensator.h. */
+anhyst_status anhyst_compensator_init_sized_x(anhyst_compensator_x *c, size_t size,
+                                              const anhyst_kernel_x *kernel,
+                                              const ANHYST_REAL *words, uint32_t capacity);
+
+static inline anhyst_status anhyst_compensator_init_x(anhyst_compensator_x *c,
+                                                      const anhyst_kernel_x *kernel,
+                                                      const ANHYST_REAL *words, uint32_t capacity)
+{
+  return anhyst_compensator_init_sized_x(c, sizeof *c, kernel, words, capacity);
+}
 
 /* Takes the iron for demagnetised from now on. */
 void anhyst_compensator_demagnetise_x(anhyst_compensator_x *c);
@@ -168,12 +175,16 @@ uint16_t anhyst_block_misfit_x(const ANHYST_REAL *words, const ANHYST_REAL *scal
 /* As anhyst_compensator_swap. */
 void anhyst_compensator_swap_x(anhyst_compensator_x *c, const ANHYST_REAL *words);
 
-/* The current that gives the demanded output now. */
+/* Returns the current that gives the demanded output now. Flags and cost are those of
+   anhyst_compensator_solve_q31. A gap that is not a number or out of the range of the block by more
+   than 2^-15 of the range sets ANHYST_GAP_LIMITED. A demand that is not a number sets
+   ANHYST_DEMAND_LIMITED. */
 ANHYST_REAL anhyst_compensator_solve_x(anhyst_compensator_x *c, ANHYST_REAL demand,
                                        ANHYST_REAL gap);
 
-/* Advances the memory with the current that was applied, at the gap there was. If both are what
-   was solved for, this costs a copy; otherwise as much as a solve. */
+/* Advances the memory with the current that was applied, at the gap there was. Flags and cost are
+   those of anhyst_compensator_commit_q31. A current beyond twice full scale counts as that. A
+   current that is not finite sets ANHYST_CURRENT_LIMITED and leaves the memory alone. */
 void anhyst_compensator_commit_x(anhyst_compensator_x *c, ANHYST_REAL applied, ANHYST_REAL gap);
 
 /* The output that the model expects after the last commit. */

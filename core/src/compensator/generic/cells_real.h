@@ -1,0 +1,231 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Arithmetic of the law of play cells in floating point, for generic/cells.h. Fields, plays and
+   magnetisations are fractions on a grid of 2*NUMBER_EPS. Sums and differences of two of them are
+   exact, so that nothing accumulates in the sum of the resting plays. */
+
+typedef struct {
+  number width; /* of a segment */
+  number count; /* 1/width */
+} grid;
+
+/* A position in a table row. */
+typedef struct {
+  const entry *at; /* lower end of the segment */
+  number part;     /* of the segment, 0..1 */
+} spot;
+
+#define GRID_STEP ((number)2 * NUMBER_EPS)
+#define FIELD_MAX ((number)1 - GRID_STEP)
+#define FIELD_MIN (GRID_STEP - (number)1)
+#define WHOLE_SEGMENT ((number)1) /* as a part */
+
+/* 2^-n */
+#define POWER_OF_HALF(n) ((number)1 / (number)(1L << (n)))
+
+/* A quarter of the largest residual that rounding alone can cause. */
+#define RESIDUAL_DEADBAND NUMBER_EPS
+
+/* The multiple of GRID_STEP nearest to a; |a| < 1. Numbers of 2..4 are that far apart. */
+static inline number on_grid(number a)
+{
+  const number shifted = a + (number)3;
+  return shifted - (number)3;
+}
+
+/* A word of a block that is an integer. */
+static inline int integer_of(entry word) { return (int)word; }
+
+static inline int is_word_within(entry word, int low, int high)
+{
+  return word >= (entry)low && word <= (entry)high && (entry)(int)word == word;
+}
+
+/* a, or -a for a mirror of -1. */
+static inline number mirrored(number a, int mirror) { return mirror != 0 ? -a : a; }
+
+static inline number clamped(number a, number low, number high) { return within(a, low, high); }
+
+/* Saturates to -1 .. 1; the lower end for what is not a number. */
+static inline number inside(number a) { return within(a, FIELD_MIN, FIELD_MAX); }
+
+static inline number sum(number a, number b) { return a + b; }
+static inline number difference(number a, number b) { return a - b; }
+static inline number unsafe_sum(number a, number b) { return a + b; }
+static inline number unsafe_difference(number a, number b) { return a - b; }
+
+/* a times a weight. */
+static inline number scaled(number a, entry weight) { return a * weight; }
+
+static inline number quarter(number a) { return (number)0.25 * a; }
+static inline number four_times(number a) { return (number)4 * a; }
+
+/* The number of a word of a table. */
+static inline number level_of(entry word) { return on_grid(word); }
+
+static inline number value_at(spot at)
+{
+  return on_grid(at.at[0] + at.part * (at.at[1] - at.at[0]));
+}
+
+/* What one row has beyond another at the same position; they differ by less than 1. */
+static inline number between(spot of, const entry *other)
+{
+  const spot there = {other, of.part};
+  return value_at(there) - value_at(of);
+}
+
+/* Segments of this many halvings of 1.0. */
+static inline grid grid_of(unsigned halvings)
+{
+  const number count = (number)(1L << halvings);
+  const grid width = {(number)1 / count, count};
+  return width;
+}
+
+static inline number width_of(grid width) { return width.width; }
+
+/* The field at so many segments from zero. */
+static inline number field_at(int segments, grid width) { return (number)segments * width.width; }
+
+/* The largest integer that is not above a; |a| < 2^15. */
+static inline int floor_of(number a)
+{
+  const int found = (int)a;
+  return (number)found > a ? found - 1 : found;
+}
+
+/* The spot of a field on a row; the field 0 is at the pointer. */
+static inline spot spot_from(const entry *zero, number x, grid width)
+{
+  const number place = x * width.count;
+  const int segment = floor_of(place);
+  const spot at = {zero + segment, place - (number)segment};
+  return at;
+}
+
+/* Segments begin at multiples of their width. */
+static inline number begin_of(number x, grid width)
+{
+  return field_at(floor_of(x * width.count), width);
+}
+
+/* The part of a segment before x, which lies on the segment. */
+static inline number part_at(number x, number begin, grid width)
+{
+  return (x - begin) * width.count;
+}
+
+/* The field at a part of a segment, rounded down by up to 1.25 steps of the grid: before the end of
+   the segment. */
+static inline number place_in(number begin, grid width, number part)
+{
+  const number x = on_grid(begin + part * width.width - (number)0.75 * GRID_STEP);
+  return x > begin ? x : begin;
+}
+
+/* The largest part below the whole segment, for a part that rounding made larger. */
+static inline number inner_part(number part)
+{
+  return part < WHOLE_SEGMENT ? part : WHOLE_SEGMENT - NUMBER_EPS;
+}
+
+/* missing/rise; 0 <= missing < rise. */
+static inline number ratio_part(number missing, number rise) { return missing / rise; }
+
+/* The part of a rise that belongs to a part of its segment. */
+static inline number rise_share(number rise, number part) { return rise * part; }
+
+/* Where the segment of a candidate is, and how wide. */
+static inline int is_placed(const candidate *at) { return at->of.cells.segment > 0; }
+
+static inline grid grid_at(const candidate *at)
+{
+  const grid width = {at->of.cells.width, (number)1 / at->of.cells.width};
+  return width;
+}
+
+static inline number begin_at(const candidate *at, number x)
+{
+  (void)x;
+  return at->of.cells.begin;
+}
+
+/* Sets the segment of a candidate: its word in the block, where it begins, its width, its rise. */
+static inline void set_segment(candidate *at, const entry *words, int segment, number begin,
+                               grid width)
+{
+  at->of.cells.segment = segment;
+  at->of.cells.begin = begin;
+  at->of.cells.width = width.width;
+  at->of.cells.rise = level_of(words[segment + 1]) - level_of(words[segment]);
+}
+
+/* A quarter of what the row rises on the segment of a candidate. */
+static inline number quarter_rise(const candidate *at) { return quarter(at->of.cells.rise); }
+
+/* Whether a field is below another by no more than rounding. */
+static inline int is_rounding(number above, number below, grid width)
+{
+  (void)width;
+  return above - below <= (number)4 * GRID_STEP;
+}
+
+/* Whether a flux can be one; false for what is not a number. */
+static inline int is_flux(number flux) { return flux > (number)-1 && flux < (number)1; }
+
+/* A limit of the current. */
+static inline number current_limit(const entry *words, int word) { return words[word]; }
+
+/* Parameter blocks. */
+
+#define LEVEL_MAX ((number)1)               /* largest difference of two rows */
+#define THRESHOLD_MIN GRID_STEP             /* smallest half-width of a play */
+#define ARM_ROUNDING NUMBER_EPS             /* of a weight between two entries */
+#define RISE_MIN ((number)0.5 * NUMBER_EPS) /* on a segment, more than rounding */
+#define QUARTER_WEIGHT ((number)0.25)
+
+/* Bisections of the transfer. */
+#define CARRY_HALVINGS 56
+
+static inline int is_weight_positive(entry word) { return word > 0 && word <= (entry)0.5; }
+
+/* Whether a table is in the block, starts at the least level or above and never falls. */
+static inline int is_table_rising(const entry *words, int first, int entries, number least)
+{
+  if (first < ANHYST_BLOCK_LEAST_WORDS ||
+      (int32_t)first + entries > integer_of(words[ANHYST_WORD_LENGTH]) ||
+      !(words[first] >= least && words[first + entries - 1] <= LEVEL_MAX)) {
+    return 0;
+  }
+  for (int i = 1; i < entries; i++) {
+    if (!(words[first + i] >= words[first + i - 1])) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
+static inline int is_unit_valid(const entry *words)
+{
+  const number unit = words[ANHYST_WORD_UNIT_FIELD];
+  return unit >= (number)1e-18 && unit <= (number)1e18;
+}
+
+/* A field of the block before in the unit of another block. */
+static inline number in_field_unit(number field, const entry *before, const entry *words)
+{
+  return field * (before[ANHYST_WORD_UNIT_FIELD] / words[ANHYST_WORD_UNIT_FIELD]);
+}
+
+/* The point of a line from low to high at a part numerator/denominator. */
+static inline number on_line(number low, number high, number numerator, number denominator)
+{
+  return low + (high - low) * (numerator / denominator);
+}
+
+/* The multiple of 2*GRID_STEP nearest to a; |a| < 2. */
+static inline number on_coarse_grid(number a)
+{
+  const number shifted = a + (number)6;
+  return shifted - (number)6;
+}
