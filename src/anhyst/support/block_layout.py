@@ -126,6 +126,20 @@ ROOT = (
     Word(26, "ROOT_KNEE", "integer", "below 2^(-2*this) of full scale the root is straight", 2, 8),
 )
 
+LAG = (
+    Word(
+        27,
+        "GAP_LAG_ARM",
+        "weight",
+        "current for a flux that rises by 1.0 in a tick",
+        0,
+        32767,
+        axis="gap",
+        of="current",
+        shift="CURRENT_SHIFT",
+    ),
+)
+
 FULL = (
     Word(32, "FULL_AIR", "weight", "flux of a field of 1.0 without iron", 1, 32767, factor=4.0),
     Word(33, "FULL_REVERSIBLE", "q15", "reversible fraction c", 0, 32767),
@@ -289,10 +303,10 @@ MEMORY = (
 )
 
 BODY: dict[str, tuple[Word, ...]] = {
-    "full": DEMAND + START + ROOT + FULL + SCALE + MEMORY,
-    "simplified": DEMAND + START + ROOT + SIMPLE + CLOSED + SCALE,
-    "euler": DEMAND + START + ROOT + SIMPLE + EULER + SCALE,
-    "cells": DEMAND + START + ROOT + CELLS + SOLID + SCALE + MEMORY,
+    "full": DEMAND + START + ROOT + LAG + FULL + SCALE + MEMORY,
+    "simplified": DEMAND + START + ROOT + LAG + SIMPLE + CLOSED + SCALE,
+    "euler": DEMAND + START + ROOT + LAG + SIMPLE + EULER + SCALE,
+    "cells": DEMAND + START + ROOT + LAG + CELLS + SOLID + SCALE + MEMORY,
 }
 """Every word of a kind behind the head, in the order of the block."""
 

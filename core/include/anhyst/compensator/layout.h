@@ -81,6 +81,11 @@ enum {
   /* The root of the demand, the same in every kind. */
   ANHYST_WORD_ROOT_KNEE = 26, /* 2..8: below 2^(-2*this) of full scale the root is straight */
 
+  /* A single lag of the iron, the same in every kind. A tick is a step of it. */
+  /* table, weight: current for a flux that rises by 1.0 in a tick (0 instead of a table: no lag),
+     over the gap */
+  ANHYST_WORD_GAP_LAG_ARM = 27,
+
   /* Full: the exact step. The field is in units of the largest one the tables reach, X. */
   ANHYST_WORD_FULL_AIR = 32, /* weight: flux of a field of 1.0 without iron (h*X/4) */
   ANHYST_WORD_FULL_REVERSIBLE = 33, /* q15: reversible fraction c */

@@ -43,6 +43,25 @@ static int are_limits(const entry *words, int16_t low, int16_t high)
          is_in_range(words[high], words[low], ENTRY_ONE);
 }
 
+/* Whether a lag has a table over the gap, and every sum of it with the flux arm is an entry. */
+static int is_lag_valid(const entry *words)
+{
+  if (words[ANHYST_WORD_GAP_LAG_ARM] == 0) {
+    return 1;
+  }
+  if (!is_table_over_gap(words, ANHYST_WORD_GAP_LAG_ARM, 0)) {
+    return 0;
+  }
+  const entry *lag = words + (int32_t)words[ANHYST_WORD_GAP_LAG_ARM];
+  const entry *arm = words + (int32_t)words[ANHYST_WORD_GAP_FLUX_ARM];
+  for (int32_t i = 0; i <= (int32_t)1 << (int32_t)words[ANHYST_WORD_GAP_SEGMENTS]; i++) {
+    if (!is_in_range(arm[i], -ENTRY_MOST, (entry)(ENTRY_MOST - lag[i]))) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
 static int are_common_words_valid(const entry *words)
 {
   return is_integer(words[ANHYST_WORD_POWER], 1, 2) &&
@@ -59,7 +78,8 @@ static int are_common_words_valid(const entry *words)
          is_table_over_gap(words, ANHYST_WORD_GAP_OFFSET, -ENTRY_MOST) &&
          is_table_over_gap(words, ANHYST_WORD_GAP_BIAS, -ENTRY_MOST) &&
          is_table_over_gap(words, ANHYST_WORD_GAP_FLUX_ARM, -ENTRY_MOST) &&
-         is_table_over_gap(words, ANHYST_WORD_GAP_FIELD_ARM, ENTRY_LEAST) && are_scales(words);
+         is_table_over_gap(words, ANHYST_WORD_GAP_FIELD_ARM, ENTRY_LEAST) && is_lag_valid(words) &&
+         are_scales(words);
 }
 
 static anhyst_status check_block(const kernel_type *kernel, const entry *words, uint32_t capacity)

@@ -38,12 +38,20 @@ static place take_gap(compensator *c, number gap)
   return place_of(c->words, fraction);
 }
 
-static arms_type arms_at(const entry *words, place at)
+/* How the current is made up in this tick. Iron with a lag asks for more current as long as its flux
+   rises, in proportion to the rise in a tick: at rest what bias and arm get cancels. */
+static arms_type arms_at(const compensator *c, place at)
 {
+  const entry *words = c->words;
   arms_type arms;
   arms.bias = bias_of(over_gap(at, words[ANHYST_WORD_GAP_BIAS]));
   arms.flux_arm = over_gap(at, words[ANHYST_WORD_GAP_FLUX_ARM]);
   arms.field_arm = over_gap(at, words[ANHYST_WORD_GAP_FIELD_ARM]);
+  if (words[ANHYST_WORD_GAP_LAG_ARM] > 0) {
+    const entry lag = over_gap(at, words[ANHYST_WORD_GAP_LAG_ARM]);
+    arms.flux_arm = (entry)(arms.flux_arm + lag);
+    arms.bias -= product(c->flux_applied, lag);
+  }
   return arms;
 }
 
@@ -111,7 +119,7 @@ static void solve(compensator *c, number demand, number gap)
   const entry *words = c->words;
   enter(c, 0);
   const place at = take_gap(c, gap);
-  c->arms = arms_at(words, at);
+  c->arms = arms_at(c, at);
   c->flux = flux_of(c, demand, at);
   if (c->stage == ANHYST_STAGE_AHEAD) { /* of a step that nobody took */
     c->stage = ANHYST_STAGE_UNKNOWN;
@@ -141,7 +149,7 @@ static void commit(compensator *c, number applied, number gap)
   (void)limited(c, applied, signal_of(words[ANHYST_WORD_CURRENT_LOW]),
                 signal_of(words[ANHYST_WORD_CURRENT_HIGH]), CURRENT_CODE, ANHYST_CURRENT_LIMITED);
   if (!is_at_gap) {
-    c->arms = arms_at(words, take_gap(c, gap));
+    c->arms = arms_at(c, take_gap(c, gap));
   }
   if (!is_finite(applied)) {
     c->stage = ANHYST_STAGE_UNKNOWN;

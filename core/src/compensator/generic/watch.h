@@ -12,12 +12,18 @@ static int32_t next_conditioning_tick(compensator *c, int32_t length)
   return length;
 }
 
+/* Whether the iron goes on while nothing is computed: layers or a lag. */
+static int depends_on_time(const compensator *c)
+{
+  const entry *words = c->words;
+  return words[ANHYST_WORD_GAP_LAG_ARM] > (entry)0 ||
+         (c->kernel->kind == ANHYST_KIND_CELLS && words[ANHYST_WORD_SOLID_LAYERS] > (entry)0);
+}
+
 /* Commits that stand for so many ticks in which the current stayed. */
 static uint16_t commits_for(const compensator *c, uint16_t ticks)
 {
-  const int depends_on_time =
-      c->kernel->kind == ANHYST_KIND_CELLS && c->words[ANHYST_WORD_SOLID_LAYERS] > (entry)0;
-  if (!depends_on_time || ticks == 0U) {
+  if (!depends_on_time(c) || ticks == 0U) {
     return 1;
   }
   return ticks < ANHYST_CATCH_UP_TICKS_MAX ? ticks : (uint16_t)ANHYST_CATCH_UP_TICKS_MAX;
