@@ -136,7 +136,10 @@ static inline number ratio_part(number missing, number rise) { return missing / 
 static inline number rise_share(number rise, number part) { return rise * part; }
 
 /* Where the segment of a candidate is, and how wide. */
-static inline int is_placed(const candidate *at) { return at->of.cells.segment > 0; }
+static inline int is_placed(const candidate *at)
+{
+  return at->of.cells.segment > 0 && at->of.cells.segment < ANHYST_BLOCK_MOST_WORDS;
+}
 
 static inline grid grid_at(const candidate *at)
 {
