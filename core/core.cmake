@@ -29,7 +29,6 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/compensator/cells.c"
   "${ANHYST_CORE_DIR}/src/compensator/cells_block.c"
   "${ANHYST_CORE_DIR}/src/compensator/solid.c"
-  "${ANHYST_CORE_DIR}/src/compensator/closed.c"
   "${ANHYST_CORE_DIR}/src/compensator/simplified.c"
   "${ANHYST_CORE_DIR}/src/compensator/euler.c"
   "${ANHYST_CORE_DIR}/src/compensator/compensator.c"
