@@ -114,13 +114,16 @@ static inline number place_in(number begin, grid width, number part)
   return (number)((uint32_t)begin + ((uint32_t)part << width));
 }
 
+/* The largest part below the whole segment, for a part that rounding made larger. */
+static inline number inner_part(number part) { return anhyst_sat_u15(part); }
+
 /* missing/rise as a part, rounded down by up to two units; 0 <= missing < rise. */
 static inline number ratio_part(number missing, number rise)
 {
   const uint16_t up = anhyst_headroom(rise);
   const int32_t top = (int32_t)((uint32_t)missing << up);
   const int32_t bottom = ((int32_t)((uint32_t)rise << up) >> 15) + 1;
-  return anhyst_sat_u15(top / bottom);
+  return inner_part(top / bottom);
 }
 
 /* The part of a rise that belongs to a part of its segment. */

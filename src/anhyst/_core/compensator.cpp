@@ -11,8 +11,7 @@
 namespace {
 
 template <class T> using Row = nb::ndarray<nb::numpy, T, nb::ndim<1>>;
-template <class T>
-using InRow = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+template <class T> using InRow = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 template <class T> Row<T> make_row(size_t n)
 {

@@ -33,8 +33,7 @@ FORMAT(F64, double, double, uint32_t, _f64);
 
 // Words of a parameter block from Python.
 template <class F>
-using Words =
-    nb::ndarray<const typename F::Entry, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Words = nb::ndarray<const typename F::Entry, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 // The kernel of a kind.
 template <class F> const typename F::Kernel *to_kernel(const std::string &kind)

@@ -21,7 +21,8 @@
 /* Maximum number of segments that a search moves on from a candidate before a full solve. */
 #define MAX_SEGMENT_STEPS 4
 
-/* A path whose residual is larger than this, over 4, looks for all cells that were left together. */
+/* A path whose residual is larger than this, over 4, looks for all cells that were left together.
+ */
 #define LONG_PATH_RESIDUAL POWER_OF_HALF(6)
 
 /* The equation to solve, over 4. */
@@ -156,7 +157,7 @@ static void go(cell_path *along, const equation *solve, spot here, number low, n
     part = part_with_target(solve, first.at, width, missing);
   }
   along->segment = first.at;
-  along->x = clamped(place_in(begin, width, part), low, high);
+  along->x = clamped(place_in(begin, width, inner_part(part)), low, high);
 }
 
 /* Sets the number of moving cells, among those that the reversal of this path has left. */
@@ -317,7 +318,7 @@ static int step_segment(const entry *words, candidate *at)
   const int mirror = at->memory.cells.active < 0 ? -1 : 0;
   grid width = grid_at(at);
   const number end =
-      place_in(begin_at(at, mirrored(at->memory.cells.x, mirror)), width, WHOLE_SEGMENT);
+      unsafe_sum(begin_at(at, mirrored(at->memory.cells.x, mirror)), width_of(width));
   const int32_t next = (int32_t)at->of.cells.segment + 1;
   if (!(end <= at->of.cells.joins) || next <= integer_of(words[ANHYST_WORD_CELLS_ROWS]) ||
       next >= integer_of(words[ANHYST_WORD_LENGTH]) - 1) {

@@ -115,11 +115,18 @@ static inline number part_at(number x, number begin, grid width)
   return (x - begin) * width.count;
 }
 
-/* The field at a part of a segment, rounded down by up to 1.25 steps of the grid. */
+/* The field at a part of a segment, rounded down by up to 1.25 steps of the grid: before the end of
+   the segment. */
 static inline number place_in(number begin, grid width, number part)
 {
   const number x = on_grid(begin + part * width.width - (number)0.75 * GRID_STEP);
-  return part < WHOLE_SEGMENT ? (x > begin ? x : begin) : begin + width.width;
+  return x > begin ? x : begin;
+}
+
+/* The largest part below the whole segment, for a part that rounding made larger. */
+static inline number inner_part(number part)
+{
+  return part < WHOLE_SEGMENT ? part : WHOLE_SEGMENT - NUMBER_EPS;
 }
 
 /* missing/rise; 0 <= missing < rise. */
@@ -171,19 +178,16 @@ static inline number current_limit(const entry *words, int word) { return words[
 
 /* Parameter blocks. */
 
-#define LEVEL_MAX ((number)1)                      /* largest difference of two rows */
-#define THRESHOLD_MIN GRID_STEP                    /* smallest half-width of a play */
-#define ARM_ROUNDING NUMBER_EPS                    /* of a weight between two entries */
-#define RISE_MIN ((number)0.5 * NUMBER_EPS)        /* on a segment, more than rounding */
+#define LEVEL_MAX ((number)1)               /* largest difference of two rows */
+#define THRESHOLD_MIN GRID_STEP             /* smallest half-width of a play */
+#define ARM_ROUNDING NUMBER_EPS             /* of a weight between two entries */
+#define RISE_MIN ((number)0.5 * NUMBER_EPS) /* on a segment, more than rounding */
 #define QUARTER_WEIGHT ((number)0.25)
 
 /* Bisections of the transfer. */
 #define CARRY_HALVINGS 56
 
-static inline int is_weight_positive(entry word)
-{
-  return word > 0 && word <= (entry)0.5;
-}
+static inline int is_weight_positive(entry word) { return word > 0 && word <= (entry)0.5; }
 
 /* Whether a table is in the block, starts at the least level or above and never falls. */
 static inline int is_table_rising(const entry *words, int first, int entries, number least)

@@ -7,7 +7,8 @@ anhyst_status anhyst_force_controller_init_compensator_x(anhyst_force_controller
 {
   anhyst_force_controller_x found = {0};
   found.method = &anhyst_force_by_compensator_x;
-  const anhyst_status status = anhyst_compensator_init_x(&found.compensator, kernel, words, capacity);
+  const anhyst_status status =
+      anhyst_compensator_init_x(&found.compensator, kernel, words, capacity);
   if (status == ANHYST_OK) {
     *c = found;
   }
