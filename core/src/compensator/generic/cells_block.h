@@ -92,8 +92,7 @@ static int rises_with(const entry *words, entry flux_arm, entry field_arm)
   set_rows(&along, words);
   for (int narrow = 0; narrow < 2 && flux_arm < 0; narrow++) {
     const number x = width_of(narrow != 0 ? along.narrow : along.wide);
-    const number flux =
-        quarter(steepest(&along, narrow)) + scaled(x, words[ANHYST_WORD_CELLS_AIR]);
+    const number flux = quarter(steepest(&along, narrow)) + scaled(x, words[ANHYST_WORD_CELLS_AIR]);
     if (scaled(flux, (entry)(flux_arm - ARM_ROUNDING)) +
             quarter(scaled(x, (entry)(field_arm - ARM_ROUNDING))) <=
         RISE_MIN) {
@@ -180,8 +179,7 @@ static number play_between(const cell_path *along, const number *stairs, number 
   if (below == along->cells || r == begin) {
     return stairs[below];
   }
-  return on_line(stairs[below], stairs[below + 1], r - begin,
-                 half_width(along, below + 1) - begin);
+  return on_line(stairs[below], stairs[below + 1], r - begin, half_width(along, below + 1) - begin);
 }
 
 /* Moves field and plays by a travel along the field; returns the residual of h*x + m = flux there,

@@ -181,19 +181,16 @@ static inline number current_limit(const entry *words, int word) { return words[
 
 /* Parameter blocks. */
 
-#define LEVEL_MAX ((number)1)                      /* largest difference of two rows */
-#define THRESHOLD_MIN GRID_STEP                    /* smallest half-width of a play */
-#define ARM_ROUNDING NUMBER_EPS                    /* of a weight between two entries */
-#define RISE_MIN ((number)0.5 * NUMBER_EPS)        /* on a segment, more than rounding */
+#define LEVEL_MAX ((number)1)               /* largest difference of two rows */
+#define THRESHOLD_MIN GRID_STEP             /* smallest half-width of a play */
+#define ARM_ROUNDING NUMBER_EPS             /* of a weight between two entries */
+#define RISE_MIN ((number)0.5 * NUMBER_EPS) /* on a segment, more than rounding */
 #define QUARTER_WEIGHT ((number)0.25)
 
 /* Bisections of the transfer. */
 #define CARRY_HALVINGS 56
 
-static inline int is_weight_positive(entry word)
-{
-  return word > 0 && word <= (entry)0.5;
-}
+static inline int is_weight_positive(entry word) { return word > 0 && word <= (entry)0.5; }
 
 /* Whether a table is in the block, starts at the least level or above and never falls. */
 static inline int is_table_rising(const entry *words, int first, int entries, number least)
