@@ -153,10 +153,10 @@ def _first_error(text: str) -> str:
 _COMPENSATOR = ("compensator/block.c", "compensator/compensator.c")
 
 SOURCES: dict[Kind, tuple[str, ...]] = {
-    "full": (*_COMPENSATOR, "compensator/full_block.c", "compensator/full.c"),
-    "simplified": (*_COMPENSATOR, "compensator/closed.c", "compensator/simplified.c"),
+    "full": (*_COMPENSATOR, "compensator/full.c"),
+    "simplified": (*_COMPENSATOR, "compensator/simplified.c"),
     "cells": (*_COMPENSATOR, "compensator/cells.c"),
-    "euler": (*_COMPENSATOR, "compensator/closed.c", "compensator/euler.c"),
+    "euler": (*_COMPENSATOR, "compensator/euler.c"),
 }
 """Sources of each kind in fixed point."""
 
