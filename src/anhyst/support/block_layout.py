@@ -204,6 +204,14 @@ SIMPLE = (
     Word(35, "SIMPLE_HOLD_SHIFT", "integer", "exponent of the hold", 0, 12),
     Word(36, "SIMPLE_REST", "q15", "1 - nu of the closed form", 1, 32767),
     Word(37, "SIMPLE_ITERATIONS", "integer", "evaluations of a commit", 2, 16),
+    Word(
+        42,
+        "SIMPLE_BAND",
+        "weight",
+        "reversals of the flux up to this size leave the bounded state unchanged when the flux returns",
+        0,
+        32767,
+    ),
 )
 
 CLOSED = (

@@ -127,7 +127,6 @@
 #define anhyst_block_misfit_x ANHYST_NAME(anhyst_block_misfit)
 #define anhyst_candidate_x ANHYST_NAME(anhyst_candidate)
 #define anhyst_full_candidate_x ANHYST_NAME(anhyst_full_candidate)
-#define anhyst_simplified_candidate_x ANHYST_NAME(anhyst_simplified_candidate)
 #define anhyst_cells_candidate_x ANHYST_NAME(anhyst_cells_candidate)
 #define anhyst_compensator_demagnetise_x ANHYST_NAME(anhyst_compensator_demagnetise)
 #define anhyst_conditioning_step_x ANHYST_NAME(anhyst_conditioning_step)
