@@ -4,9 +4,7 @@
 #ifndef ANHYST_CELLS_FIXED_H
 #define ANHYST_CELLS_FIXED_H
 
-#include "formats/fixed.h"
-#include "block.h"
-#include "lookup.h"
+#include "formats/block_fixed.h"
 
 typedef unsigned grid;    /* width of a segment: 2^(15 + this), q30 */
 typedef anhyst_spot spot; /* a position in a table row */
@@ -23,11 +21,6 @@ typedef anhyst_spot spot; /* a position in a table row */
 
 /* A word of a block that is an integer. */
 static inline int integer_of(entry word) { return word; }
-
-static inline int is_word_within(entry word, int low, int high)
-{
-  return word >= low && word <= high;
-}
 
 /* a, or -1 - a for a mirror of -1: -a could leave the range. */
 static inline number mirrored(number a, int mirror)
@@ -48,10 +41,7 @@ static inline number sum(number a, number b) { return anhyst_add_q31(a, b); }
 static inline number difference(number a, number b) { return anhyst_sub_q31(a, b); }
 
 /* Sum and difference of numbers that a damaged candidate may contain; wrap. */
-static inline number unsafe_sum(number a, number b)
-{
-  return (number)((uint32_t)a + (uint32_t)b);
-}
+static inline number unsafe_sum(number a, number b) { return (number)((uint32_t)a + (uint32_t)b); }
 static inline number unsafe_difference(number a, number b)
 {
   return (number)((uint32_t)a - (uint32_t)b);
@@ -153,10 +143,7 @@ static inline void set_segment(candidate *at, const entry *words, int segment, n
 }
 
 /* A quarter of what the row rises on the segment of a candidate. */
-static inline number quarter_rise(const candidate *at)
-{
-  return (number)at->of.cells.rise * 8192;
-}
+static inline number quarter_rise(const candidate *at) { return (number)at->of.cells.rise * 8192; }
 
 /* Whether a field is below another by no more than rounding. */
 static inline int is_rounding(number above, number below, grid width)
@@ -180,7 +167,7 @@ static inline number current_limit(const entry *words, int word)
 /* Parameter blocks. */
 
 #define LEVEL_MAX ((int32_t)ANHYST_Q15_MAX * 32768) /* largest difference of two rows */
-#define THRESHOLD_MIN ((number)32768)               /* smallest half-width of a play */
+#define THRESHOLD_MIN ((entry)1)                    /* smallest half-width of a play */
 #define ARM_ROUNDING 1                              /* of a weight between two entries */
 #define RISE_MIN ((number)4)                        /* on a segment, more than rounding */
 #define QUARTER_WEIGHT 16384
@@ -189,24 +176,6 @@ static inline number current_limit(const entry *words, int word)
 #define CARRY_HALVINGS 24
 
 static inline int is_weight_positive(entry word) { return word > 0; }
-
-/* Whether a table is in the block, starts at the least level or above and never falls. */
-static inline int is_table_rising(const entry *words, int first, int entries, number least)
-{
-  return anhyst_table_rises(words, (int16_t)first, (int16_t)entries, (int16_t)(least / 32768),
-                            ANHYST_Q15_MAX);
-}
-
-static inline int is_unit_valid(const entry *words)
-{
-  return anhyst_single_is_valid(words, ANHYST_WORD_UNIT_FIELD);
-}
-
-/* A field of the block before in the unit of another block. */
-static inline number in_field_unit(number field, const entry *before, const entry *words)
-{
-  return anhyst_in_unit(field, before, words, ANHYST_WORD_UNIT_FIELD);
-}
 
 /* The point of a line from low to high at a part numerator/denominator. */
 static inline number on_line(number low, number high, number numerator, number denominator)
@@ -338,11 +307,11 @@ static inline number set_line(arms_type *arms, number field, number falls, numbe
 
 static inline int are_solid_words_valid(const entry *words)
 {
-  return is_word_within(words[ANHYST_WORD_SOLID_HOLD], 1, ANHYST_Q15_MAX) &&
-         is_word_within(words[ANHYST_WORD_SOLID_HOLD_SHIFT], 0, 15) &&
-         is_word_within(words[ANHYST_WORD_SOLID_OWN], -ANHYST_Q15_MAX, 0) &&
-         is_word_within(words[ANHYST_WORD_SOLID_SURFACE], SHARE_MIN, 32768 - 3 * SHARE_MIN) &&
-         is_word_within(words[ANHYST_WORD_SOLID_LAMINATED], 0, ANHYST_Q15_MAX);
+  return is_integer(words[ANHYST_WORD_SOLID_HOLD], 1, ANHYST_Q15_MAX) &&
+         is_integer(words[ANHYST_WORD_SOLID_HOLD_SHIFT], 0, 15) &&
+         is_integer(words[ANHYST_WORD_SOLID_OWN], -ANHYST_Q15_MAX, 0) &&
+         is_integer(words[ANHYST_WORD_SOLID_SURFACE], SHARE_MIN, 32768 - 3 * SHARE_MIN) &&
+         is_integer(words[ANHYST_WORD_SOLID_LAMINATED], 0, ANHYST_Q15_MAX);
 }
 #endif
 

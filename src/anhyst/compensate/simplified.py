@@ -26,9 +26,7 @@ from anhyst.compensate.block import (
     Kind,
     Packer,
     TableSizes,
-    as_word,
     flux_unit,
-    mantissa,
     nodes,
     pack_arms,
     pack_common,
@@ -37,6 +35,7 @@ from anhyst.compensate.block import (
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 
 LOOPS = ((0.05, 0.95), (0.3, 0.7), (0.05, 0.5), (0.5, 0.95))
@@ -157,21 +156,19 @@ def distances(sizes: TableSizes) -> FloatArray:
 
 
 def _pack_law(pack: Packer, rate: float, nu: float, sizes: TableSizes) -> None:
-    weight, shift = mantissa(rate / 8.0, "rate of the simplified law")
-    pack.set("SIMPLE_RATE", weight)
-    pack.set("SIMPLE_RATE_SHIFT", shift)
-    weight, shift = mantissa(rate / (1.0 - nu), "slope of the simplified law after a reversal")
-    pack.set("SIMPLE_HOLD", weight)
-    pack.set("SIMPLE_HOLD_SHIFT", shift)
-    pack.set("SIMPLE_REST", max(as_word(1.0 - nu, 32768.0, "1 - nu"), 1))
+    pack.put_weight("SIMPLE_RATE", rate / 8.0, "rate of the simplified law")
+    hold = rate / (1.0 - nu)
+    pack.put_weight("SIMPLE_HOLD", hold, "slope of the simplified law after a reversal")
+    pack.put("SIMPLE_REST", 1.0 - nu, "1 - nu", least=1)
     pack.set("SIMPLE_ITERATIONS", sizes.iterations)
     if pack.kind == "euler":
         pack.set("EULER_SUBSTEPS", sizes.substeps)
         return
-    z = distances(sizes)
+    states = curve(nu, distances(sizes))
+    states = np.minimum(states, 32767 / 32768) if pack.is_fixed else states
     pack.set("SIMPLE_OCTAVES", sizes.octaves)
     pack.set("SIMPLE_SEGMENTS", sizes.octave_segments)
-    pack.table("SIMPLE_CURVE", np.minimum(curve(nu, z), 32767 / 32768), 32768.0)
+    pack.table("SIMPLE_CURVE", states, 32768.0)
 
 
 def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -> list[FloatArray]:
@@ -358,6 +355,7 @@ def build_simplified(
     model_hash: int = 0,
     law: ClosedForm | None = None,
     kind: Kind = "simplified",
+    number_format: NumberFormat = "fixed",
 ) -> Block:
     """Make the parameter block of the simplified law; parameters as for `build_full`.
 
@@ -368,7 +366,7 @@ def build_simplified(
     sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
     law = law or fit_closed_form(model, limits, at, sizes)
-    pack = Packer(kind, model_hash)
+    pack = Packer(kind, model_hash, number_format)
     pack_common(pack, model, scales, limits, sizes, conditioning, law.offset_over(at))
     pack_arms(pack, scales, *law.over(at))
     _pack_law(pack, law.rate, law.nu, sizes)

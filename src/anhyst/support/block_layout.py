@@ -38,6 +38,7 @@ MAGIC = (0x6E41, 0x7968)
 LAYOUT = 2
 LEAST_WORDS = 64
 MOST_WORDS = 2048
+MOST_REAL_WORDS = 1048576
 SCALE_WORDS = 11
 UNITS = ("", "1", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", "degC")
 """Units of the signals, by their numbers in ``SCALE_UNITS``."""
@@ -189,6 +190,14 @@ SIMPLE = (
     Word(35, "SIMPLE_HOLD_SHIFT", "integer", "exponent of the hold", 0, 12),
     Word(36, "SIMPLE_REST", "q15", "1 - nu of the closed form", 1, 32767),
     Word(37, "SIMPLE_ITERATIONS", "integer", "evaluations of a commit", 2, 16),
+    Word(
+        42,
+        "SIMPLE_BAND",
+        "weight",
+        "reversals of the flux up to this size leave the bounded state unchanged when the flux returns",
+        0,
+        32767,
+    ),
 )
 
 CLOSED = (

@@ -3,6 +3,7 @@
 #ifndef ANHYST_COMPENSATOR_F64_H
 #define ANHYST_COMPENSATOR_F64_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 #include "anhyst/compensator/flags.h"

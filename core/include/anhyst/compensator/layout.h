@@ -15,6 +15,7 @@
 #define ANHYST_BLOCK_MAGIC_HIGH 0x7968
 #define ANHYST_BLOCK_LAYOUT 2
 #define ANHYST_BLOCK_MOST_WORDS 2048
+#define ANHYST_BLOCK_MOST_REAL_WORDS 1048576
 
 /* Kinds of compensator. */
 #define ANHYST_KIND_FULL 1
@@ -107,6 +108,9 @@ enum {
   ANHYST_WORD_SIMPLE_HOLD_SHIFT = 35, /* 0..12: exponent of the hold */
   ANHYST_WORD_SIMPLE_REST = 36, /* q15: 1 - nu of the closed form */
   ANHYST_WORD_SIMPLE_ITERATIONS = 37, /* 2..16: evaluations of a commit */
+  /* weight: reversals of the flux up to this size leave the bounded state unchanged when the flux
+     returns */
+  ANHYST_WORD_SIMPLE_BAND = 42,
 
   /* Simplified only. */
   ANHYST_WORD_SIMPLE_OCTAVES = 38, /* 4..14: the curve reaches over so many octaves of distance */

@@ -15,4 +15,7 @@
 
 enum { ANHYST_STAGE_UNKNOWN = 0, ANHYST_STAGE_AHEAD = 1, ANHYST_STAGE_HERE = 2 };
 
+/* In the flags of a compensator while it computes: a function inside another one is an error. */
+#define ANHYST_FLAG_BUSY 0x8000U
+
 #endif

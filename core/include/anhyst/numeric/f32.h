@@ -2,6 +2,10 @@
 /* Selects single precision for the generic headers and sources that follow; see f64.h. */
 #include "anhyst/numeric/names.h"
 
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
+#error "-ffast-math and -ffinite-math-only take away the checks for signals that are not numbers"
+#endif
+
 #undef ANHYST_REAL
 #undef ANHYST_NAME
 #undef ANHYST_SQRT

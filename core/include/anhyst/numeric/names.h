@@ -28,6 +28,7 @@
 #define anhyst_compensator_x ANHYST_NAME(anhyst_compensator)
 #define anhyst_compensator_commit_x ANHYST_NAME(anhyst_compensator_commit)
 #define anhyst_compensator_init_x ANHYST_NAME(anhyst_compensator_init)
+#define anhyst_compensator_init_sized_x ANHYST_NAME(anhyst_compensator_init_sized)
 #define anhyst_compensator_output_x ANHYST_NAME(anhyst_compensator_output)
 #define anhyst_compensator_solve_x ANHYST_NAME(anhyst_compensator_solve)
 #define anhyst_compensator_swap_x ANHYST_NAME(anhyst_compensator_swap)
@@ -126,7 +127,6 @@
 #define anhyst_block_misfit_x ANHYST_NAME(anhyst_block_misfit)
 #define anhyst_candidate_x ANHYST_NAME(anhyst_candidate)
 #define anhyst_full_candidate_x ANHYST_NAME(anhyst_full_candidate)
-#define anhyst_simplified_candidate_x ANHYST_NAME(anhyst_simplified_candidate)
 #define anhyst_cells_candidate_x ANHYST_NAME(anhyst_cells_candidate)
 #define anhyst_compensator_demagnetise_x ANHYST_NAME(anhyst_compensator_demagnetise)
 

@@ -5,8 +5,9 @@
 
 #include "anhyst/compensator/compensator_f32.h"
 
-typedef float number; /* a field, a flux, a current */
-typedef float entry;  /* a word of a block */
+typedef float number;       /* a field, a flux, a current */
+typedef float entry;        /* a word of a block */
+typedef uint32_t bits_type; /* the bits of a word */
 typedef anhyst_arms_f32 arms_type;
 typedef anhyst_candidate_f32 candidate;
 typedef anhyst_memory_f32 memory_type;

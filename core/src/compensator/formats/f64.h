@@ -5,8 +5,9 @@
 
 #include "anhyst/compensator/compensator_f64.h"
 
-typedef double number; /* a field, a flux, a current */
-typedef double entry;  /* a word of a block */
+typedef double number;      /* a field, a flux, a current */
+typedef double entry;       /* a word of a block */
+typedef uint64_t bits_type; /* the bits of a word */
 typedef anhyst_arms_f64 arms_type;
 typedef anhyst_candidate_f64 candidate;
 typedef anhyst_memory_f64 memory_type;

@@ -21,7 +21,8 @@
 /* Maximum number of segments that a search moves on from a candidate before a full solve. */
 #define MAX_SEGMENT_STEPS 4
 
-/* A path whose residual is larger than this, over 4, looks for all cells that were left together. */
+/* A path whose residual is larger than this, over 4, looks for all cells that were left together.
+ */
 #define LONG_PATH_RESIDUAL POWER_OF_HALF(6)
 
 /* The equation to solve, over 4. */

@@ -9,21 +9,21 @@ typedef struct {
   const entry *rows;       /* for 1, 2, ... moving cells */
   const entry *row;        /* for the cells that move */
   const number *plays;
-  number inner;         /* half-width of the zone around 0 with narrow segments */
-  int centre;           /* entries of a row before that at the field 0 */
-  int outer;            /* wide segments on each side */
-  int stride;           /* entries of a row */
-  grid narrow;          /* width of a segment in the zone */
-  grid wide;            /* beyond it */
-  int cells;            /* cells in addition to cell 0 */
-  int active;           /* the cells below this one move */
-  int moved;            /* the cells below this one moved in the other direction until the reversal */
-  spot left;            /* the reversal point on the first row, in the other direction */
-  int32_t risen;        /* bit i: cell i came to rest while the field rose */
-  number rest;          /* magnetisation of the cells that rest */
-  int mirror;           /* -1: the path falls, and everything is mirrored; 0 */
-  number low;           /* field where the last cell joined, or where the step began */
-  number x;             /* field */
+  number inner;  /* half-width of the zone around 0 with narrow segments */
+  int centre;    /* entries of a row before that at the field 0 */
+  int outer;     /* wide segments on each side */
+  int stride;    /* entries of a row */
+  grid narrow;   /* width of a segment in the zone */
+  grid wide;     /* beyond it */
+  int cells;     /* cells in addition to cell 0 */
+  int active;    /* the cells below this one move */
+  int moved;     /* the cells below this one moved in the other direction until the reversal */
+  spot left;     /* the reversal point on the first row, in the other direction */
+  int32_t risen; /* bit i: cell i came to rest while the field rose */
+  number rest;   /* magnetisation of the cells that rest */
+  int mirror;    /* -1: the path falls, and everything is mirrored; 0 */
+  number low;    /* field where the last cell joined, or where the step began */
+  number x;      /* field */
   const entry *segment; /* of the row, the one that contains x at the end of the path */
 } cell_path;
 
@@ -158,8 +158,7 @@ static inline void begin_path(cell_path *along, const entry *words, const cells_
   } else {
     along->mirror = from->active < 0 ? -1 : 0;
     along->x = inside(mirrored(from->x, along->mirror));
-    along->rest =
-        along->active > along->cells ? 0 : inside(mirrored(from->rest, along->mirror));
+    along->rest = along->active > along->cells ? 0 : inside(mirrored(from->rest, along->mirror));
   }
   along->row = row_of(along, along->active);
 }

@@ -35,11 +35,6 @@ static inline number on_grid(number a)
 /* A word of a block that is an integer. */
 static inline int integer_of(entry word) { return (int)word; }
 
-static inline int is_word_within(entry word, int low, int high)
-{
-  return word >= (entry)low && word <= (entry)high && (entry)(int)word == word;
-}
-
 /* a, or -a for a mirror of -1. */
 static inline number mirrored(number a, int mirror) { return mirror != 0 ? -a : a; }
 
@@ -138,7 +133,7 @@ static inline number rise_share(number rise, number part) { return rise * part; 
 /* Where the segment of a candidate is, and how wide. */
 static inline int is_placed(const candidate *at)
 {
-  return at->of.cells.segment > 0 && at->of.cells.segment < ANHYST_BLOCK_MOST_WORDS;
+  return at->of.cells.segment > 0 && at->of.cells.segment < MAX_BLOCK_WORDS;
 }
 
 static inline grid grid_at(const candidate *at)
@@ -181,47 +176,16 @@ static inline number current_limit(const entry *words, int word) { return words[
 
 /* Parameter blocks. */
 
-#define LEVEL_MAX ((number)1)                      /* largest difference of two rows */
-#define THRESHOLD_MIN GRID_STEP                    /* smallest half-width of a play */
-#define ARM_ROUNDING NUMBER_EPS                    /* of a weight between two entries */
-#define RISE_MIN ((number)0.5 * NUMBER_EPS)        /* on a segment, more than rounding */
+#define LEVEL_MAX ((number)1)               /* largest difference of two rows */
+#define THRESHOLD_MIN GRID_STEP             /* smallest half-width of a play */
+#define ARM_ROUNDING NUMBER_EPS             /* of a weight between two entries */
+#define RISE_MIN ((number)0.5 * NUMBER_EPS) /* on a segment, more than rounding */
 #define QUARTER_WEIGHT ((number)0.25)
 
 /* Bisections of the transfer. */
 #define CARRY_HALVINGS 56
 
-static inline int is_weight_positive(entry word)
-{
-  return word > 0 && word <= (entry)0.5;
-}
-
-/* Whether a table is in the block, starts at the least level or above and never falls. */
-static inline int is_table_rising(const entry *words, int first, int entries, number least)
-{
-  if (first < ANHYST_BLOCK_LEAST_WORDS ||
-      (int32_t)first + entries > integer_of(words[ANHYST_WORD_LENGTH]) ||
-      !(words[first] >= least && words[first + entries - 1] <= LEVEL_MAX)) {
-    return 0;
-  }
-  for (int i = 1; i < entries; i++) {
-    if (!(words[first + i] >= words[first + i - 1])) {
-      return 0;
-    }
-  }
-  return 1;
-}
-
-static inline int is_unit_valid(const entry *words)
-{
-  const number unit = words[ANHYST_WORD_UNIT_FIELD];
-  return unit >= (number)1e-18 && unit <= (number)1e18;
-}
-
-/* A field of the block before in the unit of another block. */
-static inline number in_field_unit(number field, const entry *before, const entry *words)
-{
-  return field * (before[ANHYST_WORD_UNIT_FIELD] / words[ANHYST_WORD_UNIT_FIELD]);
-}
+static inline int is_weight_positive(entry word) { return word > 0 && word <= (entry)0.5; }
 
 /* The point of a line from low to high at a part numerator/denominator. */
 static inline number on_line(number low, number high, number numerator, number denominator)

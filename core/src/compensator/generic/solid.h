@@ -407,6 +407,6 @@ static void solid_carry(compensator *c, const entry *words, number flux)
 
 static int solid_is_valid(const entry *words)
 {
-  return is_word_within(words[ANHYST_WORD_SOLID_LAYERS], 2, ANHYST_MEMORIES) &&
+  return is_integer(words[ANHYST_WORD_SOLID_LAYERS], 2, ANHYST_MEMORIES) &&
          memories_of(words) <= ANHYST_MEMORIES && are_solid_words_valid(words);
 }

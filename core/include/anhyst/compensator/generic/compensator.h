@@ -29,13 +29,15 @@ typedef struct {
   ANHYST_REAL level; /* y there */
 } anhyst_full_memory_x;
 
-/* Of the closed form. */
+/* State of the closed form. The path that the iron remembers begins at `turn` and reaches to `peak`;
+   no path is known if both are equal. */
 typedef struct {
   ANHYST_REAL flux;
-  ANHYST_REAL u;     /* bounded state */
-  ANHYST_REAL z;     /* distance where the path turned */
-  ANHYST_REAL turn;  /* flux there; where it is now: not known, it turns now */
-  ANHYST_REAL level; /* u there */
+  ANHYST_REAL u;     /* bounded state at the peak */
+  ANHYST_REAL turn;  /* flux where the path begins */
+  ANHYST_REAL peak;  /* farthest flux of the path */
+  ANHYST_REAL start; /* where the path begins, in its direction: the bounded state if it is below 0,
+                        otherwise the distance */
 } anhyst_simplified_memory_x;
 
 /* Of play cells. */
@@ -57,16 +59,11 @@ typedef union {
 
 /* What a law knows of a place beside the memory there. */
 typedef struct {
-  ANHYST_REAL m; /* magnetisation */
+  ANHYST_REAL m;       /* magnetisation */
   ANHYST_REAL y_slope; /* of the irreversible part over the field */
   ANHYST_REAL m_slope; /* of the magnetisation */
   int16_t direction;   /* 1: the field rises, -1: it falls, 0: it stays */
 } anhyst_full_candidate_x;
-
-typedef struct {
-  ANHYST_REAL start; /* z where the step began, in its direction */
-  int16_t direction; /* 1: the flux rises, -1: it falls, 0: it stays */
-} anhyst_simplified_candidate_x;
 
 typedef struct {
   ANHYST_REAL joins; /* field where the next play joins, in the direction */
@@ -82,7 +79,6 @@ typedef struct {
   anhyst_memory_x memory;
   union {
     anhyst_full_candidate_x full;
-    anhyst_simplified_candidate_x simplified;
     anhyst_cells_candidate_x cells;
   } of;
 } anhyst_candidate_x;
@@ -135,23 +131,29 @@ typedef struct anhyst_compensator_x {
   anhyst_arms_x arms;              /* at the gap for which was solved */
   ANHYST_REAL per_demand;          /* 1 over full scale of the demand */
   ANHYST_REAL per_current;         /* 1 over full scale of the current */
-  ANHYST_REAL per_gap;             /* segments of the tables over the gap for a unit of it */
+  ANHYST_REAL per_gap;             /* 1 over the range of the gap; 0: nothing depends on it */
   ANHYST_REAL current;             /* solved, a fraction */
   ANHYST_REAL flux;                /* solved */
   ANHYST_REAL flux_applied;        /* after the last commit */
   ANHYST_REAL gap;                 /* for which was solved, as it was given */
-  uint16_t flags;                  /* of the last solve, see flags.h */
-  uint16_t stage;                  /* see anhyst_stage */
+  uint16_t flags;                  /* of the last solve and its commit, see flags.h */
+  uint16_t stage;                  /* of next, see stage.h; arms belong to gap unless UNKNOWN */
 #if ANHYST_MEMORIES > 1
   anhyst_deeper_x deeper[ANHYST_MEMORIES - 1];
 #endif
 } anhyst_compensator_x;
 
-/* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the block is not
-   valid: magic, layout, kind, length within capacity (words), checksum, every range and every
-   table. Nothing is changed then. */
-anhyst_status anhyst_compensator_init_x(anhyst_compensator_x *c, const anhyst_kernel_x *kernel,
-                                        const ANHYST_REAL *words, uint32_t capacity);
+/* As anhyst_compensator_init_sized and anhyst_compensator_init of compensator.h. */
+anhyst_status anhyst_compensator_init_sized_x(anhyst_compensator_x *c, size_t size,
+                                              const anhyst_kernel_x *kernel,
+                                              const ANHYST_REAL *words, uint32_t capacity);
+
+static inline anhyst_status anhyst_compensator_init_x(anhyst_compensator_x *c,
+                                                      const anhyst_kernel_x *kernel,
+                                                      const ANHYST_REAL *words, uint32_t capacity)
+{
+  return anhyst_compensator_init_sized_x(c, sizeof *c, kernel, words, capacity);
+}
 
 /* Takes the iron for demagnetised from now on. */
 void anhyst_compensator_demagnetise_x(anhyst_compensator_x *c);
@@ -167,12 +169,16 @@ uint16_t anhyst_block_misfit_x(const ANHYST_REAL *words, const ANHYST_REAL *scal
 /* As anhyst_compensator_swap. */
 void anhyst_compensator_swap_x(anhyst_compensator_x *c, const ANHYST_REAL *words);
 
-/* The current that gives the demanded output now. */
+/* Returns the current that gives the demanded output now. Flags and cost are those of
+   anhyst_compensator_solve_q31. A gap that is not a number or out of the range of the block by more
+   than 2^-15 of the range sets ANHYST_GAP_LIMITED. A demand that is not a number sets
+   ANHYST_DEMAND_LIMITED. */
 ANHYST_REAL anhyst_compensator_solve_x(anhyst_compensator_x *c, ANHYST_REAL demand,
                                        ANHYST_REAL gap);
 
-/* Advances the memory with the current that was applied, at the gap there was. If both are what
-   was solved for, this costs a copy; otherwise as much as a solve. */
+/* Advances the memory with the current that was applied, at the gap there was. Flags and cost are
+   those of anhyst_compensator_commit_q31. A current beyond twice full scale counts as that. A
+   current that is not finite sets ANHYST_CURRENT_LIMITED and leaves the memory alone. */
 void anhyst_compensator_commit_x(anhyst_compensator_x *c, ANHYST_REAL applied, ANHYST_REAL gap);
 
 /* The output that the model expects after the last commit. */
