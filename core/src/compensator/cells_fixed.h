@@ -159,7 +159,7 @@ static inline int is_flux(number flux)
 }
 
 /* A limit of the current, in units of the inner current. */
-static inline number current_limit(const entry *words, int word)
+static inline number inner_limit(const entry *words, int word)
 {
   return level_of(words[word]) >> words[ANHYST_WORD_CURRENT_SHIFT];
 }

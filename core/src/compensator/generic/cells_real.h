@@ -172,7 +172,7 @@ static inline int is_rounding(number above, number below, grid width)
 static inline int is_flux(number flux) { return flux > (number)-1 && flux < (number)1; }
 
 /* A limit of the current. */
-static inline number current_limit(const entry *words, int word) { return words[word]; }
+static inline number inner_limit(const entry *words, int word) { return words[word]; }
 
 /* Parameter blocks. */
 
