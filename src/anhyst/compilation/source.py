@@ -19,7 +19,6 @@ from anhyst.compilation.manifest import controller_bytes, explain, parameters_by
 from anhyst.compilation.parameters import c_type, definition, memories, scales_source
 from anhyst.compilation.toolchain import (
     CONTROL,
-    LAYERS,
     SINGLE,
     SOURCES,
     SRC,
@@ -57,8 +56,6 @@ def sources(
     """Return the C files and what helps to build them."""
     real = not plan.block.is_fixed
     taken = (SINGLE if real else SOURCES)[plan.block.kind] + (CONTROL if controller else ())
-    if not real and memories(plan.block) > 1:
-        taken += LAYERS
     parts = ("parameters",) if controller is None else ("parameters", "controller")
     common = _common(plan, sha256, version) | {
         "control": controller is not None,

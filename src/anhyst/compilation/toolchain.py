@@ -160,9 +160,6 @@ SOURCES: dict[Kind, tuple[str, ...]] = {
 }
 """Sources of each kind in fixed point."""
 
-LAYERS = ("compensator/solid.c",)
-"""What solid iron needs beyond that, in fixed point."""
-
 _COMPENSATOR_REAL = ("compensator/block_f32.c", "compensator/compensator_f32.c")
 
 SINGLE: dict[Kind, tuple[str, ...]] = {

@@ -428,7 +428,7 @@ static number cells_field(compensator *c)
   }
   const int rises = c->flux > c->flux_applied;
   const number limit =
-      current_limit(words, rises ? ANHYST_WORD_CURRENT_HIGH : ANHYST_WORD_CURRENT_LOW);
+      inner_limit(words, rises ? ANHYST_WORD_CURRENT_HIGH : ANHYST_WORD_CURRENT_LOW);
   const number least = arms->bias + scaled(c->flux, arms->flux_arm) +
                        scaled(inside(c->memory.cells.x), arms->field_arm);
   if (arms->flux_arm >= 0 && (rises ? least > limit : least < limit)) {
