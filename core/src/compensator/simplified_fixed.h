@@ -18,9 +18,6 @@
 /* The largest difference of two currents that rounding alone can cause. */
 #define RESIDUAL_DEADBAND 128
 
-/* A Newton step this short leaves an error that does not matter: 2^-11. */
-#define LAST_NEWTON_STEP (ANHYST_Q30_ONE / 2048)
-
 static inline number sum(number a, number b) { return anhyst_add_q31(a, b); }
 static inline number difference(number a, number b) { return anhyst_sub_q31(a, b); }
 static inline number size_of(number a) { return anhyst_abs_q31(a); }

@@ -96,11 +96,8 @@ static void reach(const entry *words, const simplified_memory *from, const simpl
     if (!(size_of(missing) > RESIDUAL_DEADBAND) || !(slope > 0)) {
       break;
     }
-    const number step = newton_step(missing, slope);
-    advance(words, from, path, within(sum(to->flux, step), from->flux, ONE), to);
-    if (size_of(step) <= LAST_NEWTON_STEP) {
-      break;
-    }
+    const number flux = sum(to->flux, newton_step(missing, slope));
+    advance(words, from, path, within(flux, from->flux, ONE), to);
   }
 }
 

@@ -11,9 +11,6 @@
 /* The largest difference of two currents that rounding alone can cause. */
 #define RESIDUAL_DEADBAND ((number)4 * NUMBER_EPS)
 
-/* Every iteration is used: single and double precision show the error of the last step. */
-#define LAST_NEWTON_STEP ((number)0)
-
 static inline number sum(number a, number b) { return a + b; }
 static inline number difference(number a, number b) { return a - b; }
 
