@@ -4,9 +4,7 @@
 #ifndef ANHYST_CELLS_FIXED_H
 #define ANHYST_CELLS_FIXED_H
 
-#include "formats/fixed.h"
-#include "block.h"
-#include "lookup.h"
+#include "formats/block_fixed.h"
 
 typedef unsigned grid;    /* width of a segment: 2^(15 + this), q30 */
 typedef anhyst_spot spot; /* a position in a table row */
@@ -23,11 +21,6 @@ typedef anhyst_spot spot; /* a position in a table row */
 
 /* A word of a block that is an integer. */
 static inline int integer_of(entry word) { return word; }
-
-static inline int is_word_within(entry word, int low, int high)
-{
-  return word >= low && word <= high;
-}
 
 /* a, or -1 - a for a mirror of -1: -a could leave the range. */
 static inline number mirrored(number a, int mirror)
@@ -48,10 +41,7 @@ static inline number sum(number a, number b) { return anhyst_add_q31(a, b); }
 static inline number difference(number a, number b) { return anhyst_sub_q31(a, b); }
 
 /* Sum and difference of numbers that a damaged candidate may contain; wrap. */
-static inline number unsafe_sum(number a, number b)
-{
-  return (number)((uint32_t)a + (uint32_t)b);
-}
+static inline number unsafe_sum(number a, number b) { return (number)((uint32_t)a + (uint32_t)b); }
 static inline number unsafe_difference(number a, number b)
 {
   return (number)((uint32_t)a - (uint32_t)b);
@@ -153,10 +143,7 @@ static inline void set_segment(candidate *at, const entry *words, int segment, n
 }
 
 /* A quarter of what the row rises on the segment of a candidate. */
-static inline number quarter_rise(const candidate *at)
-{
-  return (number)at->of.cells.rise * 8192;
-}
+static inline number quarter_rise(const candidate *at) { return (number)at->of.cells.rise * 8192; }
 
 /* Whether a field is below another by no more than rounding. */
 static inline int is_rounding(number above, number below, grid width)
@@ -180,7 +167,7 @@ static inline number current_limit(const entry *words, int word)
 /* Parameter blocks. */
 
 #define LEVEL_MAX ((int32_t)ANHYST_Q15_MAX * 32768) /* largest difference of two rows */
-#define THRESHOLD_MIN ((number)32768)               /* smallest half-width of a play */
+#define THRESHOLD_MIN ((entry)1)                    /* smallest half-width of a play */
 #define ARM_ROUNDING 1                              /* of a weight between two entries */
 #define RISE_MIN ((number)4)                        /* on a segment, more than rounding */
 #define QUARTER_WEIGHT 16384
@@ -190,24 +177,6 @@ static inline number current_limit(const entry *words, int word)
 
 static inline int is_weight_positive(entry word) { return word > 0; }
 
-/* Whether a table is in the block, starts at the least level or above and never falls. */
-static inline int is_table_rising(const entry *words, int first, int entries, number least)
-{
-  return anhyst_table_rises(words, (int16_t)first, (int16_t)entries, (int16_t)(least / 32768),
-                            ANHYST_Q15_MAX);
-}
-
-static inline int is_unit_valid(const entry *words)
-{
-  return anhyst_single_is_valid(words, ANHYST_WORD_UNIT_FIELD);
-}
-
-/* A field of the block before in the unit of another block. */
-static inline number in_field_unit(number field, const entry *before, const entry *words)
-{
-  return anhyst_in_unit(field, before, words, ANHYST_WORD_UNIT_FIELD);
-}
-
 /* The point of a line from low to high at a part numerator/denominator. */
 static inline number on_line(number low, number high, number numerator, number denominator)
 {
@@ -216,4 +185,134 @@ static inline number on_line(number low, number high, number numerator, number d
 
 /* Every field and play is on the grid of its format. */
 static inline number on_coarse_grid(number a) { return a; }
+
+#if ANHYST_MEMORIES > 1
+/* Solid iron. Slopes of a field over a flux have 16 bits after the point, from 0 to 32768. */
+
+/* Smallest share of a layer in the section: 2^-9, q15. */
+#define SHARE_MIN 64
+
+static inline number own_of(const entry *words) { return (number)words[ANHYST_WORD_SOLID_OWN] * 4; }
+
+static inline number hold_of(const entry *words)
+{
+  return (number)words[ANHYST_WORD_SOLID_HOLD] << words[ANHYST_WORD_SOLID_HOLD_SHIFT];
+}
+
+/* The share of each of the inner layers. */
+static inline entry inner_share(entry surface, int layers)
+{
+  return (entry)((32768 - surface) / layers);
+}
+
+/* a times a part of 1. */
+static inline number shared(number a, entry part)
+{
+  return anhyst_shl_q31(anhyst_scale(a, part), 1);
+}
+
+/* a times a slope that is not negative. */
+static number sloped(number a, number slope)
+{
+  if (slope <= 0) {
+    return 0;
+  }
+  const uint16_t up = anhyst_headroom(slope);
+  const int16_t weight = (int16_t)((int32_t)((uint32_t)slope << up) >> 16);
+  if (up < 16U) {
+    return anhyst_shl_q31(anhyst_scale(anhyst_shl_q31(a, (uint16_t)(15U - up)), weight), 1);
+  }
+  return anhyst_scale(a, weight) >> (up - 16U);
+}
+
+/* The field of a flux in its own layer. */
+static inline number own_field(number flux, number own)
+{
+  return anhyst_shl_q31(anhyst_scale(flux, (int16_t)(own >> 2)), 2);
+}
+
+/* The flux of which a layer has this share. The residual of the first quotient is added. */
+static number whole_of(number a, entry share)
+{
+  const int32_t inverse = ANHYST_Q31_MAX / (share > 0 ? share : 1);
+  const int32_t first = sloped(a, inverse);
+  return anhyst_add_q31(first, sloped(anhyst_sub_q31(a, shared(first, share)), inverse));
+}
+
+/* The slope of a segment with this rise, over 4, and the field of its own. */
+static inline number law_stiffness(number width, number rise, number own)
+{
+  const int32_t law = anhyst_quotient(width, rise > 0 ? rise : 1) >> 2;
+  return law + own > 1 ? law + own : 1;
+}
+
+static inline number per_share(number stiff, entry share)
+{
+  const int32_t found = anhyst_quotient(stiff, (int32_t)share * 2);
+  return found > 0 ? found : 1;
+}
+
+/* 1 over the field arm without the laminated part. */
+static inline number slope_of_arm(entry field_arm, entry laminated)
+{
+  const int32_t arm = ((int32_t)field_arm * (32768 - laminated)) >> 15;
+  return anhyst_quotient(65536, arm > 0 ? arm : 1);
+}
+
+/* The ratio of two weights above 0, a slope. */
+static inline number ratio(int32_t numerator, int32_t denominator)
+{
+  return anhyst_quotient(numerator, denominator);
+}
+
+/* A slope divided by the part of the path that is not laminated. */
+static inline number per_solid(number slope, entry laminated)
+{
+  return anhyst_quotient(slope, 2 * (32768 - (int32_t)laminated));
+}
+
+/* The part of a slope in the sum of two. */
+static inline entry part_of_slopes(number part, number other)
+{
+  return anhyst_sat_q15(anhyst_quotient(part, anhyst_add_q31(other, part)) >> 1);
+}
+
+/* Whether the residual of an equation, a field, is at most 2^-15 of the largest field and that of a
+   flux of 2^-19. Smaller residuals are below the resolution of the rows. */
+static inline int is_residual_small(number residual, number slope)
+{
+  return anhyst_abs_q31(residual) <= 32768 + (slope >> 5);
+}
+
+/* The flux that a residual leaves to a layer and deeper, limited. */
+static inline number owed_flux(const entry *words, number residual, number most)
+{
+  const int32_t inverse = ANHYST_Q31_MAX / words[ANHYST_WORD_SOLID_HOLD];
+  const int32_t flux = anhyst_shl_q31(sloped(residual, inverse), 1);
+  return anhyst_clamp(flux >> words[ANHYST_WORD_SOLID_HOLD_SHIFT], -most, most);
+}
+
+/* Sets the arms of the equation own*f + x = field - falls*(f - flux), halved until they fit;
+   returns its target, over 4. */
+static inline number set_line(arms_type *arms, number field, number falls, number own, number flux)
+{
+  const uint16_t up = anhyst_headroom(falls > 0 ? falls : 1);
+  const uint16_t halvings = up < 14U ? (uint16_t)(16U - up) : 2U;
+  const int16_t falling = (int16_t)(falls >> halvings);
+  arms->bias = 0;
+  arms->flux_arm = (int16_t)(falling + (own >> halvings));
+  arms->field_arm = (int16_t)(65536 >> halvings);
+  return (field >> (halvings + 2U)) + anhyst_scale(flux >> 2, falling);
+}
+
+static inline int are_solid_words_valid(const entry *words)
+{
+  return is_integer(words[ANHYST_WORD_SOLID_HOLD], 1, ANHYST_Q15_MAX) &&
+         is_integer(words[ANHYST_WORD_SOLID_HOLD_SHIFT], 0, 15) &&
+         is_integer(words[ANHYST_WORD_SOLID_OWN], -ANHYST_Q15_MAX, 0) &&
+         is_integer(words[ANHYST_WORD_SOLID_SURFACE], SHARE_MIN, 32768 - 3 * SHARE_MIN) &&
+         is_integer(words[ANHYST_WORD_SOLID_LAMINATED], 0, ANHYST_Q15_MAX);
+}
+#endif
+
 #endif

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 
 Kind = Literal["full", "simplified", "euler", "cells"]
 
-WordArray = NDArray[np.int16] | NDArray[np.float32] | NDArray[np.float64]
+WordArray = NDArray[Any]
+"""Words: int16 for fixed point, float32 or float64 for floating point."""
 
 DTYPES: Mapping[NumberFormat, str] = {"fixed": "<i2", "f32": "<f4", "f64": "<f8"}
 """Type of a word in each number format, in the order of bytes over which the checksum runs."""
@@ -81,8 +82,7 @@ class Block:
     """A parameter block with the scales that give its numbers a meaning."""
 
     kind: Kind
-    # int16 for fixed point; float32 or float64, each the number that a fixed-point word stands for
-    words: WordArray
+    words: WordArray  # in floating point each is the number that a fixed-point word stands for
     scales: Scales
     limits: DemandLimits
     tables: Mapping[str, tuple[int, int]] = field(default_factory=dict)
@@ -105,6 +105,10 @@ class Block:
     def word(self, name: str) -> int:
         """One integer by its name in the layout, without ``ANHYST_WORD_``."""
         return int(self.words[WORDS[self.kind][name]])
+
+    def number(self, name: str) -> float:
+        """One word as it is, by its name in the layout."""
+        return float(self.words[WORDS[self.kind][name]])
 
     def single(self, name: str) -> float:
         """One number of two words by its name in the layout."""
@@ -320,11 +324,10 @@ def refuse_uncompilable(model: Model) -> None:
 
 def core_of(block: Block) -> _core.FixedCompensator | _core.CompensatorF32 | _core.Compensator:
     """Return the core's compensator of a block, demagnetised; `ValueError` if the core refuses it."""
-    if block.words.dtype == np.int16:
-        return _core.FixedCompensator(block.kind, block.words.astype(np.int16, copy=False))
-    if block.words.dtype == np.float32:
-        return _core.CompensatorF32(block.kind, block.words.astype(np.float32, copy=False))
-    return _core.Compensator(block.kind, block.words.astype(np.float64, copy=False))
+    if block.is_fixed:
+        return _core.FixedCompensator(block.kind, block.words)
+    real = _core.CompensatorF32 if block.words.dtype == np.float32 else _core.Compensator
+    return real(block.kind, block.words)
 
 
 def closed(

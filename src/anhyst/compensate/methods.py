@@ -90,10 +90,10 @@ class HysteresisInverse:
         """Return the core's own."""
         kind, words = self.block.kind, self.block.words
         if number_format == "fixed":
-            return _core.FixedForceController.compensator(kind, words.astype(np.int16))
+            return _core.FixedForceController.compensator(kind, words)
         if number_format == "f32":
-            return _core.ForceControllerF32.compensator(kind, words.astype(np.float32))
-        return _core.ForceController.compensator(kind, words.astype(np.float64))
+            return _core.ForceControllerF32.compensator(kind, words)
+        return _core.ForceController.compensator(kind, words)
 
 
 def full_at_rest(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:

@@ -52,12 +52,13 @@ static int rows_are_valid(const entry *words)
   cell_path along;
   set_rows(&along, words);
   const int rows = along.cells + 1;
-  if ((int32_t)rows * along.stride > ANHYST_BLOCK_MOST_WORDS) {
+  if ((int32_t)rows * along.stride > MAX_BLOCK_WORDS) {
     return 0;
   }
   const int first = integer_of(words[ANHYST_WORD_CELLS_ROWS]);
   for (int row = 0; row < rows; row++) {
-    if (!is_table_rising(words, first + row * along.stride, along.stride, -LEVEL_MAX)) {
+    if (!is_table_rising(words, (entry)(first + row * along.stride), along.stride, -ENTRY_ONE,
+                         ENTRY_ONE)) {
       return 0;
     }
   }
@@ -139,17 +140,17 @@ static int layers_are_valid(const entry *words)
 static int cells_is_valid(const entry *words)
 {
   if (!(is_weight_positive(words[ANHYST_WORD_CELLS_AIR]) &&
-        is_word_within(words[ANHYST_WORD_CELLS_COUNT], 1, ANHYST_CELLS) &&
-        is_word_within(words[ANHYST_WORD_CELLS_SEGMENTS], 2, 8) &&
-        is_word_within(words[ANHYST_WORD_CELLS_ZONE], 0, 5) &&
-        is_word_within(words[ANHYST_WORD_CELLS_THRESHOLDS], 0, ANHYST_BLOCK_MOST_WORDS) &&
-        is_word_within(words[ANHYST_WORD_CELLS_ROWS], 0, ANHYST_BLOCK_MOST_WORDS))) {
+        is_integer(words[ANHYST_WORD_CELLS_COUNT], 1, ANHYST_CELLS) &&
+        is_integer(words[ANHYST_WORD_CELLS_SEGMENTS], 2, 8) &&
+        is_integer(words[ANHYST_WORD_CELLS_ZONE], 0, 5) &&
+        is_integer(words[ANHYST_WORD_CELLS_THRESHOLDS], 0, MAX_BLOCK_WORDS) &&
+        is_integer(words[ANHYST_WORD_CELLS_ROWS], 0, MAX_BLOCK_WORDS))) {
     return 0;
   }
   return words[ANHYST_WORD_CELLS_ZONE] <= words[ANHYST_WORD_CELLS_SEGMENTS] &&
-         is_unit_valid(words) &&
-         is_table_rising(words, integer_of(words[ANHYST_WORD_CELLS_THRESHOLDS]),
-                         integer_of(words[ANHYST_WORD_CELLS_COUNT]), THRESHOLD_MIN) &&
+         is_single(words, ANHYST_WORD_UNIT_FIELD) &&
+         is_table_rising(words, words[ANHYST_WORD_CELLS_THRESHOLDS],
+                         integer_of(words[ANHYST_WORD_CELLS_COUNT]), THRESHOLD_MIN, ENTRY_ONE) &&
          rows_are_valid(words) && current_rises(words) && layers_are_valid(words);
 }
 
@@ -216,9 +217,10 @@ static void carry_memory(const entry *before, const entry *words, number flux, c
     number r = 0;
     if (cell > 0) {
       /* NOLINTNEXTLINE(readability-suspicious-call-argument): from the new unit to the old one */
-      r = in_field_unit(half_width(&along, cell), words, before);
+      r = in_unit(half_width(&along, cell), words, before, ANHYST_WORD_UNIT_FIELD);
     }
-    stairs[cell] = inside(in_field_unit(play_between(&other, old, r), before, words));
+    stairs[cell] =
+        inside(in_unit(play_between(&other, old, r), before, words, ANHYST_WORD_UNIT_FIELD));
   }
   number low = 2 * FIELD_MIN;
   number high = 2 * FIELD_MAX;

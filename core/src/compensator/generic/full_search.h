@@ -23,9 +23,9 @@ static inline number sum_at(entry air, entry iron, const answer *at)
 }
 
 /* A residual over a slope, in the direction that removes the residual. */
-static inline number step_against(number residual, number slope)
+static inline number step_against(number residual, number rise)
 {
-  return residual < 0 ? quotient(-residual, slope) : -quotient(residual, slope);
+  return residual < 0 ? quotient(-residual, rise) : -quotient(residual, rise);
 }
 
 /* Narrows the interval by an evaluated place; returns where its tangent meets the target. */
