@@ -49,7 +49,7 @@ static simplified_memory path_up(const entry *words, const simplified_memory *fr
   }
   if (from->peak < from->turn) { /* the flux reverses */
     const number band = fraction_of(words[ANHYST_WORD_SIMPLE_BAND]);
-    path.peak = within(sum(from->peak, band), -ONE, ONE);
+    path.peak = sum(from->peak, band);
     path.u = within(sum(from->u, held_change(words, band)), -ONE, ONE);
   }
   path.turn = path.peak;
