@@ -12,11 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from anhyst.compensate.floating import RealIo, RealKind, build_real
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Arms, Block, DemandLimits, TableSizes, cell_weights, flux_unit
 from anhyst.compensate.cells import build_cells, cell_rows, fewer
-from anhyst.compensate.floating import RealIo, RealKind, build_real
 from anhyst.compensate.force_controller import FixedTwin, Io, RealTwin
 from anhyst.compensate.full import build_full
 from anhyst.laws.cells import CellWeights

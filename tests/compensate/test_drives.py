@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from anhyst.compensate.floating import RealKind, build_real
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -21,7 +22,6 @@ from anhyst._core import (
     Parameters,
     ParametersF32,
 )
-from anhyst.compensate.floating import RealKind, build_real
 from anhyst.support.numeric import FloatArray
 from tests.actuators import (
     CURRENTS,

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from anhyst.compensate.floating import RealKind, build_real
 
 from anhyst._core import FixedForceController, ForceController, ForceControllerF32
-from anhyst.compensate.floating import RealKind, build_real
 from anhyst.support.numeric import FloatArray
 from tests.actuators import SIZES, WIDE, closed_form, compiled, magnet, ranges, reversals
 

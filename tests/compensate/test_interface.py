@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from anhyst.compensate.floating import build_real
 
 from anhyst.compensate.current_map import fit_ratio, fit_single_valued
-from anhyst.compensate.floating import build_real
 from anhyst.compensate.force_controller import Compensator, FixedTwin, RealTwin
 from anhyst.compensate.methods import METHODS
 from tests.actuators import compiled, magnet, ranges

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, build_real
 
 from anhyst._core import Compensator, Parameters
 from anhyst.compensate.block import DemandLimits, TableSizes
-from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, build_real
 from anhyst.compensate.force_controller import FixedTwin, RealTwin
 from anhyst.compilation.parameters import c_parameters, literal
 from anhyst.compilation.toolchain import SINGLE

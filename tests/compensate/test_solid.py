@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from anhyst.compensate.floating import RealBlock, RealIo, build_real
 
 from anhyst import _core
 from anhyst.compensate.block import Conditioning, DemandLimits, TableSizes
-from anhyst.compensate.floating import RealBlock, RealIo, build_real
 from anhyst.compensate.force_controller import FixedTwin, ForceController, RealTwin
 from anhyst.compensate.methods import compile_inverse
 from anhyst.compensate.plan import CompileRequest, make_plan

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from anhyst.compensate.floating import build_real
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, TableSizes
 from anhyst.compensate.cells import build_cells
-from anhyst.compensate.floating import build_real
 from anhyst.compensate.force_controller import FixedTwin, RealTwin, twin_of
 from anhyst.compensate.plan import CompileRequest, find_limits, find_scales, make_plan
 from anhyst.model.actuator import Model

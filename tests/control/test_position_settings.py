@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from anhyst.compensate.floating import build_real
 
 from anhyst._core import FixedForceController, FixedPosition, ForceController, Position
-from anhyst.compensate.floating import build_real
 from anhyst.control import PositionControl, ReferenceConverter
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat

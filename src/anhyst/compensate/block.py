@@ -326,8 +326,14 @@ def core_of(block: Block) -> _core.FixedCompensator | _core.CompensatorF32 | _co
     """Return the core's compensator of a block, demagnetised; `ValueError` if the core refuses it."""
     if block.is_fixed:
         return _core.FixedCompensator(block.kind, block.words)
-    real = _core.CompensatorF32 if block.words.dtype == np.float32 else _core.Compensator
-    return real(block.kind, block.words)
+    return real_core_of(block)
+
+
+def real_core_of(block: Block) -> _core.CompensatorF32 | _core.Compensator:
+    """Return the core's compensator of a block in floating point, demagnetised."""
+    if block.words.dtype == np.float32:
+        return _core.CompensatorF32(block.kind, block.words)
+    return _core.Compensator(block.kind, block.words)
 
 
 def closed(

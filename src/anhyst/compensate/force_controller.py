@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, Protocol, Self, cast
+from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from anhyst import _core
 from anhyst._core import Compensator as CompensatorF64
 from anhyst._core import CompensatorF32, FixedCompensator
-from anhyst.compensate.block import Block, core_of
+from anhyst.compensate.block import Block, real_core_of
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray, q31
@@ -199,7 +199,7 @@ class FixedTwin(Twin):
         self.block = block
         self.one = 2.0**15 if io == "q15" else 2.0**31
         self.io = io
-        self._core = cast("FixedCompensator", core_of(block))
+        self._core: FixedCompensator = FixedCompensator(block.kind, block.words)
 
     def fresh(self) -> Self:
         """Return another one of the same block, demagnetised."""
@@ -264,7 +264,7 @@ class RealTwin(Twin):
 
     def __init__(self, block: Block) -> None:
         self.block = block
-        self._core = cast("CompensatorF32 | CompensatorF64", core_of(block))
+        self._core: CompensatorF32 | CompensatorF64 = real_core_of(block)
 
     def fresh(self) -> Self:
         """Return another one of the same block, demagnetised."""

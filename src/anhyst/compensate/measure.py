@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst._core import FixedCompensator
 from anhyst.compensate.block import (
     Block,
     DemandLimits,
     TableSizes,
     arms_of,
-    core_of,
     flux_unit,
     iron_of,
     nodes,
@@ -253,7 +253,7 @@ def run_with_losses(model: Model, block: Block, io: Io, path: Path) -> PathRun:
 
 def _lossy_codes(twin: FixedTwin, path: Path, loss: FloatArray) -> FloatArray:
     """Return the applied currents as codes; `loss` is in parts of the range of the current."""
-    core = cast("FixedCompensator", core_of(twin.block))
+    core = FixedCompensator(twin.block.kind, twin.block.words)
     solve, commit = (
         (core.solve_q15, core.commit_q15) if twin.io == "q15" else (core.solve_q31, core.commit_q31)
     )

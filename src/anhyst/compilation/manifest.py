@@ -176,6 +176,7 @@ def _percent(plan: Plan, value: float) -> str:
 CELLS = 12
 """``ANHYST_CELLS``: plays of the law of cells that a compensator has room for."""
 
+
 def parameters_bytes(block: Block) -> int:
     """Return the size of everything that is constant."""
     return block.size

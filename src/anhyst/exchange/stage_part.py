@@ -122,7 +122,7 @@ def _words(setup: StageSetup) -> dict[str, object]:
         words += one
     scales = ("demand_full", "current_full", "flux_full", "gap_low", "gap_high")
     kernel = f"anhyst_kernel_{blocks[0].kind}{'' if is_fixed else '_f64'}"
-    macros = {
+    macros: dict[str, object] = {
         "STAGE_KERNEL": kernel_of(kernel, "words"),
         "STAGE_WORD": c_type(blocks[0]),
         "STAGE_WORDS": fields(words if is_fixed else [repr(word) for word in words]),
