@@ -52,7 +52,8 @@ static int prepare(double nu, int octaves, int n)
   return segments;
 }
 
-/* Units in the last place by which state_of leaves the straight line, over the rise of its segment. */
+/* Units in the last place by which state_of leaves the straight line, over the rise of its segment.
+ */
 static double bend(int octaves, int n, int segments, int32_t z)
 {
   const double place = (double)z / FULL_Q27;

@@ -134,7 +134,7 @@ FAULTS = [
     ),
     Fault(
         "an octave too low",
-        "src/compensator/closed_form_fixed.h",
+        "src/compensator/simplified_fixed.h",
         "index = (int32_t)((uint32_t)(top - bits + 1U) << n);",
         "index = (int32_t)((uint32_t)(top - bits) << n);",
         "test_fixed_closed",

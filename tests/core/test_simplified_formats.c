@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the simplified law in all formats: they agree within the rounding of 16-bit words, small
-   steps and reversals within the dead band accumulate nothing, and damaged numbers never lead out
-   of -1..1. All formats compute with the numbers of the same fixed-point block. */
+/* Claims of the simplified law in all formats: they agree within the rounding of 16-bit words,
+   small steps and reversals within the dead band accumulate nothing, and damaged numbers never lead
+   out of -1..1. All formats compute with the numbers of the same fixed-point block. */
 #include <string.h>
 
 #include "anhyst/compensator/compensator.h"
@@ -143,10 +143,10 @@ static states step_under(double current)
   fixed.stage = ANHYST_STAGE_AHEAD;
   f32.stage = ANHYST_STAGE_AHEAD;
   f64.stage = ANHYST_STAGE_AHEAD;
-  const states found = {
-      anhyst_kernel_simplified.flux(&fixed, (int32_t)lrint(current * FULL_Q30)) / FULL_Q30,
-      (double)anhyst_kernel_simplified_f32.flux(&f32, (float)current),
-      anhyst_kernel_simplified_f64.flux(&f64, current)};
+  const states found = {anhyst_kernel_simplified.flux(&fixed, (int32_t)lrint(current * FULL_Q30)) /
+                            FULL_Q30,
+                        (double)anhyst_kernel_simplified_f32.flux(&f32, (float)current),
+                        anhyst_kernel_simplified_f64.flux(&f64, current)};
   keep_steps();
   return found;
 }
