@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Template: the law with a straight anhysteretic curve (eqs. 19 and 20 of the paper), reduced to
-   one bounded state u of -1..1 that follows the flux. Before it come the arithmetic of a format
-   (../simplified_fixed.h, simplified_real.h) and the step of a path: start_of and state_beyond of
-   closed_form.h, or those of Euler's form. On a rising path, with p = u and v = 1 - p,
+   one bounded state u of -1..1 that follows the flux. The arithmetic of a format comes before it
+   (../simplified_fixed.h, simplified_real.h), the step of a path after it (closed_form.h or
+   Euler's). On a rising path, with p = u and v = 1 - p,
 
      dp/dflux = hold = rate/(1-nu)          while p < 0
      dp/dflux = rate*v/(1 - nu*v)           after that
@@ -13,6 +13,12 @@
    and back. Beyond the dead band a new path begins in the other direction. Therefore, reversals
    smaller than the dead band leave the state unchanged when the flux returns. Without the dead band
    each of them would move the state towards 0. */
+
+/* What a path remembers of the bounded state where it begins. |state| <= 1. */
+static number start_of(const entry *words, number state);
+
+/* The bounded state of a rising path at a flux beyond its peak. */
+static number state_beyond(const entry *words, const simplified_memory *path, number flux);
 
 /* A memory in the direction of travel: mirrored if the flux falls. Limits damaged numbers. */
 static simplified_memory facing(const simplified_memory *memory, int falling)
@@ -49,7 +55,7 @@ static simplified_memory path_up(const entry *words, const simplified_memory *fr
   }
   if (from->peak < from->turn) { /* the flux reverses */
     const number band = fraction_of(words[ANHYST_WORD_SIMPLE_BAND]);
-    path.peak = within(sum(from->peak, band), -ONE, ONE);
+    path.peak = sum(from->peak, band);
     path.u = within(sum(from->u, held_change(words, band)), -ONE, ONE);
   }
   path.turn = path.peak;
@@ -96,11 +102,8 @@ static void reach(const entry *words, const simplified_memory *from, const simpl
     if (!(size_of(missing) > RESIDUAL_DEADBAND) || !(slope > 0)) {
       break;
     }
-    const number step = newton_step(missing, slope);
-    advance(words, from, path, within(sum(to->flux, step), from->flux, ONE), to);
-    if (size_of(step) <= LAST_NEWTON_STEP) {
-      break;
-    }
+    const number flux = sum(to->flux, newton_step(missing, slope));
+    advance(words, from, path, within(flux, from->flux, ONE), to);
   }
 }
 
