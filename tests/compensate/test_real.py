@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -223,7 +224,7 @@ def test_limits_are_kept_and_reported(kind: RealKind) -> None:
 
 
 def test_more_flux_than_saturation_is_limited_and_reported() -> None:
-    model, (scales, _) = magnet(), ranges("reluctance")
+    model, scales = magnet(), replace(ranges("reluctance")[0], demand=500.0)
     block = real_block("f32", model, "full", scales, DemandLimits((0.0, 400.0), CURRENTS))
     twin = RealTwin(block)
     twin.solve(400.0, WIDE)
@@ -299,13 +300,20 @@ def test_block_with_unsound_number_is_refused(name: str, value: float) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_current_that_would_fall_is_refused(kind: RealKind) -> None:
     block = real(kind, sizes=SAME, io="f64")
-    (first, entries), field = block.tables["GAP_FLUX_ARM"], block.table("GAP_FIELD_ARM")
-    words: FloatArray = block.words.copy()
-    air = 4.0 * block.number("FULL_AIR") if kind == "full" else 1.0
-    words[first + entries - 1] = -0.05 * field[-1] / air
-    if kind == "full":  # the iron is steeper than the air
-        assert takes(block, words)
-        words[first + entries - 1] *= 40.0
+    (first, entries), field_arm = block.tables["GAP_FLUX_ARM"], block.table("GAP_FIELD_ARM")
+    flux_arm = 0.0
+    if kind == "full":  # as low as the steepest rise of the flux over the field allows
+        share = block.number("FULL_REVERSIBLE")
+        reversible = np.diff(block.table("FULL_CURVE"))
+        pinned = np.diff(block.table("FULL_BRANCH"))[reversible.size :]
+        steepest = (share * reversible + (1.0 - share) * pinned).max() * reversible.size
+        flux_arm = -field_arm[-1] / (4.0 * block.number("FULL_AIR") + steepest)
+    for part, is_taken in ((0.97, True), (1.03, kind == "simplified")):
+        words: FloatArray = block.words.copy()
+        words[first + entries - 1] = part * flux_arm
+        assert takes(block, words) == is_taken, part
+    words = block.words.copy()
+    words[first + entries - 1] = -field_arm[-1]
     assert not takes(block, words)
 
 
