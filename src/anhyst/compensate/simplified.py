@@ -337,7 +337,9 @@ def fit_closed_form(
         )
     bias, flux_arm, lag_arm = arms.T
     worst, mean = float(errors.max()), float(errors.mean())
-    return ClosedForm(rate, nu, gaps, bias, flux_arm, lag_arm, worst, mean, offset, _dead_band(rate, nu))
+    return ClosedForm(
+        rate, nu, gaps, bias, flux_arm, lag_arm, worst, mean, offset, _dead_band(rate, nu)
+    )
 
 
 def _fitted(
