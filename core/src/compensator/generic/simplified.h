@@ -14,6 +14,8 @@
    smaller than the dead band leave the state unchanged when the flux returns. Without the dead band
    each of them would move the state towards 0. */
 
+#define UNKNOWN_START (-ONE - ONE) /* of a path that has not left its peak */
+
 /* What a path remembers of the bounded state where it begins. |state| <= 1. */
 static number start_of(const entry *words, number state);
 
@@ -59,16 +61,20 @@ static simplified_memory path_up(const entry *words, const simplified_memory *fr
     path.u = within(sum(from->u, held_change(words, band)), -ONE, ONE);
   }
   path.turn = path.peak;
-  path.start = start_of(words, path.u);
+  path.start = UNKNOWN_START;
   return path;
 }
 
-/* Sets `to` to the memory at a flux not below that of `from`, whose path upwards is given. */
-static void advance(const entry *words, const simplified_memory *from,
-                    const simplified_memory *path, number flux, simplified_memory *to)
+/* Sets `to` to the memory at a flux not below that of `from`, whose path upwards is given. Finds
+   the start of the path when the flux first leaves its peak. */
+static void advance(const entry *words, const simplified_memory *from, simplified_memory *path,
+                    number flux, simplified_memory *to)
 {
   *to = *from;
   if (flux > path->peak) {
+    if (path->start < -ONE) {
+      path->start = start_of(words, path->u);
+    }
     const number state = state_beyond(words, path, flux);
     *to = *path;
     to->u = state > path->u ? state : path->u;
@@ -82,7 +88,7 @@ static number simplified_field(compensator *c)
   const entry *words = c->words;
   const int falling = c->flux < c->memory.simplified.flux;
   const simplified_memory from = facing(&c->memory.simplified, falling);
-  const simplified_memory path = path_up(words, &from);
+  simplified_memory path = path_up(words, &from);
   simplified_memory to;
   advance(words, &from, &path, falling ? -c->flux : c->flux, &to);
   c->next.memory.simplified = facing(&to, falling);
@@ -92,7 +98,7 @@ static number simplified_field(compensator *c)
 /* Solves flux_arm*flux + field_arm*u = target upwards, from `to`, which is on the path. In the
    direction of travel the left side is a concave function of the flux. Therefore, Newton steps from
    before the solution never pass it, and a step from beyond leads before it. */
-static void reach(const entry *words, const simplified_memory *from, const simplified_memory *path,
+static void reach(const entry *words, const simplified_memory *from, simplified_memory *path,
                   const arms_type *arms, number target, simplified_memory *to)
 {
   for (int32_t i = (int32_t)words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
@@ -119,7 +125,7 @@ static number simplified_flux(compensator *c, number current)
   const simplified_memory guess = facing(&c->next.memory.simplified, falling);
   simplified_memory to = from;
   if (size_of(missing) > RESIDUAL_DEADBAND) {
-    const simplified_memory path = path_up(words, &from);
+    simplified_memory path = path_up(words, &from);
     const number goal = falling ? -target : target;
     if (c->stage == ANHYST_STAGE_AHEAD && guess.flux > from.flux &&
         size_of(difference(goal, current_at(words, &guess, arms))) < size_of(missing)) {
