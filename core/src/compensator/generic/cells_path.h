@@ -52,11 +52,13 @@ static inline grid grid_on(const cell_path *along, number x)
 /* The spot of x on a row. Requires |x| < 1. */
 static inline spot spot_on(const cell_path *along, const entry *row, number x)
 {
+  grid width = along->narrow;
   row += along->centre;
-  if (is_near(along, x)) {
-    return spot_from(row, x, along->narrow);
+  if (!is_near(along, x)) {
+    width = along->wide;
+    row += x > 0 ? along->outer : -along->outer;
   }
-  return spot_from(x > 0 ? row + along->outer : row - along->outer, x, along->wide);
+  return spot_from(row, x, width);
 }
 
 /* The magnetisation of a cell whose play was moved by the field: its row minus the row before, of
