@@ -2,7 +2,7 @@
 /* The law of play cells in double precision. */
 #include "formats/f64.h"
 
-#include "formats/block_real.h"
+#include "generic/block_real.h"
 #include "generic/cells_real.h"
 #include "generic/cells_path.h"
 #include "generic/cells_block.h"

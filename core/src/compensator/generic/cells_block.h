@@ -58,7 +58,7 @@ static int rows_are_valid(const entry *words)
   const int first = integer_of(words[ANHYST_WORD_CELLS_ROWS]);
   for (int row = 0; row < rows; row++) {
     if (!is_table_rising(words, (entry)(first + row * along.stride), along.stride, -ENTRY_ONE,
-                         ENTRY_ONE)) {
+                         ENTRY_MOST)) {
       return 0;
     }
   }
