@@ -233,7 +233,7 @@ static void meet(solid_tick *tick, int at, const arms_type *arms, number target)
   compensator *c = tick->c;
   candidate *to = next_of(c, at);
   const int32_t segment = to->of.cells.segment;
-  (void)reach(c->words, memory_of(c, at), plays_of(c, at), arms, target, to, 1);
+  (void)reach_current(c->words, memory_of(c, at), plays_of(c, at), arms, target, to, 1);
   read_candidate(tick, at, flux_of_candidate(c->words, to));
   if (to->of.cells.segment != segment) {
     tick->stiffness[at] = stiffness_of(tick, at);
