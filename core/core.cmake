@@ -26,7 +26,6 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/compensator/block_f64.c"
   "${ANHYST_CORE_DIR}/src/compensator/full.c"
   "${ANHYST_CORE_DIR}/src/compensator/cells.c"
-  "${ANHYST_CORE_DIR}/src/compensator/solid.c"
   "${ANHYST_CORE_DIR}/src/compensator/simplified.c"
   "${ANHYST_CORE_DIR}/src/compensator/euler.c"
   "${ANHYST_CORE_DIR}/src/compensator/compensator.c"

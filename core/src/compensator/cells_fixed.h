@@ -22,11 +22,6 @@ typedef anhyst_spot spot; /* a position in a table row */
 /* A word of a block that is an integer. */
 static inline int integer_of(entry word) { return word; }
 
-static inline int is_word_within(entry word, int low, int high)
-{
-  return word >= low && word <= high;
-}
-
 /* a, or -1 - a for a mirror of -1: -a could leave the range. */
 static inline number mirrored(number a, int mirror)
 {
@@ -36,6 +31,12 @@ static inline number mirrored(number a, int mirror)
 static inline number clamped(number a, number low, number high)
 {
   return anhyst_clamp(a, low, high);
+}
+
+/* Whether x is within -half .. half. */
+static inline int is_around_zero(number x, number half)
+{
+  return (uint32_t)x + (uint32_t)half < 2U * (uint32_t)half;
 }
 
 /* Saturates to -1 .. 1. */
@@ -164,7 +165,7 @@ static inline int is_flux(number flux)
 }
 
 /* A limit of the current, in units of the inner current. */
-static inline number current_limit(const entry *words, int word)
+static inline number inner_limit(const entry *words, int word)
 {
   return level_of(words[word]) >> words[ANHYST_WORD_CURRENT_SHIFT];
 }
@@ -190,4 +191,134 @@ static inline number on_line(number low, number high, number numerator, number d
 
 /* Every field and play is on the grid of its format. */
 static inline number on_coarse_grid(number a) { return a; }
+
+#if ANHYST_MEMORIES > 1
+/* Solid iron. Slopes of a field over a flux have 16 bits after the point, from 0 to 32768. */
+
+/* Smallest share of a layer in the section: 2^-9, q15. */
+#define SHARE_MIN 64
+
+static inline number own_of(const entry *words) { return (number)words[ANHYST_WORD_SOLID_OWN] * 4; }
+
+static inline number hold_of(const entry *words)
+{
+  return (number)words[ANHYST_WORD_SOLID_HOLD] << words[ANHYST_WORD_SOLID_HOLD_SHIFT];
+}
+
+/* The share of each of the inner layers. */
+static inline entry inner_share(entry surface, int layers)
+{
+  return (entry)((32768 - surface) / layers);
+}
+
+/* a times a part of 1. */
+static inline number shared(number a, entry part)
+{
+  return anhyst_shl_q31(anhyst_scale(a, part), 1);
+}
+
+/* a times a slope that is not negative. */
+static number sloped(number a, number slope)
+{
+  if (slope <= 0) {
+    return 0;
+  }
+  const uint16_t up = anhyst_headroom(slope);
+  const int16_t weight = (int16_t)((int32_t)((uint32_t)slope << up) >> 16);
+  if (up < 16U) {
+    return anhyst_shl_q31(anhyst_scale(anhyst_shl_q31(a, (uint16_t)(15U - up)), weight), 1);
+  }
+  return anhyst_scale(a, weight) >> (up - 16U);
+}
+
+/* The field of a flux in its own layer. */
+static inline number own_field(number flux, number own)
+{
+  return anhyst_shl_q31(anhyst_scale(flux, (int16_t)(own >> 2)), 2);
+}
+
+/* The flux of which a layer has this share. The residual of the first quotient is added. */
+static number whole_of(number a, entry share)
+{
+  const int32_t inverse = ANHYST_Q31_MAX / (share > 0 ? share : 1);
+  const int32_t first = sloped(a, inverse);
+  return anhyst_add_q31(first, sloped(anhyst_sub_q31(a, shared(first, share)), inverse));
+}
+
+/* The slope of a segment with this rise, over 4, and the field of its own. */
+static inline number law_stiffness(number width, number rise, number own)
+{
+  const int32_t law = anhyst_quotient(width, rise > 0 ? rise : 1) >> 2;
+  return law + own > 1 ? law + own : 1;
+}
+
+static inline number per_share(number stiff, entry share)
+{
+  const int32_t found = anhyst_quotient(stiff, (int32_t)share * 2);
+  return found > 0 ? found : 1;
+}
+
+/* 1 over the field arm without the laminated part. */
+static inline number slope_of_arm(entry field_arm, entry laminated)
+{
+  const int32_t arm = ((int32_t)field_arm * (32768 - laminated)) >> 15;
+  return anhyst_quotient(65536, arm > 0 ? arm : 1);
+}
+
+/* The ratio of two weights above 0, a slope. */
+static inline number ratio(int32_t numerator, int32_t denominator)
+{
+  return anhyst_quotient(numerator, denominator);
+}
+
+/* A slope divided by the part of the path that is not laminated. */
+static inline number per_solid(number slope, entry laminated)
+{
+  return anhyst_quotient(slope, 2 * (32768 - (int32_t)laminated));
+}
+
+/* The part of a slope in the sum of two. */
+static inline entry part_of_slopes(number part, number other)
+{
+  return anhyst_sat_q15(anhyst_quotient(part, anhyst_add_q31(other, part)) >> 1);
+}
+
+/* Whether the residual of an equation, a field, is at most 2^-15 of the largest field and that of a
+   flux of 2^-19. Smaller residuals are below the resolution of the rows. */
+static inline int is_residual_small(number residual, number slope)
+{
+  return anhyst_abs_q31(residual) <= 32768 + (slope >> 5);
+}
+
+/* The flux that a residual leaves to a layer and deeper, limited. */
+static inline number owed_flux(const entry *words, number residual, number most)
+{
+  const int32_t inverse = ANHYST_Q31_MAX / words[ANHYST_WORD_SOLID_HOLD];
+  const int32_t flux = anhyst_shl_q31(sloped(residual, inverse), 1);
+  return anhyst_clamp(flux >> words[ANHYST_WORD_SOLID_HOLD_SHIFT], -most, most);
+}
+
+/* Sets the arms of the equation own*f + x = field - falls*(f - flux), halved until they fit;
+   returns its target, over 4. */
+static inline number set_line(arms_type *arms, number field, number falls, number own, number flux)
+{
+  const uint16_t up = anhyst_headroom(falls > 0 ? falls : 1);
+  const uint16_t halvings = up < 14U ? (uint16_t)(16U - up) : 2U;
+  const int16_t falling = (int16_t)(falls >> halvings);
+  arms->bias = 0;
+  arms->flux_arm = (int16_t)(falling + (own >> halvings));
+  arms->field_arm = (int16_t)(65536 >> halvings);
+  return (field >> (halvings + 2U)) + anhyst_scale(flux >> 2, falling);
+}
+
+static inline int are_solid_words_valid(const entry *words)
+{
+  return is_integer(words[ANHYST_WORD_SOLID_HOLD], 1, ANHYST_Q15_MAX) &&
+         is_integer(words[ANHYST_WORD_SOLID_HOLD_SHIFT], 0, 15) &&
+         is_integer(words[ANHYST_WORD_SOLID_OWN], -ANHYST_Q15_MAX, 0) &&
+         is_integer(words[ANHYST_WORD_SOLID_SURFACE], SHARE_MIN, 32768 - 3 * SHARE_MIN) &&
+         is_integer(words[ANHYST_WORD_SOLID_LAMINATED], 0, ANHYST_Q15_MAX);
+}
+#endif
+
 #endif

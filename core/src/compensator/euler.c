@@ -5,6 +5,8 @@
    of the magnetisation, without the paper's small difference of large numbers. */
 #include "simplified_fixed.h"
 
+#include "generic/simplified.h"
+
 /* A step begins at the bounded state itself: its path needs no start. */
 static int32_t start_of(const int16_t *words, int32_t state)
 {
@@ -33,13 +35,16 @@ static int32_t state_beyond(const int16_t *words, const anhyst_simplified_memory
   return u;
 }
 
-#include "generic/simplified.h"
-
 static int euler_is_valid(const int16_t *words)
 {
   return path_is_valid(words) && is_integer(words[ANHYST_WORD_EULER_SUBSTEPS], 1, 16);
 }
 
-const anhyst_kernel anhyst_kernel_euler = {
-    ANHYST_KIND_EULER, simplified_field, simplified_flux, euler_is_valid, simplified_carry, 0, 0,
-    0};
+const anhyst_kernel anhyst_kernel_euler = {ANHYST_KIND_EULER,
+                                           simplified_field,
+                                           simplified_flux,
+                                           euler_is_valid,
+                                           simplified_carry,
+                                           0,
+                                           0,
+                                           0};

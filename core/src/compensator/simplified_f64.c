@@ -3,13 +3,14 @@
 #include "formats/f64.h"
 
 #include "generic/simplified_real.h"
-#include "generic/closed_form.h"
 #include "generic/simplified.h"
+#include "generic/closed_form.h"
 
-static int is_valid(const entry *words)
-{
-  return path_is_valid(words) && closed_form_is_valid(words);
-}
-
-const anhyst_kernel_f64 anhyst_kernel_simplified_f64 = {
-    ANHYST_KIND_SIMPLIFIED, simplified_field, simplified_flux, is_valid, simplified_carry, 0, 0, 0};
+const anhyst_kernel_f64 anhyst_kernel_simplified_f64 = {ANHYST_KIND_SIMPLIFIED,
+                                                        simplified_field,
+                                                        simplified_flux,
+                                                        simplified_is_valid,
+                                                        simplified_carry,
+                                                        0,
+                                                        0,
+                                                        0};

@@ -18,9 +18,6 @@
 /* The largest difference of two currents that rounding alone can cause. */
 #define RESIDUAL_DEADBAND 128
 
-/* A Newton step this short leaves an error that does not matter: 2^-11. */
-#define LAST_NEWTON_STEP (ANHYST_Q30_ONE / 2048)
-
 static inline number sum(number a, number b) { return anhyst_add_q31(a, b); }
 static inline number difference(number a, number b) { return anhyst_sub_q31(a, b); }
 static inline number size_of(number a) { return anhyst_abs_q31(a); }
@@ -96,6 +93,63 @@ static inline number newton_step(number missing, number slope)
 {
   const int32_t way = anhyst_quotient(anhyst_abs_q31(missing), slope);
   return missing < 0 ? -way : way;
+}
+
+/* ---- the table of the closed form ---- */
+
+typedef anhyst_spot spot; /* a position in the table */
+
+static inline number value_at(spot at) { return anhyst_value_at(at); }
+
+static inline number level_of(entry word) { return (number)word * 32768; }
+
+/* The part of a segment at which its line has risen by this much, q15 within 0..1, floor. */
+static inline number part_of(number risen, entry low, entry high)
+{
+  const int32_t rise = (int32_t)high - low;
+  return rise > 0 ? anhyst_clamp(risen / rise, 0, 32768) : 0;
+}
+
+/* The first octave begins at the distance 2^this. */
+static inline uint16_t first_bits(const entry *words)
+{
+  return (uint16_t)(31 - words[ANHYST_WORD_SIMPLE_OCTAVES]);
+}
+
+/* The spot of a distance. z >= 0. */
+static inline spot spot_at(const entry *words, number z)
+{
+  const uint16_t n = (uint16_t)words[ANHYST_WORD_SIMPLE_SEGMENTS];
+  uint16_t bits = first_bits(words);
+  int32_t index = 0;
+  int32_t rest = z;
+  if ((z >> bits) != 0) {
+    const uint16_t top = (uint16_t)(30U - anhyst_headroom(z)) & 31U;
+    index = (int32_t)((uint32_t)(top - bits + 1U) << n);
+    bits = top;
+    rest = z - (int32_t)((uint32_t)1 << top);
+  }
+  const uint16_t width = (uint16_t)(bits - n);
+  const int32_t inside = rest >> width;
+  rest -= (int32_t)((uint32_t)inside << width);
+  spot found;
+  found.at = words + words[ANHYST_WORD_SIMPLE_CURVE] + index + inside;
+  found.part = width >= 15U ? rest >> (width - 15U) : (int32_t)((uint32_t)rest << (15U - width));
+  return found;
+}
+
+/* The distance at a part of a segment, floor; saturates. */
+static inline number distance_at(const entry *words, int32_t index, number part)
+{
+  const uint16_t n = (uint16_t)words[ANHYST_WORD_SIMPLE_SEGMENTS];
+  const uint16_t octave = (uint16_t)(index >> n);
+  const uint16_t bits = (uint16_t)(first_bits(words) + (octave > 0U ? octave - 1U : 0U));
+  const uint16_t width = (uint16_t)(bits - n);
+  const uint32_t inside = (uint32_t)index - ((uint32_t)octave << n);
+  const uint32_t fraction =
+      width >= 15U ? (uint32_t)part << (width - 15U) : (uint32_t)part >> (15U - width);
+  const uint32_t z = (octave > 0U ? (uint32_t)1 << bits : 0U) + (inside << width) + fraction;
+  return z > (uint32_t)ANHYST_Q31_MAX ? ANHYST_Q31_MAX : (int32_t)z;
 }
 
 #endif

@@ -209,6 +209,16 @@ class Packer:
         one = ONES[FORMATS[self.kind, name]]
         self._head[at] = max(as_word(value, one, key), least) if self.is_fixed else value
 
+    def put_limit(self, name: str, value: float, scale: float, key: str) -> None:
+        """Put a limit of a signal; the rounded word times the rounded scale is never beyond it."""
+        self.put(name, value / scale, key)
+        if not self.is_fixed:
+            real = np.float32 if self.number_format == "f32" else np.float64
+            word, full, most = real(value / scale), real(scale), abs(real(value))
+            while abs(word * full) > most:
+                word = np.nextafter(word, real(0.0))
+            self._head[WORDS[self.kind][name]] = word
+
     def put_weight(self, name: str, factor: float, key: str) -> None:
         """Put a positive factor as a weight, and its exponent in the word NAME_SHIFT."""
         weight, shift = mantissa(factor, key) if self.is_fixed else (factor, 0)
@@ -412,7 +422,7 @@ def pack_common(
         ("CURRENT_LOW", limits.current[0], scales.current),
         ("CURRENT_HIGH", limits.current[1], scales.current),
     ):
-        pack.put(name, value / scale, name.lower())
+        pack.put_limit(name, value, scale, name.lower())
     pack.set_single("SCALE_RATE", conditioning.rate)
     pack.set("SCALE_UNITS", unit_codes(model))
     pack.set("CONDITION_CYCLES", conditioning.cycles)

@@ -21,7 +21,6 @@ from anhyst.compilation.toolchain import (
     AROUND,
     AROUND_SINGLE,
     CONTROL,
-    LAYERS,
     SINGLE,
     SOURCES,
     SRC,
@@ -60,8 +59,6 @@ def sources(
     real = not plan.block.is_fixed
     taken = (SINGLE if real else SOURCES)[plan.block.kind] + (CONTROL if controller else ())
     taken += AROUND_SINGLE if real else AROUND
-    if not real and memories(plan.block) > 1:
-        taken += LAYERS
     parts = ("parameters",) if controller is None else ("parameters", "controller")
     common = _common(plan, sha256, version) | {
         "control": controller is not None,

@@ -32,7 +32,6 @@ from anhyst.compilation.toolchain import (
     FORCE_CODED,
     FORCE_FIXED,
     FORCE_REAL,
-    LAYERS,
     PLAY_MAP,
     PLAY_MAP_REAL,
     SINGLE,
@@ -122,7 +121,6 @@ class StageController:
         if isinstance(parameters, HysteresisInverse):
             block = parameters.block
             own = (SOURCES if self.fixed else SINGLE)[block.kind]
-            own += LAYERS if self.fixed and memories(block) > 1 else ()
         elif isinstance(parameters, PlayMap):
             own = PLAY_MAP if self.fixed else PLAY_MAP_REAL
         if self.codes is not None:

@@ -164,9 +164,6 @@ AROUND = ("compensator/watch.c", "compensator/saved.c")
 AROUND_SINGLE = ("compensator/watch_f32.c", "compensator/saved_f32.c")
 """What an interrupt and a power cycle need beyond solve and commit."""
 
-LAYERS = ("compensator/solid.c",)
-"""What solid iron needs beyond that, in fixed point."""
-
 _COMPENSATOR_REAL = ("compensator/block_f32.c", "compensator/compensator_f32.c")
 
 SINGLE: dict[Kind, tuple[str, ...]] = {

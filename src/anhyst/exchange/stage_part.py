@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from anhyst.compilation.parameters import c_type, memories
-from anhyst.compilation.toolchain import LAYERS, SOURCES
+from anhyst.compilation.toolchain import SOURCES
 from anhyst.exchange.bearing_part import (
     CORE_OF_PLANT,
     FORMATS,
@@ -54,7 +54,6 @@ _CORE_OF_STAGE = (
     ),
     *(f"control/{name}_{of}.c" for name in ("axes", "wrench") for of in FORMATS),
     *(name for kind in SOURCES.values() for name in kind),
-    *LAYERS,
     *("compensator/map.c", "compensator/force_controller.c"),
     "control/pidd2.c",
     *(

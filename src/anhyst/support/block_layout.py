@@ -204,14 +204,6 @@ SIMPLE = (
     Word(35, "SIMPLE_HOLD_SHIFT", "integer", "exponent of the hold", 0, 12),
     Word(36, "SIMPLE_REST", "q15", "1 - nu of the closed form", 1, 32767),
     Word(37, "SIMPLE_ITERATIONS", "integer", "evaluations of a commit", 2, 16),
-    Word(
-        42,
-        "SIMPLE_BAND",
-        "weight",
-        "reversals of the flux up to this size leave the bounded state unchanged when the flux returns",
-        0,
-        32767,
-    ),
 )
 
 CLOSED = (
@@ -223,6 +215,17 @@ CLOSED = (
 )
 
 EULER = (Word(41, "EULER_SUBSTEPS", "integer", "explicit Euler steps a sample", 1, 16),)
+
+BAND = (
+    Word(
+        42,
+        "SIMPLE_BAND",
+        "weight",
+        "largest reversal of the flux that does not begin a new path",
+        0,
+        32767,
+    ),
+)
 
 CELLS = (
     Word(32, "CELLS_AIR", "weight", "flux of a field of 1.0 without iron", 1, 32767, factor=4.0),
@@ -312,8 +315,8 @@ MEMORY = (
 
 BODY: dict[str, tuple[Word, ...]] = {
     "full": DEMAND + START + ROOT + LAG + FULL + SCALE + MEMORY,
-    "simplified": DEMAND + START + ROOT + LAG + SIMPLE + CLOSED + SCALE,
-    "euler": DEMAND + START + ROOT + LAG + SIMPLE + EULER + SCALE,
+    "simplified": DEMAND + START + ROOT + LAG + SIMPLE + CLOSED + BAND + SCALE,
+    "euler": DEMAND + START + ROOT + LAG + SIMPLE + EULER + BAND + SCALE,
     "cells": DEMAND + START + ROOT + LAG + CELLS + SOLID + SCALE + MEMORY,
 }
 """Every word of a kind behind the head, in the order of the block."""

@@ -113,9 +113,6 @@ enum {
   ANHYST_WORD_SIMPLE_HOLD_SHIFT = 35, /* 0..12: exponent of the hold */
   ANHYST_WORD_SIMPLE_REST = 36, /* q15: 1 - nu of the closed form */
   ANHYST_WORD_SIMPLE_ITERATIONS = 37, /* 2..16: evaluations of a commit */
-  /* weight: reversals of the flux up to this size leave the bounded state unchanged when the flux
-     returns */
-  ANHYST_WORD_SIMPLE_BAND = 42,
 
   /* Simplified only. */
   ANHYST_WORD_SIMPLE_OCTAVES = 38, /* 4..14: the curve reaches over so many octaves of distance */
@@ -126,6 +123,11 @@ enum {
 
   /* Euler only. */
   ANHYST_WORD_EULER_SUBSTEPS = 41, /* 1..16: explicit Euler steps a sample */
+
+  /* Simplified and Euler: the dead band. The bounded state returns with the flux from such a
+     reversal. */
+  /* weight: largest reversal of the flux that does not begin a new path */
+  ANHYST_WORD_SIMPLE_BAND = 42,
 
   /* Cells: plays in the effective field. The field is in units of the largest one the tables reach,
      X. */

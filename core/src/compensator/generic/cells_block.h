@@ -58,7 +58,7 @@ static int rows_are_valid(const entry *words)
   const int first = integer_of(words[ANHYST_WORD_CELLS_ROWS]);
   for (int row = 0; row < rows; row++) {
     if (!is_table_rising(words, (entry)(first + row * along.stride), along.stride, -ENTRY_ONE,
-                         ENTRY_ONE)) {
+                         ENTRY_MOST)) {
       return 0;
     }
   }
@@ -140,11 +140,11 @@ static int layers_are_valid(const entry *words)
 static int cells_is_valid(const entry *words)
 {
   if (!(is_weight_positive(words[ANHYST_WORD_CELLS_AIR]) &&
-        is_word_within(words[ANHYST_WORD_CELLS_COUNT], 1, ANHYST_CELLS) &&
-        is_word_within(words[ANHYST_WORD_CELLS_SEGMENTS], 2, 8) &&
-        is_word_within(words[ANHYST_WORD_CELLS_ZONE], 0, 5) &&
-        is_word_within(words[ANHYST_WORD_CELLS_THRESHOLDS], 0, MAX_BLOCK_WORDS) &&
-        is_word_within(words[ANHYST_WORD_CELLS_ROWS], 0, MAX_BLOCK_WORDS))) {
+        is_integer(words[ANHYST_WORD_CELLS_COUNT], 1, ANHYST_CELLS) &&
+        is_integer(words[ANHYST_WORD_CELLS_SEGMENTS], 2, 8) &&
+        is_integer(words[ANHYST_WORD_CELLS_ZONE], 0, 5) &&
+        is_integer(words[ANHYST_WORD_CELLS_THRESHOLDS], 0, MAX_BLOCK_WORDS) &&
+        is_integer(words[ANHYST_WORD_CELLS_ROWS], 0, MAX_BLOCK_WORDS))) {
     return 0;
   }
   return words[ANHYST_WORD_CELLS_ZONE] <= words[ANHYST_WORD_CELLS_SEGMENTS] &&

@@ -35,15 +35,13 @@ static inline number on_grid(number a)
 /* A word of a block that is an integer. */
 static inline int integer_of(entry word) { return (int)word; }
 
-static inline int is_word_within(entry word, int low, int high)
-{
-  return word >= (entry)low && word <= (entry)high && (entry)(int)word == word;
-}
-
 /* a, or -a for a mirror of -1. */
 static inline number mirrored(number a, int mirror) { return mirror != 0 ? -a : a; }
 
 static inline number clamped(number a, number low, number high) { return within(a, low, high); }
+
+/* Whether x is within -half .. half. */
+static inline int is_around_zero(number x, number half) { return x >= -half && x < half; }
 
 /* Saturates to -1 .. 1; the lower end for what is not a number. */
 static inline number inside(number a) { return within(a, FIELD_MIN, FIELD_MAX); }
@@ -138,7 +136,7 @@ static inline number rise_share(number rise, number part) { return rise * part; 
 /* Where the segment of a candidate is, and how wide. */
 static inline int is_placed(const candidate *at)
 {
-  return at->of.cells.segment > 0 && at->of.cells.segment < ANHYST_BLOCK_MOST_WORDS;
+  return at->of.cells.segment > 0 && at->of.cells.segment < MAX_BLOCK_WORDS;
 }
 
 static inline grid grid_at(const candidate *at)
@@ -177,7 +175,7 @@ static inline int is_rounding(number above, number below, grid width)
 static inline int is_flux(number flux) { return flux > (number)-1 && flux < (number)1; }
 
 /* A limit of the current. */
-static inline number current_limit(const entry *words, int word) { return words[word]; }
+static inline number inner_limit(const entry *words, int word) { return words[word]; }
 
 /* Parameter blocks. */
 
@@ -204,3 +202,88 @@ static inline number on_coarse_grid(number a)
   const number shifted = a + (number)6;
   return shifted - (number)6;
 }
+
+#if ANHYST_MEMORIES > 1
+/* Solid iron. */
+
+/* Smallest share of a layer in the section. */
+#define SHARE_MIN ((number)0.001953125)
+
+/* Range of the slope of a segment. */
+#define STIFFNESS_MIN ((number)1.52587890625e-5)
+#define STIFFNESS_MAX ((number)32768)
+
+static inline number own_of(const entry *words) { return four_times(words[ANHYST_WORD_SOLID_OWN]); }
+static inline number hold_of(const entry *words) { return words[ANHYST_WORD_SOLID_HOLD]; }
+
+/* The share of each of the inner layers. */
+static inline entry inner_share(entry surface, int layers)
+{
+  return ((entry)1 - surface) / (entry)layers;
+}
+
+static inline number shared(number a, entry part) { return a * part; }
+static inline number sloped(number a, number slope) { return a * slope; }
+static inline number own_field(number flux, number own) { return flux * own; }
+static inline number whole_of(number a, entry share) { return a / share; }
+
+/* The slope of a segment with this rise, over 4, and the field of its own. */
+static inline number law_stiffness(number width, number rise, number own)
+{
+  return within(quarter(width / rise) + own, STIFFNESS_MIN, STIFFNESS_MAX);
+}
+
+static inline number per_share(number stiff, entry share) { return stiff / share; }
+
+/* 1 over the field arm without the laminated part. */
+static inline number slope_of_arm(entry field_arm, entry laminated)
+{
+  return (number)1 / (field_arm * ((entry)1 - laminated));
+}
+
+static inline number ratio(number numerator, number denominator) { return numerator / denominator; }
+
+/* A slope divided by the part of the path that is not laminated. */
+static inline number per_solid(number slope, entry laminated)
+{
+  return slope / ((number)1 - laminated);
+}
+
+/* The part of a slope in the sum of two. */
+static inline entry part_of_slopes(number part, number other) { return part / (part + other); }
+
+/* Whether the residual of an equation, a field, is no more than rounding and that of a flux. */
+static inline int is_residual_small(number residual, number slope)
+{
+  return size_of(residual) <= NUMBER_EPS * ((number)256 + (number)16 * slope);
+}
+
+/* The flux that a residual leaves to a layer and deeper, limited. */
+static inline number owed_flux(const entry *words, number residual, number most)
+{
+  return within(residual / words[ANHYST_WORD_SOLID_HOLD], -most, most);
+}
+
+/* Sets the arms of the equation own*f + x = field - falls*(f - flux), scaled below 1/2; returns its
+   target, over 4. */
+static inline number set_line(arms_type *arms, number field, number falls, number own, number flux)
+{
+  const number arm = falls + own;
+  const number scale = (number)0.5 / ((number)1 + size_of(arm));
+  arms->bias = 0;
+  arms->flux_arm = scale * arm;
+  arms->field_arm = scale;
+  return quarter(scale * (field + falls * flux));
+}
+
+static inline int are_solid_words_valid(const entry *words)
+{
+  const entry hold = words[ANHYST_WORD_SOLID_HOLD];
+  const entry own = words[ANHYST_WORD_SOLID_OWN];
+  const entry surface = words[ANHYST_WORD_SOLID_SURFACE];
+  const entry laminated = words[ANHYST_WORD_SOLID_LAMINATED];
+  return hold > 0 && hold <= (entry)16384 && own >= (entry)-0.5 && own <= 0 &&
+         surface >= SHARE_MIN && surface <= (entry)1 - (entry)3 * SHARE_MIN && laminated >= 0 &&
+         laminated < 1;
+}
+#endif

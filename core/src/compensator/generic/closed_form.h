@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: the closed form of the simplified law, exact for a step of any size. The arithmetic of
-   a format comes before it: ../closed_form_fixed.h or simplified_real.h.
+/* Template: the closed form of the simplified law, exact for a step of any size. simplified.h comes
+   before it.
 
    On a rising path p is the bounded state, and v = 1 - p. The distance from p = 0 is
    z = -ln v + nu*v - nu, which grows in proportion to the flux. A table over z gives p. Its
@@ -29,13 +29,11 @@ static number distance_of(const entry *words, number state)
   return distance_at(words, index, part_of(risen, table[index], table[index + 1]));
 }
 
-/* What a path remembers of the bounded state where it begins. */
 static number start_of(const entry *words, number state)
 {
   return state < 0 ? state : distance_of(words, state);
 }
 
-/* The bounded state on a rising path at a flux not below its peak. */
 static number state_beyond(const entry *words, const simplified_memory *path, number flux)
 {
   const number way = difference(flux, path->turn);
@@ -51,11 +49,11 @@ static number state_beyond(const entry *words, const simplified_memory *path, nu
   return state_of(words, z > 0 ? z : 0);
 }
 
-static int closed_form_is_valid(const entry *words)
+static int simplified_is_valid(const entry *words)
 {
   const entry octaves = words[ANHYST_WORD_SIMPLE_OCTAVES];
   const entry n = words[ANHYST_WORD_SIMPLE_SEGMENTS];
-  return is_integer(octaves, 4, 14) && is_integer(n, 2, 6) &&
+  return path_is_valid(words) && is_integer(octaves, 4, 14) && is_integer(n, 2, 6) &&
          is_table_rising(words, words[ANHYST_WORD_SIMPLE_CURVE],
                          ((int32_t)octaves + 1) * ((int32_t)1 << (int32_t)n) + 1, 0, ENTRY_ONE);
 }

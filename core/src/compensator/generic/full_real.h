@@ -4,7 +4,7 @@
 #ifndef ANHYST_FULL_REAL_H
 #define ANHYST_FULL_REAL_H
 
-#include "../formats/block_real.h"
+#include "block_real.h"
 
 #define UNIT ((number)1)
 #define MAX_FIELD UNIT                             /* the largest field */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Template: the law with a straight anhysteretic curve (eqs. 19 and 20 of the paper), reduced to
-   one bounded state u of -1..1 that follows the flux. Before it come the arithmetic of a format
-   (../simplified_fixed.h, simplified_real.h) and the step of a path: start_of and state_beyond of
-   closed_form.h, or those of Euler's form. On a rising path, with p = u and v = 1 - p,
+   one bounded state u of -1..1 that follows the flux. The arithmetic of a format comes before it
+   (../simplified_fixed.h, simplified_real.h), the step of a path after it (closed_form.h or
+   Euler's). On a rising path, with p = u and v = 1 - p,
 
      dp/dflux = hold = rate/(1-nu)          while p < 0
      dp/dflux = rate*v/(1 - nu*v)           after that
@@ -13,6 +13,14 @@
    and back. Beyond the dead band a new path begins in the other direction. Therefore, reversals
    smaller than the dead band leave the state unchanged when the flux returns. Without the dead band
    each of them would move the state towards 0. */
+
+#define UNKNOWN_START (-ONE - ONE) /* of a path that has not left its peak */
+
+/* What a path remembers of the bounded state where it begins. |state| <= 1. */
+static number start_of(const entry *words, number state);
+
+/* The bounded state of a rising path at a flux beyond its peak. */
+static number state_beyond(const entry *words, const simplified_memory *path, number flux);
 
 /* A memory in the direction of travel: mirrored if the flux falls. Limits damaged numbers. */
 static simplified_memory facing(const simplified_memory *memory, int falling)
@@ -30,6 +38,9 @@ static simplified_memory facing(const simplified_memory *memory, int falling)
 /* The bounded state at the flux of a memory. */
 static number state_at(const entry *words, const simplified_memory *at)
 {
+  if (at->flux == at->peak) {
+    return at->u;
+  }
   const number change = held_change(words, size_of(difference(at->flux, at->peak)));
   const number state = at->flux < at->peak ? difference(at->u, change) : sum(at->u, change);
   return within(state, -ONE, ONE);
@@ -49,20 +60,24 @@ static simplified_memory path_up(const entry *words, const simplified_memory *fr
   }
   if (from->peak < from->turn) { /* the flux reverses */
     const number band = fraction_of(words[ANHYST_WORD_SIMPLE_BAND]);
-    path.peak = within(sum(from->peak, band), -ONE, ONE);
+    path.peak = sum(from->peak, band);
     path.u = within(sum(from->u, held_change(words, band)), -ONE, ONE);
   }
   path.turn = path.peak;
-  path.start = start_of(words, path.u);
+  path.start = UNKNOWN_START;
   return path;
 }
 
-/* Sets `to` to the memory at a flux not below that of `from`, whose path upwards is given. */
-static void advance(const entry *words, const simplified_memory *from,
-                    const simplified_memory *path, number flux, simplified_memory *to)
+/* Sets `to` to the memory at a flux not below that of `from`, whose path upwards is given. Finds
+   the start of the path when the flux first leaves its peak. */
+static void advance(const entry *words, const simplified_memory *from, simplified_memory *path,
+                    number flux, simplified_memory *to)
 {
   *to = *from;
   if (flux > path->peak) {
+    if (path->start < -ONE) {
+      path->start = start_of(words, path->u);
+    }
     const number state = state_beyond(words, path, flux);
     *to = *path;
     to->u = state > path->u ? state : path->u;
@@ -76,7 +91,7 @@ static number simplified_field(compensator *c)
   const entry *words = c->words;
   const int falling = c->flux < c->memory.simplified.flux;
   const simplified_memory from = facing(&c->memory.simplified, falling);
-  const simplified_memory path = path_up(words, &from);
+  simplified_memory path = path_up(words, &from);
   simplified_memory to;
   advance(words, &from, &path, falling ? -c->flux : c->flux, &to);
   c->next.memory.simplified = facing(&to, falling);
@@ -86,7 +101,7 @@ static number simplified_field(compensator *c)
 /* Solves flux_arm*flux + field_arm*u = target upwards, from `to`, which is on the path. In the
    direction of travel the left side is a concave function of the flux. Therefore, Newton steps from
    before the solution never pass it, and a step from beyond leads before it. */
-static void reach(const entry *words, const simplified_memory *from, const simplified_memory *path,
+static void reach(const entry *words, const simplified_memory *from, simplified_memory *path,
                   const arms_type *arms, number target, simplified_memory *to)
 {
   for (int32_t i = (int32_t)words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
@@ -96,11 +111,8 @@ static void reach(const entry *words, const simplified_memory *from, const simpl
     if (!(size_of(missing) > RESIDUAL_DEADBAND) || !(slope > 0)) {
       break;
     }
-    const number step = newton_step(missing, slope);
-    advance(words, from, path, within(sum(to->flux, step), from->flux, ONE), to);
-    if (size_of(step) <= LAST_NEWTON_STEP) {
-      break;
-    }
+    const number flux = sum(to->flux, newton_step(missing, slope));
+    advance(words, from, path, within(flux, from->flux, ONE), to);
   }
 }
 
@@ -116,7 +128,7 @@ static number simplified_flux(compensator *c, number current)
   const simplified_memory guess = facing(&c->next.memory.simplified, falling);
   simplified_memory to = from;
   if (size_of(missing) > RESIDUAL_DEADBAND) {
-    const simplified_memory path = path_up(words, &from);
+    simplified_memory path = path_up(words, &from);
     const number goal = falling ? -target : target;
     if (c->stage == ANHYST_STAGE_AHEAD && guess.flux > from.flux &&
         size_of(difference(goal, current_at(words, &guess, arms))) < size_of(missing)) {

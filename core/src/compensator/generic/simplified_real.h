@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the simplified law in floating point, for simplified.h and closed_form.h. */
 
-#include "../formats/block_real.h"
+#include "block_real.h"
 
 #define ONE ((number)1)
 #define CURRENT_MAX ((number)1)
@@ -10,9 +10,6 @@
 
 /* The largest difference of two currents that rounding alone can cause. */
 #define RESIDUAL_DEADBAND ((number)4 * NUMBER_EPS)
-
-/* Every iteration is used: single and double precision show the error of the last step. */
-#define LAST_NEWTON_STEP ((number)0)
 
 static inline number sum(number a, number b) { return a + b; }
 static inline number difference(number a, number b) { return a - b; }
@@ -90,19 +87,17 @@ static spot spot_at(const entry *words, number z)
 {
   const int32_t octaves = (int32_t)words[ANHYST_WORD_SIMPLE_OCTAVES];
   const int32_t segments = (int32_t)1 << (int32_t)words[ANHYST_WORD_SIMPLE_SEGMENTS];
-  const entry *table = words + (int32_t)words[ANHYST_WORD_SIMPLE_CURVE];
-  number begin = first_octave(words);
-  number inside = z / begin;
+  number begin = (number)0;
+  number width = first_octave(words);
   int32_t octave = 0;
-  if (z >= begin) {
-    for (octave = 1; octave < octaves && z >= (number)2 * begin; octave++) {
-      begin *= (number)2;
-    }
-    inside = z / begin - (number)1;
+  for (; octave < octaves && z >= begin + width; octave++) {
+    begin += width;
+    width = begin;
   }
-  const number place = inside * (number)segments;
+  const number place = (z - begin) / width * (number)segments;
   const int32_t index = place < (number)segments ? (int32_t)place : segments - 1;
-  const spot found = {table + octave * segments + index, place - (number)index};
+  const int32_t first = (int32_t)words[ANHYST_WORD_SIMPLE_CURVE] + octave * segments;
+  const spot found = {words + first + index, place - (number)index};
   return found;
 }
 
@@ -112,8 +107,7 @@ static number distance_at(const entry *words, int32_t index, number part)
   const int32_t segments = (int32_t)1 << (int32_t)words[ANHYST_WORD_SIMPLE_SEGMENTS];
   const int32_t octave = index / segments;
   const number inside = ((number)(index % segments) + part) / (number)segments;
-  if (octave == 0) {
-    return inside * first_octave(words);
-  }
-  return ((number)1 + inside) * first_octave(words) * (number)((int32_t)1 << (octave - 1));
+  const int32_t octaves_before = octave > 0 ? octave - 1 : 0;
+  const number width = first_octave(words) * (number)((int32_t)1 << octaves_before);
+  return octave > 0 ? width + inside * width : inside * width;
 }

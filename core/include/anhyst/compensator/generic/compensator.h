@@ -74,13 +74,15 @@ typedef struct {
   int32_t segment;   /* word of the block with which the segment begins; 0: nothing is known */
 } anhyst_cells_candidate_x;
 
+typedef union {
+  anhyst_full_candidate_x full;
+  anhyst_cells_candidate_x cells;
+} anhyst_candidate_of_x;
+
 /* A place on the path, and what a search near it needs. */
 typedef struct {
   anhyst_memory_x memory;
-  union {
-    anhyst_full_candidate_x full;
-    anhyst_cells_candidate_x cells;
-  } of;
+  anhyst_candidate_of_x of;
 } anhyst_candidate_x;
 
 /* How the current is made up at the gap of this tick. */
@@ -121,7 +123,8 @@ typedef struct {
 } anhyst_deeper_x;
 #endif
 
-/* One compensator. */
+/* One compensator: 164 bytes or fewer in single precision on targets with 32-bit pointers, for thin
+   iron. */
 typedef struct anhyst_compensator_x {
   const anhyst_kernel_x *kernel;
   const ANHYST_REAL *words;        /* the parameter block in use; read only */
