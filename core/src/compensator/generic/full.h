@@ -27,27 +27,31 @@
 
 #include "full_block.h"
 
+/* The direction of a mirror. */
+static inline int16_t direction_of(mirror way) { return way < 0 ? -1 : 1; }
+
 /* The magnetisation at the memory. A candidate HERE knows it, and one AHEAD that stays. */
-static inline number start_magnetisation(const compensator *c, const path *along)
+static inline number start_magnetisation(const compensator *c)
 {
-  number rise;
   if (c->stage == ANHYST_STAGE_HERE ||
       (c->stage == ANHYST_STAGE_AHEAD && c->next.of.full.direction == 0)) {
     return within_unit(c->next.of.full.m);
   }
-  return magnetisation(along, along->y, odd_value(along->curve, along->x, &rise));
+  number rise;
+  const full_memory *from = &c->memory.full;
+  const number x = within_unit(to_inner(from->x));
+  const number anhysteretic = odd_value(curve_of(c->words), x, &rise);
+  return magnetisation(within_unit(to_inner(from->y)), anhysteretic,
+                       c->words[ANHYST_WORD_FULL_REVERSIBLE]);
 }
-
-/* The direction of a mirror. */
-static inline int16_t direction_of(mirror way) { return way < 0 ? -1 : 1; }
 
 /* Sets out from the memory, where the magnetisation is m. A candidate HERE of the same direction
    knows the slopes. */
 static void start(const compensator *c, path *along, mirror way, number m, answer *at)
 {
   const candidate *known = &c->next;
-  set_out(along, way);
-  depart(along);
+  begin(along, c->words, &c->memory.full, way);
+  depart(along, c->words, &c->memory.full, way);
   at->x = along->x;
   at->y = along->y;
   at->p = along->p;
@@ -60,33 +64,25 @@ static void start(const compensator *c, path *along, mirror way, number m, answe
   }
 }
 
-/* The end of a solved path of the same start and direction. */
-static void take_end(const path *along, const candidate *solved, mirror way, answer *at)
-{
-  at->x = above(turned(to_inner(solved->memory.full.x), way), along->x);
-  at->y = above(turned(to_inner(solved->memory.full.y), way), along->y);
-  at->p = above(turned(to_inner(solved->memory.full.p), way), along->p);
-  at->m = within_unit(turned(solved->of.full.m, way));
-  at->y_slope = rising(solved->of.full.y_slope);
-  at->m_slope = rising(solved->of.full.m_slope);
-}
-
 /* Stores a place on a path as the candidate, in the direction that the path really had. If the play
    has not moved, it has not turned either. */
 static void remember(compensator *c, const path *along, mirror way, const answer *at)
 {
   const full_memory *from = &c->memory.full;
-  full_memory *to = &c->next.memory.full;
-  const int is_moved = at->p > along->p;
-  to->x = to_memory(turned(at->x, way));
-  to->y = to_memory(turned(at->y, way));
-  to->p = to_memory(turned(at->p, way));
-  to->turn = is_moved ? to_memory(turned(along->turn, way)) : from->turn;
-  to->level = is_moved ? to_memory(turned(along->level, way)) : from->level;
-  c->next.of.full.m = turned(at->m, way);
-  c->next.of.full.y_slope = (candidate_slope)at->y_slope;
-  c->next.of.full.m_slope = (candidate_slope)at->m_slope;
-  c->next.of.full.direction = direction_of(way);
+  candidate *to = &c->next;
+  to->memory.full.x = to_memory(turned(at->x, way));
+  to->memory.full.y = to_memory(turned(at->y, way));
+  to->memory.full.p = to_memory(turned(at->p, way));
+  to->memory.full.turn = from->turn;
+  to->memory.full.level = from->level;
+  if (at->p > along->p && on_path(from->turn, way) >= along->p) {
+    to->memory.full.turn = from->p;
+    to->memory.full.level = from->y;
+  }
+  to->of.full.m = turned(at->m, way);
+  to->of.full.y_slope = (candidate_slope)at->y_slope;
+  to->of.full.m_slope = (candidate_slope)at->m_slope;
+  to->of.full.direction = direction_of(way);
 }
 
 /* The iron stays where it is, exactly. */
@@ -109,104 +105,107 @@ static inline number current_at(const compensator *c, number x, number m)
   return scaled(flux_at(c->words, x, m), c->arms.flux_arm) + scaled(x, c->arms.field_arm);
 }
 
-/* Lets the search stop as soon as the solution needs a current beyond its limit. */
-static void stop_at_limit(const compensator *c, mirror way, search *find)
+/* The equation of a current; its air is rounded in fixed point. */
+static inline equation of_current(const compensator *c, number target)
 {
-  const int16_t limit = way < 0 ? ANHYST_WORD_CURRENT_LOW : ANHYST_WORD_CURRENT_HIGH;
-  const number most = current_limit(c->words, limit) - to_inner(c->arms.bias);
-  find->stop_air = air_of_current(c->words[ANHYST_WORD_FULL_AIR], &c->arms);
-  find->stop_iron = c->arms.flux_arm;
-  find->stop = turned(most, way) + LIMIT_MARGIN;
+  const equation of = {air_of_current(c->words[ANHYST_WORD_FULL_AIR], &c->arms), c->arms.flux_arm,
+                       bounded(target)};
+  return of;
 }
 
-/* The field that belongs to the flux of a compensator. If its current is beyond a limit, the
-   largest field: the candidate is a place before it then. */
+/* Returns the field that belongs to the flux of a compensator. If its current is beyond a limit,
+   returns the largest field instead, and the candidate is where the current reaches the limit. */
 static number field_for_flux(compensator *c)
 {
-  path along;
-  search find;
-  answer at;
-  prepare(&along, c->words, &c->memory.full);
-  find.air = c->words[ANHYST_WORD_FULL_AIR];
-  find.iron = QUARTER;
-  at.x = along.x;
-  at.m = start_magnetisation(c, &along);
-  const number target = quarter_of(c->flux);
-  const number residual = sum_at(find.air, find.iron, &at) - target;
+  const number x = within_unit(to_inner(c->memory.full.x));
+  const number m = start_magnetisation(c);
+  const equation of = {c->words[ANHYST_WORD_FULL_AIR], QUARTER,
+                       scaled(to_inner(c->flux), QUARTER)};
+  const number residual = sum_at(&of, x, m) - of.target;
   if (!is_residual(residual)) {
-    stay(c, at.m);
+    stay(c, m);
     return c->memory.full.x;
   }
   const mirror way = mirror_of(residual > 0);
-  find.target = turned(target, way);
-  stop_at_limit(c, way, &find);
-  start(c, &along, way, at.m, &at);
-  const int is_found = rise(&along, &find, &at);
-  remember(c, &along, way, &at);
-  return is_found ? c->next.memory.full.x : to_memory(turned(MAX_FIELD, way));
-}
-
-/* Sets the target to what is missing from here on: air is rounded in fixed point. */
-static inline void aim(search *find, const answer *at, number missing)
-{
-  find->target = within_current(sum_at(find->air, find->iron, at) + missing);
-}
-
-/* Finds the place of a current from the end of the path that was solved last, if the current is on
-   this path. Returns 0 if it is not. */
-static int find_from_end(compensator *c, path *along, search *find, number wanted)
-{
-  const candidate *solved = &c->next;
-  const mirror way = mirror_of(solved->of.full.direction < 0);
+  const number limit = current_limit(c->words, residual > 0 ? ANHYST_WORD_CURRENT_LOW
+                                                            : ANHYST_WORD_CURRENT_HIGH);
+  const number to_limit = limit - to_inner(c->arms.bias);
+  if (turned(to_limit - current_at(c, x, m), way) <= RESIDUAL_DEADBAND) {
+    stay(c, m);
+    return to_memory(turned(MAX_FIELD, way));
+  }
+  path along;
   answer at;
-  set_out(along, way);
-  take_end(along, solved, way, &at);
+  const equation of_path = {of.air, of.iron, turned(of.target, way)};
+  const equation of_limit = of_current(c, turned(to_limit, way));
+  start(c, &along, way, m, &at);
+  const int is_limited = rise(&along, &of_path, &of_limit, &at);
+  remember(c, &along, way, &at);
+  return is_limited ? to_memory(turned(MAX_FIELD, way)) : c->next.memory.full.x;
+}
+
+/* The equation of a current of which this much is missing at a place. */
+static inline equation aim(const compensator *c, const answer *at, number missing)
+{
+  equation of = of_current(c, 0);
+  of.target = bounded(sum_at(&of, at->x, at->m) + missing);
+  return of;
+}
+
+/* No limit. */
+static const equation unlimited = {0, 0, UNIT};
+
+/* Finds the place of a current from the end of the path that was solved last. Returns 0 if the
+   current is not on this path. */
+static int find_from_end(compensator *c, number wanted)
+{
+  const candidate *end = &c->next;
+  const mirror way = mirror_of(end->of.full.direction < 0);
+  path along;
+  answer at;
+  begin(&along, c->words, &c->memory.full, way);
+  at.x = above(turned(to_inner(end->memory.full.x), way), along.x);
+  at.y = turned(to_inner(end->memory.full.y), way);
+  at.m = within_unit(turned(end->of.full.m, way));
+  at.y_slope = rising(end->of.full.y_slope);
+  at.m_slope = rising(end->of.full.m_slope);
+  const equation of = of_current(c, 0);
   const number missing = turned(wanted, way) - current_at(c, at.x, at.m);
-  aim(find, &at, missing);
-  const number next = look(find, &at);
-  if (next >= along->x && next <= MAX_FIELD && is_near(along, at.x, next)) {
-    slide(along, next, &at);
-    remember(c, along, way, &at);
+  const number next = at.x + step_against(-missing, sum_slope(&of, at.m_slope));
+  if (next >= along.x && next <= MAX_FIELD && is_near(&along, at.x, next)) {
+    slide(&along, next, &at);
+    remember(c, &along, way, &at);
     return 1;
   }
-  depart(along);
-  if (missing < 0) {
-    const number from_start =
-        turned(wanted, way) - current_at(c, along->x, start_magnetisation(c, along));
-    if (!is_residual(from_start) || from_start < 0) {
-      return 0;
-    }
+  const number start_current = current_at(c, turned(along.x, way), start_magnetisation(c));
+  if (missing < 0 && turned(wanted - start_current, way) <= RESIDUAL_DEADBAND) {
+    return 0;
   }
-  (void)rise(along, find, &at);
-  remember(c, along, way, &at);
+  depart(&along, c->words, &c->memory.full, way);
+  const equation of_rest = aim(c, &at, missing);
+  (void)rise(&along, &of_rest, &unlimited, &at);
+  remember(c, &along, way, &at);
   return 1;
 }
 
+/* Returns the flux to which a current leads. */
 static number flux_for_current(compensator *c, number current)
 {
-  path along;
-  search find;
-  answer at;
   const number wanted = to_inner(current) - to_inner(c->arms.bias);
-  prepare(&along, c->words, &c->memory.full);
-  find.air = air_of_current(c->words[ANHYST_WORD_FULL_AIR], &c->arms);
-  find.iron = c->arms.flux_arm;
-  find.stop_air = 0;
-  find.stop_iron = 0;
-  find.stop = UNIT;
   if (c->stage != ANHYST_STAGE_AHEAD || c->next.of.full.direction == 0 ||
-      !find_from_end(c, &along, &find, wanted)) {
-    prepare(&along, c->words, &c->memory.full);
-    at.m = start_magnetisation(c, &along);
-    const number missing = wanted - current_at(c, along.x, at.m);
+      !find_from_end(c, wanted)) {
+    const number m = start_magnetisation(c);
+    const number missing = wanted - current_at(c, within_unit(to_inner(c->memory.full.x)), m);
     if (is_residual(missing)) {
       const mirror way = mirror_of(missing < 0);
-      start(c, &along, way, at.m, &at);
-      aim(&find, &at, turned(missing, way));
-      (void)rise(&along, &find, &at);
+      path along;
+      answer at;
+      start(c, &along, way, m, &at);
+      const equation of = aim(c, &at, turned(missing, way));
+      (void)rise(&along, &of, &unlimited, &at);
       remember(c, &along, way, &at);
     } else {
-      stay(c, at.m);
+      stay(c, m);
     }
   }
   return to_outer(flux_at(c->words, to_inner(c->next.memory.full.x), c->next.of.full.m));

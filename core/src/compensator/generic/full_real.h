@@ -40,8 +40,6 @@ static inline table table_at(const entry *words, entry first, uint16_t n)
   return t;
 }
 
-static inline uint16_t exponent_of(entry word) { return (uint16_t)word; }
-
 static inline fading fading_of(const entry *words)
 {
   return words[ANHYST_WORD_FULL_RATE] * (number)16;
@@ -53,13 +51,9 @@ static inline number to_memory(number a) { return a; }
 
 static inline number to_outer(number a) { return a; }
 
-static inline number quarter_of(number a) { return a * (number)0.25; }
-
 static inline number within_unit(number a) { return within(a, -UNIT, UNIT); }
 
 static inline number clamped(number a, number low, number high) { return within(a, low, high); }
-
-static inline number from_q15(entry word) { return word; }
 
 static inline mirror mirror_of(int is_falling) { return is_falling ? (mirror)-1 : (mirror)1; }
 
@@ -159,11 +153,15 @@ static inline number forgotten_along(fading fades, number travel)
   return forgotten(travel * fades);
 }
 
+static inline number kappa_of(entry steepness) { return UNIT / steepness; }
+
+static inline number share_of(number a, number share) { return a * share; }
+
 static inline number lead_of(number a) { return a; }
 
 static inline number part_of_lead(number part, number lead) { return part * lead; }
 
-static inline number within_current(number a) { return a; }
+static inline number bounded(number a) { return a; }
 
 static inline number current_limit(const entry *words, int16_t word) { return words[word]; }
 
