@@ -27,7 +27,7 @@ template <class F> void bind_real(nb::module_ &m, const char *name)
                   "gap_low"_a, "gap_high"_a, "low"_a, "high"_a)
       .def_static("play", &Bound::play, "entries"_a.noconvert(), "half"_a.noconvert(), "radius"_a,
                   "force_low"_a, "force_high"_a, "gap_low"_a, "gap_high"_a, "low"_a, "high"_a)
-      .def_static("compensator", &Bound::compensator, "parameters"_a, nb::keep_alive<0, 1>())
+      .def_static("compensator", &Bound::compensator, "kind"_a, "words"_a.noconvert())
       .def_static("flux", &Bound::flux, "entries"_a.noconvert(), "wanted"_a.noconvert(),
                   "loop"_a.noconvert(), "force_low"_a, "force_high"_a, "gap_low"_a, "gap_high"_a,
                   "low"_a, "high"_a)
@@ -59,7 +59,7 @@ FixedForceController::Made FixedForceController::map(const Entries &entries, int
 }
 
 FixedForceController::Made FixedForceController::play(const Entries &entries, const Entries &half,
-                                                      int32_t radius, const Words &steepness,
+                                                      int32_t radius, const Words<Fixed> &steepness,
                                                       int32_t low, int32_t high)
 {
   same_length(entries.shape(0), half.shape(0), "half");
@@ -73,12 +73,12 @@ FixedForceController::Made FixedForceController::play(const Entries &entries, co
 }
 
 FixedForceController::Made FixedForceController::compensator(const std::string &kind,
-                                                             const Words &words)
+                                                             const Words<Fixed> &words)
 {
   Made made(new FixedForceController);
   made->tables_.emplace_back(words.data(), words.data() + words.size());
   check_controller(anhyst_force_controller_init_compensator_q31(
-      &made->state_, to_kernel(kind), made->tables_.back().data(),
+      &made->state_, to_kernel<Fixed>(kind), made->tables_.back().data(),
       static_cast<uint16_t>(words.size())));
   return made;
 }

@@ -274,6 +274,7 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "sha256": head.sha256,
         "io": "q31",
         "real": False,
+        "memories": 1,
         "port": True,
         "control": False,
         "play": True,

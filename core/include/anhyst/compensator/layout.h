@@ -119,6 +119,11 @@ enum {
   /* Euler only. */
   ANHYST_WORD_EULER_SUBSTEPS = 41, /* 1..16: explicit Euler steps a sample */
 
+  /* The dead band of simplified and Euler. */
+  /* weight: reversals of the flux up to this size leave the bounded state unchanged when the flux
+     returns */
+  ANHYST_WORD_SIMPLE_BAND = 42,
+
   /* Cells: plays in the effective field. The field is in units of the largest one the tables reach,
      X. */
   ANHYST_WORD_CELLS_AIR = 32, /* weight: flux of a field of 1.0 without iron (h*X/4) */

@@ -126,8 +126,8 @@
 #define anhyst_block_check_x ANHYST_NAME(anhyst_block_check)
 #define anhyst_block_misfit_x ANHYST_NAME(anhyst_block_misfit)
 #define anhyst_candidate_x ANHYST_NAME(anhyst_candidate)
+#define anhyst_candidate_of_x ANHYST_NAME(anhyst_candidate_of)
 #define anhyst_full_candidate_x ANHYST_NAME(anhyst_full_candidate)
-#define anhyst_simplified_candidate_x ANHYST_NAME(anhyst_simplified_candidate)
 #define anhyst_cells_candidate_x ANHYST_NAME(anhyst_cells_candidate)
 #define anhyst_compensator_demagnetise_x ANHYST_NAME(anhyst_compensator_demagnetise)
 

@@ -2,28 +2,20 @@
 /* Template: the check of a parameter block, for every format. ../block.c, block_f32.c and
    block_f64.c include it after their format. */
 
-/* CRC-32 (IEEE 802.3, reflected) of 16 bits, low byte first, without a table. */
-static uint32_t checksum_half(uint32_t sum, uint16_t half)
-{
-  sum ^= half;
-  for (uint16_t bit = 0; bit < 16U; bit++) {
-    sum = (sum & 1U) != 0U ? (sum >> 1) ^ 0xEDB88320UL : sum >> 1;
-  }
-  return sum;
-}
+#include "../checksum.h"
 
 /* CRC-32 of all words except its own, each word low byte first. */
 static uint32_t checksum(const entry *words, int32_t length)
 {
-  uint32_t sum = 0xFFFFFFFFUL;
+  uint32_t sum = ANHYST_CHECKSUM_START;
   for (int32_t i = 0; i < length; i++) {
     if (i != ANHYST_WORD_CRC && i != ANHYST_WORD_CRC + 1) {
       for (uint16_t half = 0; half < WORD_HALVES; half++) {
-        sum = checksum_half(sum, bits_of(words[i], half));
+        sum = anhyst_checksum_add(sum, bits_of(words[i], half));
       }
     }
   }
-  return sum ^ 0xFFFFFFFFUL;
+  return ~sum;
 }
 
 static int is_checksum_right(const entry *words)

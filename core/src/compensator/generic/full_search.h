@@ -24,9 +24,9 @@ static inline number sum_slope(const equation *of, slope m_slope)
 }
 
 /* A residual over a slope, in the direction that removes the residual. */
-static inline number step_against(number residual, number slope)
+static inline number step_against(number residual, number rise)
 {
-  return residual < 0 ? quotient(-residual, slope) : -quotient(residual, slope);
+  return residual < 0 ? quotient(-residual, rise) : -quotient(residual, rise);
 }
 
 /* Returns where the path would meet its target from x on if m rose like the anhysteretic curve: a

@@ -29,13 +29,15 @@ typedef struct {
   ANHYST_REAL level; /* y there */
 } anhyst_full_memory_x;
 
-/* Of the closed form. */
+/* State of the closed form. The path that the iron remembers begins at `turn` and reaches to `peak`;
+   no path is known if both are equal. */
 typedef struct {
   ANHYST_REAL flux;
-  ANHYST_REAL u;     /* bounded state */
-  ANHYST_REAL z;     /* distance where the path turned */
-  ANHYST_REAL turn;  /* flux there; where it is now: not known, it turns now */
-  ANHYST_REAL level; /* u there */
+  ANHYST_REAL u;     /* bounded state at the peak */
+  ANHYST_REAL turn;  /* flux where the path begins */
+  ANHYST_REAL peak;  /* farthest flux of the path */
+  ANHYST_REAL start; /* where the path begins, in its direction: the bounded state if it is below 0,
+                        otherwise the distance */
 } anhyst_simplified_memory_x;
 
 /* Of play cells. */
@@ -64,26 +66,23 @@ typedef struct {
 } anhyst_full_candidate_x;
 
 typedef struct {
-  ANHYST_REAL start; /* z where the step began, in its direction */
-  int16_t direction; /* 1: the flux rises, -1: it falls, 0: it stays */
-} anhyst_simplified_candidate_x;
-
-typedef struct {
   ANHYST_REAL joins; /* field where the next play joins, in the direction */
-  ANHYST_REAL flux;  /* air*x + m where the segment of the row begins */
-  ANHYST_REAL rise;  /* what the row rises on the segment */
+  ANHYST_REAL flux;  /* air*x + m where the segment of the row begins, over 4 */
+  ANHYST_REAL rise;  /* rise of the row on the segment */
   ANHYST_REAL begin; /* field where the segment begins, in the direction */
+  ANHYST_REAL width; /* width of the segment */
   int32_t segment;   /* word of the block with which the segment begins; 0: nothing is known */
 } anhyst_cells_candidate_x;
+
+typedef union {
+  anhyst_full_candidate_x full;
+  anhyst_cells_candidate_x cells;
+} anhyst_candidate_of_x;
 
 /* A place on the path, and what a search near it needs. */
 typedef struct {
   anhyst_memory_x memory;
-  union {
-    anhyst_full_candidate_x full;
-    anhyst_simplified_candidate_x simplified;
-    anhyst_cells_candidate_x cells;
-  } of;
+  anhyst_candidate_of_x of;
 } anhyst_candidate_x;
 
 /* How the current is made up at the gap of this tick. */
