@@ -56,6 +56,7 @@ static void start(const compensator *c, path *along, mirror way, number m, answe
   at->y = along->y;
   at->p = along->p;
   at->m = turned(m, way);
+  along->m = at->m;
   if (c->stage == ANHYST_STAGE_HERE && known->of.full.direction == direction_of(way)) {
     at->y_slope = rising(known->of.full.y_slope);
     at->m_slope = rising(known->of.full.m_slope);
@@ -177,7 +178,9 @@ static int find_from_end(compensator *c, number wanted)
     remember(c, &along, way, &at);
     return 1;
   }
-  const number start_current = current_at(c, turned(along.x, way), start_magnetisation(c));
+  const number m = start_magnetisation(c);
+  const number start_current = current_at(c, turned(along.x, way), m);
+  along.m = turned(m, way);
   if (missing < 0 && turned(wanted - start_current, way) <= RESIDUAL_DEADBAND) {
     return 0;
   }

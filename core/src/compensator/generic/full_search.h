@@ -24,9 +24,9 @@ static inline number sum_slope(const equation *of, slope m_slope)
 }
 
 /* A residual over a slope, in the direction that removes the residual. */
-static inline number step_against(number residual, number rise)
+static inline number step_against(number residual, number steepness)
 {
-  return residual < 0 ? quotient(-residual, rise) : -quotient(residual, rise);
+  return residual < 0 ? quotient(-residual, steepness) : -quotient(residual, steepness);
 }
 
 /* Returns where the path would meet its target from x on if m rose like the anhysteretic curve: a
@@ -55,6 +55,8 @@ static number follow_curve(const path *along, const equation *of, number x, numb
 typedef struct {
   number low;
   number high;
+  number low_residual;  /* < 0 */
+  number high_residual; /* >= 0; -1: high is a bound, the path was not evaluated there */
 } interval;
 
 /* Returns where to look first on a path that begins held, if the tangent leads beyond the hold. At
@@ -68,26 +70,32 @@ static number leave_hold(const path *along, const equation *of, number end, inte
   const number residual = sum_at(of, end, m) - of->target;
   if (residual >= 0) {
     within->high = end;
+    within->high_residual = residual;
     return end;
   }
   within->low = end;
+  within->low_residual = residual;
   const number guess = clamped(follow_curve(along, of, end, residual), end, within->high);
   const number lag = along->kappa - part_of(along->kappa, along->reversible);
   const number behind = share_of(lag, forgotten_along(along->fades, guess - end));
   return clamped(guess + behind, end, within->high);
 }
 
-/* Returns where to look after a Newton step that was not accepted: along the anhysteretic curve, or
-   in the middle. */
-static number look_elsewhere(const path *along, const equation *of, interval within, number x,
-                             number residual)
+/* Returns where to look after a Newton step that was not accepted: where a chord meets the target,
+   or along the anhysteretic curve if the path was not evaluated at the high end. If the last step
+   did not help, in the middle. */
+static number look_elsewhere(const path *along, const equation *of, const interval *within,
+                             number x, number residual, int is_stuck)
 {
-  const number width = within.high - within.low;
-  number next = within.low;
-  if (width > MIN_CURVE_INTERVAL) {
+  const number width = within->high - within->low;
+  number next = within->low;
+  if (!is_stuck && within->high_residual >= 0) {
+    const number missing = within->low_residual < 0 ? -within->low_residual : RESIDUAL_DEADBAND;
+    next += chord(width, missing, missing + within->high_residual);
+  } else if (!is_stuck && width > MIN_CURVE_INTERVAL) {
     next = follow_curve(along, of, x, residual);
   }
-  return next > within.low && next < within.high ? next : within.low + half_of(width);
+  return next > within->low && next < within->high ? next : within->low + half_of(width);
 }
 
 /* Solves from a place on a path that has departed, at whose start the residual is negative. Makes
@@ -102,57 +110,62 @@ static int rise(const path *along, const equation *of, const equation *limit, an
   const number moves = along->departure > along->p ? along->departure : along->p;
   const number freed = moves + along->play;
   const equation *const wanted = of;
-  interval within = {along->x, MAX_FIELD};
+  interval within = {along->x, MAX_FIELD, sum_at(of, along->x, along->m) - of->target, -1};
   answer at = *found;
   number residual = sum_at(of, at.x, at.m) - of->target;
   number next = at.x + step_against(residual, sum_slope(of, at.m_slope));
   number last_step = MAX_FIELD + MAX_FIELD;
-  if (residual < 0) {
-    within.low = at.x;
-  } else {
+  int is_stuck = 0;
+  if (residual >= 0) {
     within.high = at.x;
+    within.high_residual = residual;
   }
   if (freed - at.x > PLAY_SLACK && next > freed && freed < within.high) {
     next = leave_hold(along, of, freed, &within);
   } else if (next <= within.low || next >= within.high) {
-    next = look_elsewhere(along, of, within, at.x, residual);
+    next = look_elsewhere(along, of, &within, at.x, residual, 0);
   } else {
     last_step = size_of(next - at.x);
   }
-  for (int32_t left = along->evaluations; ; left--) {
+  for (int32_t left = along->evaluations;; left--) {
     at = evaluate(along, next);
     residual = sum_at(of, at.x, at.m) - of->target;
     if (residual < 0 && of == wanted && sum_at(limit, at.x, at.m) > limit->target + LIMIT_MARGIN) {
       of = limit;
       within.low = along->x;
+      within.low_residual = sum_at(of, along->x, along->m) - of->target;
       residual = sum_at(of, at.x, at.m) - of->target;
     }
-    const number slope = sum_slope(of, at.m_slope);
+    const number steepness = sum_slope(of, at.m_slope);
+    number room; /* to the end of the interval */
     number step;
     if (residual < 0) {
       within.low = at.x;
-      step = quotient(-residual, slope);
-      next = at.x + step;
+      within.low_residual = residual;
+      room = within.high - at.x;
+      step = quotient(-residual, steepness);
+      next = at.x + (step < room ? step : room);
     } else {
       within.high = at.x;
-      step = quotient(residual, slope);
-      next = at.x - step;
+      within.high_residual = residual;
+      room = at.x - within.low;
+      step = quotient(residual, steepness);
+      next = at.x - (step < room ? step : room);
     }
     if (left <= 1 || is_near(along, at.x, next)) {
       break;
     }
-    if (step <= last_step - half_of(half_of(last_step)) && next > within.low &&
-        next < within.high) {
-      last_step = step;
-    } else if (step <= MIN_CHECKED_STEP) {
-      next = clamped(next, within.low, within.high);
-      last_step = step;
-    } else {
-      next = look_elsewhere(along, of, within, at.x, residual);
+    if (step > MIN_CHECKED_STEP &&
+        (step >= room || step > last_step - half_of(half_of(last_step)))) {
+      next = look_elsewhere(along, of, &within, at.x, residual, is_stuck);
       last_step = within.high - within.low;
+      is_stuck = 1;
+    } else {
+      last_step = step;
+      is_stuck = 0;
     }
   }
-  slide(along, clamped(next, within.low, within.high), &at);
+  slide(along, next, &at);
   *found = at;
   return of != wanted;
 }
