@@ -86,10 +86,11 @@ static void remember(compensator *c, const path *along, mirror way, const answer
   to->of.full.direction = direction_of(way);
 }
 
-/* The iron stays where it is, exactly. */
+/* The iron stays where it is, exactly, unless the memory was damaged. */
 static void stay(compensator *c, number m)
 {
   c->next.memory = c->memory;
+  c->next.memory.full.x = to_memory(within_unit(to_inner(c->memory.full.x)));
   c->next.of.full.m = m;
   c->next.of.full.direction = 0;
 }
@@ -125,7 +126,7 @@ static number field_for_flux(compensator *c)
   const number residual = sum_at(&of, x, m) - of.target;
   if (!is_residual(residual)) {
     stay(c, m);
-    return c->memory.full.x;
+    return c->next.memory.full.x;
   }
   const mirror way = mirror_of(residual > 0);
   const number limit = current_limit(c->words, residual > 0 ? ANHYST_WORD_CURRENT_LOW
