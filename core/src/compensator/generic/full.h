@@ -30,39 +30,25 @@
 /* The direction of a mirror. */
 static inline int16_t direction_of(mirror way) { return way < 0 ? -1 : 1; }
 
-/* The magnetisation at the memory. A candidate HERE knows it, and one AHEAD that stays. */
-static inline number start_magnetisation(const compensator *c)
+/* The place of the memory, in no direction; *rise is that of the anhysteretic curve there. */
+static inline answer at_memory(const compensator *c, number *rise)
 {
-  if (c->stage == ANHYST_STAGE_HERE ||
-      (c->stage == ANHYST_STAGE_AHEAD && c->next.of.full.direction == 0)) {
-    return within_unit(c->next.of.full.m);
-  }
-  number rise;
   const full_memory *from = &c->memory.full;
-  const number x = within_unit(to_inner(from->x));
-  const number anhysteretic = odd_value(curve_of(c->words), x, &rise);
-  return magnetisation(within_unit(to_inner(from->y)), anhysteretic,
+  answer at = {within_unit(to_inner(from->x)), within_unit(to_inner(from->y)), 0, 0, 0, 0};
+  at.m = magnetisation(at.y, odd_value(curve_of(c->words), at.x, rise),
                        c->words[ANHYST_WORD_FULL_REVERSIBLE]);
+  return at;
 }
 
-/* Sets out from the memory, where the magnetisation is m. A candidate HERE of the same direction
-   knows the slopes. */
-static void start(const compensator *c, path *along, mirror way, number m, answer *at)
+/* Sets out from the memory. */
+static void start(const compensator *c, path *along, mirror way, number rise, answer *at)
 {
-  const candidate *known = &c->next;
   begin(along, c->words, &c->memory.full, way);
+  along->m = turned(at->m, way);
   depart(along, c->words, &c->memory.full, way);
   at->x = along->x;
-  at->y = along->y;
-  at->p = along->p;
-  at->m = turned(m, way);
-  along->m = at->m;
-  if (c->stage == ANHYST_STAGE_HERE && known->of.full.direction == direction_of(way)) {
-    at->y_slope = rising(known->of.full.y_slope);
-    at->m_slope = rising(known->of.full.m_slope);
-  } else {
-    find_start_slopes(along, at);
-  }
+  at->m = along->m;
+  find_start_slopes(along, rise, at);
 }
 
 /* Stores a place on a path as the candidate, in the direction that the path really had. If the play
@@ -119,29 +105,28 @@ static inline equation of_current(const compensator *c, number target)
    returns the largest field instead, and the candidate is where the current reaches the limit. */
 static number field_for_flux(compensator *c)
 {
-  const number x = within_unit(to_inner(c->memory.full.x));
-  const number m = start_magnetisation(c);
-  const equation of = {c->words[ANHYST_WORD_FULL_AIR], QUARTER,
-                       scaled(to_inner(c->flux), QUARTER)};
-  const number residual = sum_at(&of, x, m) - of.target;
+  number segment_rise;
+  answer at = at_memory(c, &segment_rise);
+  equation of = {c->words[ANHYST_WORD_FULL_AIR], QUARTER, scaled(to_inner(c->flux), QUARTER)};
+  const number residual = sum_at(&of, at.x, at.m) - of.target;
   if (!is_residual(residual)) {
-    stay(c, m);
+    stay(c, at.m);
     return c->next.memory.full.x;
   }
-  const mirror way = mirror_of(residual > 0);
-  const number limit = current_limit(c->words, residual > 0 ? ANHYST_WORD_CURRENT_LOW
-                                                            : ANHYST_WORD_CURRENT_HIGH);
-  const number to_limit = limit - to_inner(c->arms.bias);
-  if (turned(to_limit - current_at(c, x, m), way) <= RESIDUAL_DEADBAND) {
-    stay(c, m);
+  const int is_falling = residual > 0;
+  const mirror way = mirror_of(is_falling);
+  const number limit =
+      current_limit(c->words, is_falling ? ANHYST_WORD_CURRENT_LOW : ANHYST_WORD_CURRENT_HIGH) -
+      to_inner(c->arms.bias);
+  if (turned(limit - current_at(c, at.x, at.m), way) <= RESIDUAL_DEADBAND) {
+    stay(c, at.m);
     return to_memory(turned(MAX_FIELD, way));
   }
   path along;
-  answer at;
-  const equation of_path = {of.air, of.iron, turned(of.target, way)};
-  const equation of_limit = of_current(c, turned(to_limit, way));
-  start(c, &along, way, m, &at);
-  const int is_limited = rise(&along, &of_path, &of_limit, &at);
+  const equation of_limit = of_current(c, turned(limit, way));
+  of.target = turned(of.target, way);
+  start(c, &along, way, segment_rise, &at);
+  const int is_limited = rise(&along, &of, &of_limit, &at);
   remember(c, &along, way, &at);
   return is_limited ? to_memory(turned(MAX_FIELD, way)) : c->next.memory.full.x;
 }
@@ -179,10 +164,11 @@ static int find_from_end(compensator *c, number wanted)
     remember(c, &along, way, &at);
     return 1;
   }
-  const number m = start_magnetisation(c);
-  const number start_current = current_at(c, turned(along.x, way), m);
-  along.m = turned(m, way);
-  if (missing < 0 && turned(wanted - start_current, way) <= RESIDUAL_DEADBAND) {
+  number segment_rise;
+  const answer from = at_memory(c, &segment_rise);
+  along.m = turned(from.m, way);
+  if (missing < 0 &&
+      turned(wanted - current_at(c, from.x, from.m), way) <= RESIDUAL_DEADBAND) {
     return 0;
   }
   depart(&along, c->words, &c->memory.full, way);
@@ -198,18 +184,18 @@ static number flux_for_current(compensator *c, number current)
   const number wanted = to_inner(current) - to_inner(c->arms.bias);
   if (c->stage != ANHYST_STAGE_AHEAD || c->next.of.full.direction == 0 ||
       !find_from_end(c, wanted)) {
-    const number m = start_magnetisation(c);
-    const number missing = wanted - current_at(c, within_unit(to_inner(c->memory.full.x)), m);
+    number segment_rise;
+    answer at = at_memory(c, &segment_rise);
+    const number missing = wanted - current_at(c, at.x, at.m);
     if (is_residual(missing)) {
       const mirror way = mirror_of(missing < 0);
       path along;
-      answer at;
-      start(c, &along, way, m, &at);
+      start(c, &along, way, segment_rise, &at);
       const equation of = aim(c, &at, turned(missing, way));
       (void)rise(&along, &of, &unlimited, &at);
       remember(c, &along, way, &at);
     } else {
-      stay(c, m);
+      stay(c, at.m);
     }
   }
   return to_outer(flux_at(c->words, to_inner(c->next.memory.full.x), c->next.of.full.m));

@@ -155,17 +155,16 @@ static inline answer evaluate(const path *along, number x)
   return at;
 }
 
-/* The slopes beyond the start of a path that has departed. */
-static void find_start_slopes(const path *along, answer *at)
+/* The slopes beyond the start of a path that has departed; x_rise is that of the curve there. */
+static void find_start_slopes(const path *along, number x_rise, answer *at)
 {
-  number rise;
   at->y_slope = 0;
   if (along->p >= along->departure && along->x - along->p >= along->play - PLAY_SLACK) {
+    number rise;
     const number pull = odd_value(along->curve, along->p, &rise);
     at->y_slope = rising(pulled(pull - along->y, along->steepness));
   }
-  (void)odd_value(along->curve, along->x, &rise);
-  at->m_slope = mixed_slope(at->y_slope, slope_of(along->curve, rise), along->reversible);
+  at->m_slope = mixed_slope(at->y_slope, slope_of(along->curve, x_rise), along->reversible);
 }
 
 /* Moves an answer along its tangents towards x, at most by MAX_SLIDE. */
