@@ -41,7 +41,7 @@ static inline answer at_memory(const compensator *c, number *rise)
 }
 
 /* Sets out from the memory. */
-static void start(const compensator *c, path *along, mirror way, number rise, answer *at)
+static inline void start(const compensator *c, path *along, mirror way, number rise, answer *at)
 {
   begin(along, c->words, &c->memory.full, way);
   along->m = turned(at->m, way);
@@ -53,7 +53,7 @@ static void start(const compensator *c, path *along, mirror way, number rise, an
 
 /* Stores a place on a path as the candidate, in the direction that the path really had. If the play
    has not moved, it has not turned either. */
-static void remember(compensator *c, const path *along, mirror way, const answer *at)
+static inline void remember(compensator *c, const path *along, mirror way, const answer *at)
 {
   const full_memory *from = &c->memory.full;
   candidate *to = &c->next;
@@ -139,9 +139,6 @@ static inline equation aim(const compensator *c, const answer *at, number missin
   return of;
 }
 
-/* No limit. */
-static const equation unlimited = {0, 0, UNIT};
-
 /* Finds the place of a current from the end of the path that was solved last. Returns 0 if the
    current is not on this path. */
 static int find_from_end(compensator *c, number wanted)
@@ -173,7 +170,7 @@ static int find_from_end(compensator *c, number wanted)
   }
   depart(&along, c->words, &c->memory.full, way);
   const equation of_rest = aim(c, &at, missing);
-  (void)rise(&along, &of_rest, &unlimited, &at);
+  (void)rise(&along, &of_rest, 0, &at);
   remember(c, &along, way, &at);
   return 1;
 }
@@ -192,7 +189,7 @@ static number flux_for_current(compensator *c, number current)
       path along;
       start(c, &along, way, segment_rise, &at);
       const equation of = aim(c, &at, turned(missing, way));
-      (void)rise(&along, &of, &unlimited, &at);
+      (void)rise(&along, &of, 0, &at);
       remember(c, &along, way, &at);
     } else {
       stay(c, at.m);

@@ -99,7 +99,7 @@ static inline void begin(path *along, const entry *words, const full_memory *fro
 /* Finds where the play turned, where the irreversible part departs and what it has to forget. The
    play turns here if it moved the other way, or not yet. y is held until the anhysteretic has
    crossed it. An error of that place barely matters, since y leaves with slope zero. */
-static void depart(path *along, const entry *words, const full_memory *from, mirror way)
+static inline void depart(path *along, const entry *words, const full_memory *from, mirror way)
 {
   number rise;
   along->curve = curve_of(words);
@@ -156,7 +156,7 @@ static inline answer evaluate(const path *along, number x)
 }
 
 /* The slopes beyond the start of a path that has departed; x_rise is that of the curve there. */
-static void find_start_slopes(const path *along, number x_rise, answer *at)
+static inline void find_start_slopes(const path *along, number x_rise, answer *at)
 {
   at->y_slope = 0;
   if (along->p >= along->departure && along->x - along->p >= along->play - PLAY_SLACK) {

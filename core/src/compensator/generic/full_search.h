@@ -130,7 +130,7 @@ static int rise(const path *along, const equation *of, const equation *limit, an
   for (int32_t left = along->evaluations;; left--) {
     at = evaluate(along, next);
     residual = sum_at(of, at.x, at.m) - of->target;
-    if (residual < 0 && of == wanted && sum_at(limit, at.x, at.m) > limit->target + LIMIT_MARGIN) {
+    if (residual < 0 && limit != 0 && of == wanted && sum_at(limit, at.x, at.m) > limit->target + LIMIT_MARGIN) {
       of = limit;
       within.low = along->x;
       within.low_residual = sum_at(of, along->x, along->m) - of->target;
