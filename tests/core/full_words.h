@@ -17,7 +17,10 @@ static int16_t words[ANHYST_BLOCK_LEAST_WORDS + 3 * (2 * MOST_SEGMENTS + 1)];
 
 static inline double langevin(double x) { return (double)true_langevin((long double)x); }
 
-static inline double inverse_langevin(double y) { return (double)true_inverse_langevin((long double)y); }
+static inline double inverse_langevin(double y)
+{
+  return (double)true_inverse_langevin((long double)y);
+}
 
 static inline double branch_at(double kappa, double x)
 {

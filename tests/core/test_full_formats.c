@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the law of Jiles and Atherton in fixed point, f32 and f64 together: the formats agree on
-   random paths, none of them creeps at rest, and damaged states and signals do no harm. The number
-   of ticks at rest may be given as an argument. */
+/* Claims of the law of Jiles and Atherton in fixed point, f32 and f64 together: the formats agree
+   on random paths, none of them creeps at rest, and damaged states and signals do no harm. The
+   number of ticks at rest may be given as an argument. */
 #include <string.h>
 
 #include "anhyst/compensator/compensator.h"
@@ -95,8 +95,8 @@ FORMAT(fixed, anhyst_compensator, anhyst_arms, anhyst_kernel_full, int32_t, word
        weight_of)
 FORMAT(f32, anhyst_compensator_f32, anhyst_arms_f32, anhyst_kernel_full_f32, float, words_f32, 1.0,
        single_of)
-FORMAT(f64, anhyst_compensator_f64, anhyst_arms_f64, anhyst_kernel_full_f64, double, words_f64,
-       1.0, double_of)
+FORMAT(f64, anhyst_compensator_f64, anhyst_arms_f64, anhyst_kernel_full_f64, double, words_f64, 1.0,
+       double_of)
 
 /* The numbers of a walk are multiples of 2^-20: the same in every format. */
 static double rounded(double a) { return floor(a * 1048576.0) / 1048576.0; }
@@ -243,7 +243,8 @@ static void damage(void *state, size_t size, uint64_t *seed)
   static const uint32_t PATTERNS[8] = {0x7FC00000U, 0x7F800000U, 0xFF800000U, 0x7FFFFFFFU,
                                        0x80000000U, 0xFFFFFFFFU, 0x4B000000U, 0xFFF00000U};
   const uint64_t choice = random_bits(seed);
-  const uint32_t word = choice % 3U == 0U ? (uint32_t)random_bits(seed) : PATTERNS[choice / 3U % 8U];
+  const uint32_t word =
+      choice % 3U == 0U ? (uint32_t)random_bits(seed) : PATTERNS[choice / 3U % 8U];
   const size_t at = (size_t)(random_bits(seed) % (size / 4U)) * 4U;
   memcpy((char *)state + at, &word, 4);
 }

@@ -9,13 +9,13 @@
 
 #include "formats/block_fixed.h"
 
-#define UNIT ((number)268435456)    /* 1.0 */
-#define MAX_FIELD (UNIT - 1)        /* the largest field */
-#define RESIDUAL_DEADBAND 32        /* a residual that is not more than rounding, 1.2e-7 */
-#define PLAY_SLACK 0                /* what rounding leaves between the play and its stop */
+#define UNIT ((number)268435456) /* 1.0 */
+#define MAX_FIELD (UNIT - 1)     /* the largest field */
+#define RESIDUAL_DEADBAND 32     /* a residual that is not more than rounding, 1.2e-7 */
+#define PLAY_SLACK 0             /* what rounding leaves between the play and its stop */
 #define MAX_TANGENT_STEP (UNIT / 256)
-#define MIN_SLOPE ((number)1)       /* the least slope of a sum that is divided by, a weight */
-#define QUARTER ((entry)16384)      /* 1/4 as a weight */
+#define MIN_SLOPE ((number)1)  /* the least slope of a sum that is divided by, a weight */
+#define QUARTER ((entry)16384) /* 1/4 as a weight */
 
 #define MAX_SEGMENTS_EXPONENT 9
 #define MAX_RATE_SHIFT 12
@@ -46,8 +46,7 @@ static inline table table_at(const entry *words, entry first, uint16_t n)
 
 static inline fading fading_of(const entry *words)
 {
-  const fading fades = {words[ANHYST_WORD_FULL_RATE],
-                        (uint16_t)words[ANHYST_WORD_FULL_RATE_SHIFT]};
+  const fading fades = {words[ANHYST_WORD_FULL_RATE], (uint16_t)words[ANHYST_WORD_FULL_RATE_SHIFT]};
   return fades;
 }
 
@@ -144,7 +143,10 @@ static inline number sum_rounding(entry air, slope steepest)
 }
 
 /* The largest rise of a segment, for which slopes stay within ANHYST_SLOPE_MAX. */
-static inline entry max_rise(uint16_t n) { return (entry)(ANHYST_Q15_MAX >> (n > 5U ? n - 5U : 0U)); }
+static inline entry max_rise(uint16_t n)
+{
+  return (entry)(ANHYST_Q15_MAX >> (n > 5U ? n - 5U : 0U));
+}
 
 /* n over the slope d for n >= 0, d > 0, to 14 bits or exact; at most 4. */
 static inline number quotient(number n, number d)

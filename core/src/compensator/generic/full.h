@@ -164,8 +164,7 @@ static int find_from_end(compensator *c, number wanted)
   number segment_rise;
   const answer from = at_memory(c, &segment_rise);
   along.m = turned(from.m, way);
-  if (missing < 0 &&
-      turned(wanted - current_at(c, from.x, from.m), way) <= RESIDUAL_DEADBAND) {
+  if (missing < 0 && turned(wanted - current_at(c, from.x, from.m), way) <= RESIDUAL_DEADBAND) {
     return 0;
   }
   depart(&along, c->words, &c->memory.full, way);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: what the law of Jiles and Atherton requires of a block, and how a memory is brought from
-   one block to another; for full.h. */
+/* Template: what the law of Jiles and Atherton requires of a block, and how a memory is brought
+   from one block to another; for full.h. */
 
 /* The largest slope of m in valid tables, as it may have been before their entries were rounded,
    which makes a segment steeper by up to TABLE_ROUNDING. No path is steeper than the ascending
@@ -22,8 +22,8 @@ static slope steepest_slope(const entry *words)
   return most;
 }
 
-/* Whether more field needs more current at every gap: field_arm + flux_arm*(h + slope of m) is above
-   zero by more than rounding between two entries of the tables over the gap can remove. */
+/* Whether more field needs more current at every gap: field_arm + flux_arm*(h + slope of m) is
+   above zero by more than rounding between two entries of the tables over the gap can remove. */
 static int does_current_rise(const entry *words)
 {
   const int32_t gaps = (int32_t)1 << (uint16_t)words[ANHYST_WORD_GAP_SEGMENTS];
@@ -86,10 +86,9 @@ static number carried_to(path *along, const entry *words, const carried *from, n
 {
   number rise;
   along->x = within_tables(from->x + shift);
-  along->p = clamped(within_tables(from->p + shift), along->x - along->play,
-                     along->x + along->play);
-  const number pull =
-      odd_value(curve_of(words), within_tables(from->equal_field + shift), &rise);
+  along->p =
+      clamped(within_tables(from->p + shift), along->x - along->play, along->x + along->play);
+  const number pull = odd_value(curve_of(words), within_tables(from->equal_field + shift), &rise);
   along->y = within_tables(pull + from->rest);
   const number m = magnetisation(along->y, odd_value(curve_of(words), along->x, &rise),
                                  words[ANHYST_WORD_FULL_REVERSIBLE]);

@@ -81,10 +81,7 @@ static inline table inverse_of(const entry *words)
 }
 
 /* A number of a memory on a path. */
-static inline number on_path(number a, mirror way)
-{
-  return turned(within_unit(to_inner(a)), way);
-}
+static inline number on_path(number a, mirror way) { return turned(within_unit(to_inner(a)), way); }
 
 /* A path from a memory. */
 static inline void begin(path *along, const entry *words, const full_memory *from, mirror way)

@@ -2,7 +2,8 @@
 /* Template: the search along a path, for full.h. A flux and a current are both one equation,
    air*x + iron*m = target. Iron that couples to itself more than the gap decouples it makes the
    flux arm, and so iron, negative. air stays above 0, and the sum rises with x as long as m is
-   nowhere steeper than air/-iron, which the check of a block requires. So the solution is unique. */
+   nowhere steeper than air/-iron, which the check of a block requires. So the solution is unique.
+ */
 
 /* air*x + iron*m = target. */
 typedef struct {
@@ -39,8 +40,8 @@ static number follow_curve(const path *along, const equation *of, number x, numb
     const number level = start + step_against(residual, of->iron + MIN_SLOPE);
     return odd_value(along->inverse, within_unit(level), &rise);
   }
-  /* Against the air: as far as the air alone would lead, then with the iron up to there, which never
-     leads too far. */
+  /* Against the air: as far as the air alone would lead, then with the iron up to there, which
+     never leads too far. */
   number next = x;
   number missing = residual;
   for (int16_t i = 0; i < CHORD_STEPS; i++) {
@@ -101,10 +102,10 @@ static number look_elsewhere(const path *along, const equation *of, const interv
 /* Solves from a place on a path that has departed, at whose start the residual is negative. Makes
    Newton steps inside an interval that always contains the solution. A step is accepted if it
    remains inside and is shorter by a quarter than the last one, since tangents can swing across the
-   two bends of the curve, or if it is too short to matter. The number of evaluations is bounded, and
-   at least 1, since tangents at the start would add up errors of many short steps; the last step is
-   taken along the tangents. If the solution is beyond that of the equation `limit`, solves that one
-   instead and returns 1. */
+   two bends of the curve, or if it is too short to matter. The number of evaluations is bounded,
+   and at least 1, since tangents at the start would add up errors of many short steps; the last
+   step is taken along the tangents. If the solution is beyond that of the equation `limit`, solves
+   that one instead and returns 1. */
 static int rise(const path *along, const equation *of, const equation *limit, answer *found)
 {
   const number moves = along->departure > along->p ? along->departure : along->p;
@@ -130,7 +131,8 @@ static int rise(const path *along, const equation *of, const equation *limit, an
   for (int32_t left = along->evaluations;; left--) {
     at = evaluate(along, next);
     residual = sum_at(of, at.x, at.m) - of->target;
-    if (residual < 0 && limit != 0 && of == wanted && sum_at(limit, at.x, at.m) > limit->target + LIMIT_MARGIN) {
+    if (residual < 0 && limit != 0 && of == wanted &&
+        sum_at(limit, at.x, at.m) > limit->target + LIMIT_MARGIN) {
       of = limit;
       within.low = along->x;
       within.low_residual = sum_at(of, along->x, along->m) - of->target;
