@@ -1,27 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "block.h"
 
+#include "checksum.h"
 #include "lookup.h"
-
-/* CRC-32 (IEEE 802.3, reflected) of one word, low byte first, without a table. */
-static uint32_t checksum_word(uint32_t sum, uint16_t word)
-{
-  sum ^= word;
-  for (uint16_t bit = 0; bit < 16U; bit++) {
-    sum = (sum & 1U) != 0U ? (sum >> 1) ^ 0xEDB88320UL : sum >> 1;
-  }
-  return sum;
-}
 
 static uint32_t checksum(const int16_t *words, uint16_t length)
 {
-  uint32_t sum = 0xFFFFFFFFUL;
+  uint32_t sum = ANHYST_CHECKSUM_START;
   for (uint16_t i = 0; i < length; i++) {
     if (i != ANHYST_WORD_CRC && i != ANHYST_WORD_CRC + 1) {
-      sum = checksum_word(sum, (uint16_t)words[i]);
+      sum = anhyst_checksum_add(sum, (uint16_t)words[i]);
     }
   }
-  return sum ^ 0xFFFFFFFFUL;
+  return ~sum;
 }
 
 int anhyst_table_inside(const int16_t *words, int16_t first, int16_t entries)

@@ -278,10 +278,7 @@ class _RealForceController:
         gap_high: float, low: float, high: float,
     ) -> Self: ...  # fmt: skip
     @classmethod
-    def play(
-        cls, entries: _Array, half: _Array, radius: float, force_low: float, force_high: float,
-        gap_low: float, gap_high: float, low: float, high: float,
-    ) -> Self: ...  # fmt: skip
+    def play(cls, words: _Array) -> Self: ...  # a parameter block
     @classmethod
     def flux(
         cls, entries: _Array, wanted: _Array, loop: _Array, force_low: float, force_high: float,
@@ -317,9 +314,7 @@ class FixedForceController:
     @staticmethod
     def map(entries: _Words, low: int, high: int) -> FixedForceController: ...
     @staticmethod
-    def play(
-        entries: _Words, half: _Words, radius: int, steepness: _Words, low: int, high: int
-    ) -> FixedForceController: ...
+    def play(words: _Words) -> FixedForceController: ...
     @staticmethod
     def compensator(kind: str, words: _Words) -> FixedForceController: ...
     @staticmethod

@@ -30,7 +30,7 @@ from anhyst.compilation.manifest import (
     signal_entries,
     write_folder,
 )
-from anhyst.compilation.parameters import table_source
+from anhyst.compilation.play_source import play_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core
 from anhyst.compilation.vectors import COLUMNS, SEED, Row, codes_of_inputs, vectors_csv
@@ -108,8 +108,8 @@ def cycle_errors(
 
 
 KIND: Literal["play"] = "play"
-SOURCES = ("compensator/map.c", "compensator/play_map.c")
-STATE_BYTES = 4 + 9 * 4
+SOURCES = ("compensator/play_map.c",)
+STATE_BYTES = 20 + 5 * 4 + 5 * 4 + 8
 """Of ``anhyst_play_map_q31`` where a pointer has 32 bits."""
 
 
@@ -244,7 +244,7 @@ def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> 
         "rate_Hz": where.rate,
         "signals": signal_entries("q31", model, scales, limits),
         "limits": {"demand": list(limits.demand), "current": list(limits.current)},
-        "memory": {"parameters_bytes": play_bytes(play), "state_bytes": STATE_BYTES},
+        "memory": {"parameters_bytes": play.block("fixed").nbytes, "state_bytes": STATE_BYTES},
         "play": dict(play.numbers),
         "controller": None,
         "accuracy": {
@@ -255,16 +255,10 @@ def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> 
     }
 
 
-def play_bytes(play: PlayMap) -> int:
-    """Return the size of the tables and of the structure that names them."""
-    return 2 * 2 * play.half.size + 2 * 8 + 4 + 4
-
-
 def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, str]:
     """Return the C files and what helps to build them."""
     scales, name = play.scales, head.name
-    radius, steepness = play.radius_words()
-    low, high = play.map.codes()
+    words = play.block("fixed", int(head.sha256[:8], 16))
     values: dict[str, object] = {
         "name": name,
         "macro": name.upper(),
@@ -280,22 +274,17 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "type": "int32_t",
         "state": "anhyst_play_map_q31",
         "calls": "anhyst_play_map",
-        "init": f"anhyst_play_map_init_q31(&compensator, &{name}_parameters,\n"
-        f"                                  {name.upper()}_CURRENT_LOW, {name.upper()}_CURRENT_HIGH)",
+        "init": f"anhyst_play_map_init_q31(&compensator, {name}_parameters,\n"
+        f"                                  {name.upper()}_PARAMETERS_WORDS)",
         "core": sorted(f"{SRC}/{file}" for file in SOURCES),
         "own": [f"{name}_parameters.c"],
         "scales": scales,
-        "limits": (low, high),
         "current_high": play.map.limits[1],
         "force_max": head.operating.force_max,
-        "segments": [(count - 2).bit_length() for count in play.half.shape[::-1]],
-        "entries": table_source(play.map.words()),
-        "half": table_source(play.half_words()),
-        "count": play.half.size,
-        "radius": radius,
+        "rows": play_source(words),
+        "words": words.size,
         "radius_A": play.radius,
-        "steepness": steepness.tolist(),
-        "bytes": play_bytes(play),
+        "bytes": words.nbytes,
         "state_bytes": STATE_BYTES,
         "rate": f"{head.operating.rate:.10g}",
         "errors": {key: _percent(error, head.operating.force_max) for key, error in errors.items()},

@@ -1,189 +1,203 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* A template: the map with one play, the same text in every format. Before it are the operations of
+   the format (../play_map.c or play_map_real.h), map.h and play_block.h. */
 
-/* What follows is the same in every format; the few operations in which they differ stand before
-   it: play_map.c for q31, generic/play_map_real.h for the others. */
+/* The rows of both tables at a gap. */
+typedef struct {
+  table_row map;
+  table_row half;
+} table_rows;
 
-/* The current of a force whose value is i, before the limits of the current. */
-static ANHYST_REAL current_of(const anhyst_play_map_x *c, ANHYST_REAL value, ANHYST_REAL force,
-                              ANHYST_REAL gap)
+static table_rows rows_at(const law_type *law, number gap)
 {
-  const ANHYST_REAL half = anhyst_map_value_x(&c->law->half, force, gap);
-  const ANHYST_REAL over = anhyst_sub_x(value, c->play);
-  return anhyst_add_x(value, pull(c->law, half, over));
+  table_rows at;
+  at.map = row_at(&law->map, gap);
+  at.half = at.map;
+  at.half.first = law->half + (at.map.first - law->map.entries);
+  return at;
 }
 
-ANHYST_REAL anhyst_play_map_solve_x(anhyst_play_map_x *c, ANHYST_REAL demand, ANHYST_REAL gap)
+/* Sets side and current of a point by its value and half-width. */
+static void complete(const play_type *c, point *at)
 {
-  c->demand = pulling(&c->law->map, demand);
-  c->gap = gap;
-  c->value = anhyst_map_value_x(&c->law->map, c->demand, gap);
-  c->wanted = current_of(c, c->value, c->demand, gap);
-  c->current = limited(c->wanted, c->low, c->high);
-  c->solved = 1;
-  c->flags = 0;
-  if (c->demand != demand) {
-    c->flags |= ANHYST_DEMAND_LIMITED;
+  const number distance = subtract(at->value, c->play);
+  if (distance >= c->law.radius) {
+    at->side = ONE;
+    at->current = at->value + at->half;
+  } else if (distance <= -c->law.radius) {
+    at->side = -ONE;
+    at->current = at->value - at->half;
+  } else {
+    at->side = side_of(&c->law, distance);
+    at->current = at->value + times(at->side, at->half);
   }
-  if (c->current != c->wanted) {
+}
+
+/* The point at a column; part is where this is in the segment looked at, 0 or 1. */
+static point point_at(const play_type *c, const table_rows *rows, uint16_t column, number part)
+{
+  point at;
+  at.part = part;
+  at.value = at_column(&rows->map, column);
+  at.half = at_column(&rows->half, column);
+  complete(c, &at);
+  return at;
+}
+
+/* The number at a part of the way between two. */
+static number between(number from, number to, number part)
+{
+  return from + times(to - from, part);
+}
+
+static number solve(play_type *c, number demand, number gap)
+{
+  const table_rows rows = rows_at(&c->law, gap);
+  c->demand = pulling(&c->law.map, demand);
+  c->gap = gap;
+  const place at = force_place(&c->law.map, c->demand);
+  const uint16_t next = (uint16_t)(at.index + 1U);
+  c->column = at.index;
+  c->at.part = at.part;
+  c->at.value = between(at_column(&rows.map, at.index), at_column(&rows.map, next), at.part);
+  c->at.half = between(at_column(&rows.half, at.index), at_column(&rows.half, next), at.part);
+  complete(c, &c->at);
+  const number current = limited(c->at.current, c->low, c->high);
+  c->solved = 1;
+  c->flags = c->demand != demand ? ANHYST_DEMAND_LIMITED : 0U;
+  if (current != c->at.current) {
     c->flags |= ANHYST_CURRENT_LIMITED;
   }
-  return c->current;
+  return current;
 }
 
-/* One end of where the force of a current is looked for. */
+/* Two points of a segment, on both sides of a current or at the end nearest to it. */
 typedef struct {
-  ANHYST_REAL force;
-  ANHYST_REAL value;   /* i there */
-  ANHYST_REAL missing; /* of the current, above 0 at the lower end and below at the upper one */
-} bracket_end;
+  uint16_t column;
+  point near;
+  point far;
+} stretch;
 
-typedef struct {
-  bracket_end low;
-  bracket_end high;
-} bracket;
-
-static bracket_end end_at(const anhyst_play_map_x *c, ANHYST_REAL force, ANHYST_REAL current,
-                          ANHYST_REAL gap)
+/* Bisects the columns between two for the segment of a current. */
+static stretch bisect(const play_type *c, const table_rows *rows, uint16_t below, uint16_t above,
+                      number current)
 {
-  bracket_end end;
-  end.force = force;
-  end.value = anhyst_map_value_x(&c->law->map, force, gap);
-  end.missing = anhyst_sub_x(current, current_of(c, end.value, force, gap));
-  return end;
-}
-
-/* Moves the one end or the other. */
-static void take(bracket *in, bracket_end end)
-{
-  if (end.missing > 0) {
-    in->low = end;
-  } else {
-    in->high = end;
-  }
-}
-
-/* Columns between which a current belongs, by halves; both ends the nearest column where that lies
-   beyond. */
-static bracket between_columns(const anhyst_play_map_x *c, uint16_t first, uint16_t last,
-                               ANHYST_REAL current, ANHYST_REAL gap)
-{
-  const anhyst_map_x *map = &c->law->map;
-  bracket in;
-  in.low = end_at(c, force_of(map, first), current, gap);
-  in.high = end_at(c, force_of(map, last), current, gap);
-  if (in.low.missing <= 0) {
-    in.high = in.low;
-  } else if (in.high.missing >= 0) {
-    in.low = in.high;
-  } else {
-    uint16_t below = first;
-    uint16_t above = last;
-    while (above - below > 1) {
-      const uint16_t middle = (uint16_t)((below + above) / 2);
-      take(&in, end_at(c, force_of(map, middle), current, gap));
-      if (in.low.force < force_of(map, middle)) {
-        above = middle;
-      } else {
-        below = middle;
-      }
+  while (above - below > 1) {
+    const uint16_t middle = (uint16_t)((below + above) / 2);
+    if (point_at(c, rows, middle, 0).current <= current) {
+      below = middle;
+    } else {
+      above = middle;
     }
   }
+  stretch in;
+  in.column = below;
+  in.near = point_at(c, rows, below, 0);
+  in.far = point_at(c, rows, above, ONE);
   return in;
 }
 
-/* The same beside what was solved for, where mostly little is missing: as of a converter's grid. */
-static bracket beside_solved(const anhyst_play_map_x *c, ANHYST_REAL current, ANHYST_REAL gap)
+/* Begins at the point that was solved: the current is usually near, as on a converter's grid. */
+static stretch search_from_solved(const play_type *c, const table_rows *rows, number current)
 {
-  const anhyst_map_x *map = &c->law->map;
-  const uint16_t column = column_of(map, c->demand);
-  const ANHYST_REAL missing = anhyst_sub_x(current, c->wanted);
-  const bracket_end solved = {c->demand, c->value, missing};
-  const uint16_t next = missing > 0 ? (uint16_t)(column + 1U) : column;
-  const bracket_end other = end_at(c, force_of(map, next), current, gap);
-  bracket in = {solved, solved};
-  if (missing > 0 && other.missing > 0) {
-    in = between_columns(c, next, columns_of(map), current, gap);
-  } else if (missing <= 0 && other.missing <= 0) {
-    in = between_columns(c, 0, next, current, gap);
+  const int is_above = current > c->at.current;
+  const uint16_t next = is_above ? (uint16_t)(c->column + 1U) : c->column;
+  const stretch in = {c->column, c->at, point_at(c, rows, next, is_above ? ONE : 0)};
+  if (is_above ? in.far.current >= current : in.far.current <= current) {
+    return in;
+  }
+  const uint16_t last = columns_of(&c->law.map);
+  if (is_above) {
+    return bisect(c, rows, next < last ? next : c->column, last, current);
+  }
+  return bisect(c, rows, 0, next > 0U ? next : 1U, current);
+}
+
+/* Leaves out what is beyond the corner at which the value is at an edge of the play. The current
+   bends there. */
+static void cut_at(number edge, number side, number current, stretch *in)
+{
+  point *near = &in->near;
+  const int rises = near->value < in->far.value;
+  if (rises ? near->value >= edge || edge >= in->far.value
+            : near->value <= edge || edge <= in->far.value) {
+    return;
+  }
+  const number x = share_of(size_of(edge - near->value), size_of(in->far.value - near->value));
+  point corner;
+  corner.part = between(near->part, in->far.part, x);
+  corner.value = edge;
+  corner.half = between(near->half, in->far.half, x);
+  corner.side = side;
+  corner.current = side > 0 ? edge + corner.half : edge - corner.half;
+  if (rises ? corner.current < current : corner.current > current) {
+    *near = corner;
   } else {
-    take(&in, other);
-  }
-  return in;
-}
-
-/* Leaves out what lies beyond the force at which i is at an edge of the play. */
-static void cut_at(const anhyst_play_map_x *c, ANHYST_REAL edge, ANHYST_REAL current,
-                   ANHYST_REAL gap, bracket *in)
-{
-  if (in->low.value < edge && edge < in->high.value) {
-    const ANHYST_REAL below = anhyst_sub_x(edge, in->low.value);
-    const ANHYST_REAL above = anhyst_sub_x(in->high.value, edge);
-    const ANHYST_REAL force = between(in->low.force, in->high.force, below, above);
-    take(in, end_at(c, force, current, gap));
+    in->far = corner;
   }
 }
 
-/* Goes to where a current leads from the play there is. The current rises with the force and has
-   two corners, where i is at an edge of the play; between corners and columns it is straight or a
-   parabola: so by false position, the end that stays counting half as much from step to step. */
-static void follow(anhyst_play_map_x *c, ANHYST_REAL current, ANHYST_REAL gap)
+/* The part of the way from near to far at which the current is reached. Value, half and side are
+   straight lines there, so that the current is
+
+     near + x*(whole - bend*(1 - x)),  |bend| <= whole,
+
+   and this is solved by Newton's steps from x = 0. */
+static number part_of(const stretch *in, number current)
 {
-  const int at_gap = c->solved != 0U && gap == c->gap;
-  bracket in = at_gap ? beside_solved(c, current, gap)
-                      : between_columns(c, 0, columns_of(&c->law->map), current, gap);
-  cut_at(c, anhyst_sub_x(c->play, c->law->radius), current, gap, &in);
-  cut_at(c, anhyst_add_x(c->play, c->law->radius), current, gap, &in);
-  bracket_end found = in.high.missing >= 0 ? in.high : in.low;
-  ANHYST_REAL below = in.low.missing;
-  ANHYST_REAL above = anhyst_sub_x(0, in.high.missing);
-  int16_t side = 0;
-  for (int16_t step = 0; step < ANHYST_PLAY_STEPS && below > 0 && above > 0; step++) {
-    const ANHYST_REAL force = between(in.low.force, in.high.force, below, above);
-    found = end_at(c, force, current, gap);
-    if (is_nothing(c, found.missing)) {
+  number whole = difference(in->far.current, in->near.current);
+  number missing = difference(current, in->near.current);
+  number bend = times(difference(in->far.side, in->near.side), in->far.half - in->near.half);
+  if (whole < 0) {
+    whole = -whole;
+    missing = -missing;
+    bend = -bend;
+  }
+  if (missing <= 0) {
+    return 0;
+  }
+  const number start = whole - bend;
+  number x = share_of(missing, start);
+  for (int16_t step = 0; step < PLAY_STEPS; step++) {
+    const number turn = times(bend, x);
+    const number left = missing - times(start + turn, x);
+    if (is_rounding(left, in->near.current, in->far.current)) {
       break;
     }
-    take(&in, found);
-    if (found.missing > 0) {
-      below = found.missing;
-      above = side > 0 ? above / 2 : above;
-      side = 1;
+    const number change = share_of(size_of(left), start + 2 * turn);
+    if (left > 0) {
+      x = change < ONE - x ? x + change : ONE;
     } else {
-      above = anhyst_sub_x(0, found.missing);
-      below = side < 0 ? below / 2 : below;
-      side = -1;
+      x = change < x ? x - change : 0;
     }
   }
-  c->demand = found.force;
-  c->value = found.value;
+  return x;
 }
 
-ANHYST_REAL anhyst_play_map_commit_x(anhyst_play_map_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
+/* Moves to the force to which a current leads from the play there is. */
+static void follow(play_type *c, number current, number gap)
 {
-  const ANHYST_REAL radius = c->law->radius;
-  if (!is_known(applied)) {
-    c->solved = 0;
-    return c->demand;
+  const table_rows rows = rows_at(&c->law, gap);
+  const int is_near = c->solved != 0U && gap == c->gap;
+  stretch in = is_near ? search_from_solved(c, &rows, current)
+                       : bisect(c, &rows, 0, columns_of(&c->law.map), current);
+  cut_at(subtract(c->play, c->law.radius), -ONE, current, &in);
+  cut_at(add(c->play, c->law.radius), ONE, current, &in);
+  const number x = part_of(&in, current);
+  const place at = {in.column, between(in.near.part, in.far.part, x)};
+  c->demand = force_of(&c->law.map, at);
+  c->at.value = between(in.near.value, in.far.value, x);
+}
+
+static number commit(play_type *c, number applied, number gap)
+{
+  const number radius = c->law.radius;
+  if (is_known(applied)) {
+    if (c->solved == 0U || applied != c->at.current || gap != c->gap) {
+      follow(c, applied, gap);
+    }
+    c->play = limited(c->play, subtract(c->at.value, radius), add(c->at.value, radius));
   }
-  if (c->solved == 0U || applied != c->wanted || gap != c->gap) {
-    follow(c, applied, gap);
-  }
-  c->play = limited(c->play, anhyst_sub_x(c->value, radius), anhyst_add_x(c->value, radius));
   c->solved = 0;
   return c->demand;
-}
-
-anhyst_status anhyst_play_map_init_x(anhyst_play_map_x *c, const anhyst_play_law_x *law,
-                                     ANHYST_REAL low, ANHYST_REAL high)
-{
-  const anhyst_play_map_x fresh = {0};
-  if (anhyst_play_law_check_x(law) != ANHYST_OK || !is_known(low) || !is_known(high) ||
-      low > high) {
-    return ANHYST_BAD_PARAMETER;
-  }
-  *c = fresh;
-  c->law = law;
-  c->low = low;
-  c->high = high;
-  return ANHYST_OK;
 }

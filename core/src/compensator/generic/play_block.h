@@ -1,0 +1,102 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A template: the parameter block of a map with a play, the same text in every format. Before it
+   are the operations of the format (../play_map.c or play_map_real.h) and map.h. */
+
+/* Whether the checksum is that of the words. */
+static int is_intact(const entry *words, uint16_t length)
+{
+  uint32_t sum = ANHYST_CHECKSUM_START;
+  for (uint16_t i = 0; i < length; i++) {
+    if (i != (uint16_t)ANHYST_WORD_CRC && i != (uint16_t)(ANHYST_WORD_CRC + 1)) {
+      sum = add_bits(sum, words[i]);
+    }
+  }
+  return is_word(words[ANHYST_WORD_CRC], (uint16_t)(~sum & 0xFFFFUL)) &&
+         is_word(words[ANHYST_WORD_CRC + 1], (uint16_t)(~sum >> 16));
+}
+
+/* The number of segments along force and gap, as powers of two. */
+typedef struct {
+  uint16_t force;
+  uint16_t gap;
+} shape;
+
+/* Reads an exponent; one more than the largest if the word is not valid. */
+static uint16_t read_exponent(entry word, uint16_t largest)
+{
+  uint16_t exponent = 0;
+  while (exponent <= largest && !is_word(word, exponent)) {
+    exponent++;
+  }
+  return exponent;
+}
+
+/* The number of entries of a table. */
+static uint16_t entries_of(shape of)
+{
+  return (uint16_t)((((uint32_t)1U << of.force) + 1U) * (((uint32_t)1U << of.gap) + 1U));
+}
+
+/* Whether head, sizes and places of the tables agree with each other and with the checksum. */
+static int has_frame(const entry *words, uint16_t capacity, shape of)
+{
+  const uint16_t half = (uint16_t)(ANHYST_BLOCK_LEAST_WORDS + entries_of(of));
+  const uint16_t length = (uint16_t)(half + entries_of(of));
+  return length <= capacity && is_word(words[ANHYST_WORD_MAGIC], ANHYST_BLOCK_MAGIC_LOW) &&
+         is_word(words[ANHYST_WORD_MAGIC + 1], ANHYST_BLOCK_MAGIC_HIGH) &&
+         is_word(words[ANHYST_WORD_LAYOUT], ANHYST_BLOCK_LAYOUT) &&
+         is_word(words[ANHYST_WORD_KIND], ANHYST_KIND_PLAY) &&
+         is_word(words[ANHYST_WORD_LENGTH], length) &&
+         is_word(words[ANHYST_WORD_PLAY_CURRENT], ANHYST_BLOCK_LEAST_WORDS) &&
+         is_word(words[ANHYST_WORD_PLAY_HALF], half) && is_intact(words, length);
+}
+
+/* Whether no half-width is below 0, and neither branch of the loop falls along the force or leaves
+   the format. */
+static int has_branches(const law_type *law, uint16_t entries)
+{
+  const uint16_t length = (uint16_t)(columns_of(&law->map) + 1U);
+  for (uint16_t i = 0; i < entries; i++) {
+    const number value = law->map.entries[i];
+    const number half = law->half[i];
+    if (!(half >= 0 && value + half <= LARGEST && value - half >= -LARGEST)) {
+      return 0;
+    }
+    if (i % length != 0U) {
+      const number rise = value - law->map.entries[i - 1U];
+      const number wider = half - law->half[i - 1U];
+      if (wider > rise || -wider > rise) {
+        return 0;
+      }
+    }
+  }
+  return 1;
+}
+
+static anhyst_status init(play_type *c, const entry *words, uint16_t capacity)
+{
+  if (capacity < (uint16_t)ANHYST_BLOCK_LEAST_WORDS) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  const shape of = {
+      read_exponent(words[ANHYST_WORD_PLAY_FORCE_SEGMENTS], ANHYST_MAP_FORCE_SEGMENTS),
+      read_exponent(words[ANHYST_WORD_PLAY_GAP_SEGMENTS], ANHYST_MAP_GAP_SEGMENTS)};
+  if (of.force > ANHYST_MAP_FORCE_SEGMENTS || of.gap > ANHYST_MAP_GAP_SEGMENTS ||
+      !has_frame(words, capacity, of)) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  play_type fresh = {0};
+  fresh.law.map.entries = words + ANHYST_BLOCK_LEAST_WORDS;
+  fresh.law.map.force_segments = segments_of(of.force);
+  fresh.law.map.gap_segments = segments_of(of.gap);
+  fresh.law.half = fresh.law.map.entries + entries_of(of);
+  fresh.low = current_of_word(words[ANHYST_WORD_PLAY_CURRENT_LOW]);
+  fresh.high = current_of_word(words[ANHYST_WORD_PLAY_CURRENT_HIGH]);
+  if (!read_scales(&fresh.law, words) || !is_map(&fresh.law.map) ||
+      !has_branches(&fresh.law, entries_of(of)) || !is_known(fresh.low) ||
+      !is_known(fresh.high) || fresh.low > fresh.high) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  *c = fresh;
+  return ANHYST_OK;
+}
