@@ -41,14 +41,11 @@ static number side_of(const law_type *law, number distance)
    others of its kind. */
 static number difference(number a, number b) { return (a >> 2) - (b >> 2); }
 
-/* numerator/denominator to 14 bits, at most 1; the numerator is not negative. */
+/* numerator/denominator to 14 bits, at most 1; the numerator is above 0. */
 static number share_of(number numerator, number denominator)
 {
   if (numerator >= denominator) {
     return ONE;
-  }
-  if (numerator == 0) {
-    return 0;
   }
   const uint16_t up = anhyst_headroom(numerator);
   const uint16_t down = anhyst_headroom(denominator);

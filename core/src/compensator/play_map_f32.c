@@ -36,7 +36,8 @@ static uint32_t add_bits(uint32_t sum, number word)
 #include "generic/play_block.h"
 #include "generic/play_map.h"
 
-anhyst_status anhyst_play_map_init_f32(anhyst_play_map_f32 *c, const float *words, uint16_t capacity)
+anhyst_status anhyst_play_map_init_f32(anhyst_play_map_f32 *c, const float *words,
+                                       uint16_t capacity)
 {
   return init(c, words, capacity);
 }

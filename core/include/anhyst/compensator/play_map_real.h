@@ -20,10 +20,10 @@ extern "C" {
 
 /* The parameters, read from a block. Along the force neither map + half nor map - half falls. */
 typedef struct {
-  anhyst_map_f64 map;  /* i */
-  const double *half;  /* as many entries, none below 0; may fall */
-  double radius;       /* of the play, above 0 */
-  double per_radius;   /* 1/radius */
+  anhyst_map_f64 map; /* i */
+  const double *half; /* as many entries, none below 0; may fall */
+  double radius;      /* of the play, above 0 */
+  double per_radius;  /* 1/radius */
 } anhyst_play_law_f64;
 
 typedef struct {

@@ -40,7 +40,7 @@ static inline table_row row_at(const map_type *map, number gap)
 }
 
 /* The number at a column. */
-static inline number at_column(const table_row *row, uint16_t column)
+static inline number at_column(const table_row *row, size_t column)
 {
   const entry *below = row->first + column;
   return interpolate(below[0], below[row->length], row->part);
@@ -51,7 +51,7 @@ static inline number map_value(const map_type *map, number force, number gap)
   const table_row row = row_at(map, gap);
   const place at = force_place(map, force);
   const number low = at_column(&row, at.index);
-  return low + times(at_column(&row, (uint16_t)(at.index + 1U)) - low, at.part);
+  return low + times(at_column(&row, at.index + 1U) - low, at.part);
 }
 
 static inline number map_force(const map_type *map, number value, number gap)

@@ -68,7 +68,13 @@ static inline int has_shape(const map_type *map)
 static inline number times(number a, number part) { return part * a; }
 
 /* The number at a part of the way from one entry to another. */
-static inline number interpolate(entry from, entry to, number part) { return from + part * (to - from); }
+static inline number interpolate(entry from, entry to, number part)
+{
+  return from + part * (to - from);
+}
 
 /* numerator/denominator; 0 < numerator < denominator. */
-static inline number ratio_of(number numerator, number denominator) { return numerator / denominator; }
+static inline number ratio_of(number numerator, number denominator)
+{
+  return numerator / denominator;
+}

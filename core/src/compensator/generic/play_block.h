@@ -93,8 +93,8 @@ static anhyst_status init(play_type *c, const entry *words, uint16_t capacity)
   fresh.low = current_of_word(words[ANHYST_WORD_PLAY_CURRENT_LOW]);
   fresh.high = current_of_word(words[ANHYST_WORD_PLAY_CURRENT_HIGH]);
   if (!read_scales(&fresh.law, words) || !is_map(&fresh.law.map) ||
-      !has_branches(&fresh.law, entries_of(of)) || !is_known(fresh.low) ||
-      !is_known(fresh.high) || fresh.low > fresh.high) {
+      !has_branches(&fresh.law, entries_of(of)) || !is_known(fresh.low) || !is_known(fresh.high) ||
+      fresh.low > fresh.high) {
     return ANHYST_BAD_PARAMETER;
   }
   *c = fresh;

@@ -2,66 +2,69 @@
 /* A template: the map with one play, the same text in every format. Before it are the operations of
    the format (../play_map.c or play_map_real.h), map.h and play_block.h. */
 
-/* The rows of both tables at a gap. */
+/* The law at a gap, with the play where it is. */
 typedef struct {
   table_row map;
   table_row half;
-} table_rows;
+  number descending; /* value up to which the current is on the descending branch */
+  number ascending;  /* value from which on the current is on the ascending branch */
+} section;
 
-static table_rows rows_at(const law_type *law, number gap)
+static section section_at(const play_type *c, number gap)
 {
-  table_rows at;
-  at.map = row_at(&law->map, gap);
+  section at;
+  at.map = row_at(&c->law.map, gap);
   at.half = at.map;
-  at.half.first = law->half + (at.map.first - law->map.entries);
+  at.half.first = c->law.half + (at.map.first - c->law.map.entries);
+  at.descending = subtract(c->play, c->law.radius);
+  at.ascending = add(c->play, c->law.radius);
   return at;
 }
 
-/* Sets side and current of a point by its value and half-width. */
-static void complete(const play_type *c, point *at)
+/* bounded((value - b)/radius) */
+static inline number side_at(const play_type *c, const section *at, number value)
 {
-  const number distance = subtract(at->value, c->play);
-  if (distance >= c->law.radius) {
-    at->side = ONE;
-    at->current = at->value + at->half;
-  } else if (distance <= -c->law.radius) {
-    at->side = -ONE;
-    at->current = at->value - at->half;
-  } else {
-    at->side = side_of(&c->law, distance);
-    at->current = at->value + times(at->side, at->half);
+  if (value >= at->ascending) {
+    return ONE;
   }
+  return value <= at->descending ? -ONE : side_of(&c->law, value - c->play);
 }
 
-/* The point at a column; part is where this is in the segment looked at, 0 or 1. */
-static point point_at(const play_type *c, const table_rows *rows, uint16_t column, number part)
+/* value + half*side; exact on both branches. */
+static inline number current_at(number value, number half, number side)
 {
-  point at;
-  at.part = part;
-  at.value = at_column(&rows->map, column);
-  at.half = at_column(&rows->half, column);
-  complete(c, &at);
-  return at;
+  if (side == ONE) {
+    return value + half;
+  }
+  return side == -ONE ? value - half : value + times(side, half);
+}
+
+/* Sets a point to a column; part is where this is in the segment looked at, 0 or 1. */
+static void set_column(point *at, const play_type *c, const section *of, size_t column, number part)
+{
+  at->part = part;
+  at->value = at_column(&of->map, column);
+  at->half = at_column(&of->half, column);
+  at->side = side_at(c, of, at->value);
+  at->current = current_at(at->value, at->half, at->side);
 }
 
 /* The number at a part of the way between two. */
-static number between(number from, number to, number part)
-{
-  return from + times(to - from, part);
-}
+static number between(number from, number to, number part) { return from + times(to - from, part); }
 
 static number solve(play_type *c, number demand, number gap)
 {
-  const table_rows rows = rows_at(&c->law, gap);
+  const section of = section_at(c, gap);
   c->demand = pulling(&c->law.map, demand);
   c->gap = gap;
   const place at = force_place(&c->law.map, c->demand);
-  const uint16_t next = (uint16_t)(at.index + 1U);
+  const size_t next = (size_t)at.index + 1U;
   c->column = at.index;
   c->at.part = at.part;
-  c->at.value = between(at_column(&rows.map, at.index), at_column(&rows.map, next), at.part);
-  c->at.half = between(at_column(&rows.half, at.index), at_column(&rows.half, next), at.part);
-  complete(c, &c->at);
+  c->at.value = between(at_column(&of.map, at.index), at_column(&of.map, next), at.part);
+  c->at.half = between(at_column(&of.half, at.index), at_column(&of.half, next), at.part);
+  c->at.side = side_at(c, &of, c->at.value);
+  c->at.current = current_at(c->at.value, c->at.half, c->at.side);
   const number current = limited(c->at.current, c->low, c->high);
   c->solved = 1;
   c->flags = c->demand != demand ? ANHYST_DEMAND_LIMITED : 0U;
@@ -71,67 +74,49 @@ static number solve(play_type *c, number demand, number gap)
   return current;
 }
 
-/* Two points of a segment, on both sides of a current or at the end nearest to it. */
+/* The part of a segment in which a current is looked for. */
 typedef struct {
-  uint16_t column;
-  point near;
-  point far;
+  size_t column;
+  const point *near; /* its ends: the search begins at near */
+  const point *far;
+  point low; /* room for them: the columns at both sides, and the corners between them */
+  point high;
+  point corners[2];
 } stretch;
 
-/* Bisects the columns between two for the segment of a current. */
-static stretch bisect(const play_type *c, const table_rows *rows, uint16_t below, uint16_t above,
-                      number current)
+/* Returns the column that begins the segment of a current: the first or the last one between two
+   columns if the current is beyond. Tries two columns, then bisects. */
+static size_t find_column(const play_type *c, const section *of, size_t below, size_t above,
+                          size_t probe, size_t second, number current)
 {
-  while (above - below > 1) {
-    const uint16_t middle = (uint16_t)((below + above) / 2);
-    if (point_at(c, rows, middle, 0).current <= current) {
-      below = middle;
+  while (above - below > 1U) {
+    const number value = at_column(&of->map, probe);
+    const number half = at_column(&of->half, probe);
+    if (current_at(value, half, side_at(c, of, value)) <= current) {
+      below = probe;
     } else {
-      above = middle;
+      above = probe;
     }
+    probe = below < second && second < above ? second : (below + above) / 2U;
+    second = 0;
   }
-  stretch in;
-  in.column = below;
-  in.near = point_at(c, rows, below, 0);
-  in.far = point_at(c, rows, above, ONE);
-  return in;
+  return below;
 }
 
-/* Begins at the point that was solved: the current is usually near, as on a converter's grid. */
-static stretch search_from_solved(const play_type *c, const table_rows *rows, number current)
+/* Leaves out what is beyond a corner: the current bends where the value is at an edge of the play.
+   Near and far are on two sides of the edge. */
+static void cut_at(number edge, number side, number current, stretch *in, point *corner)
 {
-  const int is_above = current > c->at.current;
-  const uint16_t next = is_above ? (uint16_t)(c->column + 1U) : c->column;
-  const stretch in = {c->column, c->at, point_at(c, rows, next, is_above ? ONE : 0)};
-  if (is_above ? in.far.current >= current : in.far.current <= current) {
-    return in;
-  }
-  const uint16_t last = columns_of(&c->law.map);
-  if (is_above) {
-    return bisect(c, rows, next < last ? next : c->column, last, current);
-  }
-  return bisect(c, rows, 0, next > 0U ? next : 1U, current);
-}
-
-/* Leaves out what is beyond the corner at which the value is at an edge of the play. The current
-   bends there. */
-static void cut_at(number edge, number side, number current, stretch *in)
-{
-  point *near = &in->near;
-  const int rises = near->value < in->far.value;
-  if (rises ? near->value >= edge || edge >= in->far.value
-            : near->value <= edge || edge <= in->far.value) {
-    return;
-  }
-  const number x = share_of(size_of(edge - near->value), size_of(in->far.value - near->value));
-  point corner;
-  corner.part = between(near->part, in->far.part, x);
-  corner.value = edge;
-  corner.half = between(near->half, in->far.half, x);
-  corner.side = side;
-  corner.current = side > 0 ? edge + corner.half : edge - corner.half;
-  if (rises ? corner.current < current : corner.current > current) {
-    *near = corner;
+  const point *near = in->near;
+  const point *far = in->far;
+  const number x = share_of(size_of(edge - near->value), size_of(far->value - near->value));
+  corner->part = between(near->part, far->part, x);
+  corner->value = edge;
+  corner->half = between(near->half, far->half, x);
+  corner->side = side;
+  corner->current = current_at(edge, corner->half, side);
+  if (near->value < far->value ? corner->current < current : corner->current > current) {
+    in->near = corner;
   } else {
     in->far = corner;
   }
@@ -145,9 +130,12 @@ static void cut_at(number edge, number side, number current, stretch *in)
    and this is solved by Newton's steps from x = 0. */
 static number part_of(const stretch *in, number current)
 {
-  number whole = difference(in->far.current, in->near.current);
-  number missing = difference(current, in->near.current);
-  number bend = times(difference(in->far.side, in->near.side), in->far.half - in->near.half);
+  number whole = difference(in->far->current, in->near->current);
+  number missing = difference(current, in->near->current);
+  number bend = 0;
+  if (in->near->side != in->far->side) {
+    bend = times(difference(in->far->side, in->near->side), in->far->half - in->near->half);
+  }
   if (whole < 0) {
     whole = -whole;
     missing = -missing;
@@ -156,12 +144,15 @@ static number part_of(const stretch *in, number current)
   if (missing <= 0) {
     return 0;
   }
+  if (missing >= whole) {
+    return ONE;
+  }
   const number start = whole - bend;
   number x = share_of(missing, start);
   for (int16_t step = 0; step < PLAY_STEPS; step++) {
     const number turn = times(bend, x);
     const number left = missing - times(start + turn, x);
-    if (is_rounding(left, in->near.current, in->far.current)) {
+    if (is_rounding(left, in->near->current, in->far->current)) {
       break;
     }
     const number change = share_of(size_of(left), start + 2 * turn);
@@ -174,28 +165,70 @@ static number part_of(const stretch *in, number current)
   return x;
 }
 
-/* Moves to the force to which a current leads from the play there is. */
-static void follow(play_type *c, number current, number gap)
+/* Finds the segment of a current. Usually it is the solved one, as on a converter's grid, or the
+   next one. */
+static void find_segment(const play_type *c, const section *of, int is_solved, number current,
+                         stretch *in)
 {
-  const table_rows rows = rows_at(&c->law, gap);
-  const int is_near = c->solved != 0U && gap == c->gap;
-  stretch in = is_near ? search_from_solved(c, &rows, current)
-                       : bisect(c, &rows, 0, columns_of(&c->law.map), current);
-  cut_at(subtract(c->play, c->law.radius), -ONE, current, &in);
-  cut_at(add(c->play, c->law.radius), ONE, current, &in);
+  size_t below = 0;
+  size_t above = columns_of(&c->law.map);
+  size_t probe = above / 2U;
+  size_t second = 1U;
+  in->near = &c->at;
+  in->column = c->column;
+  if (is_solved && current > c->at.current) {
+    below = (size_t)c->column + 1U;
+    probe = below + 1U;
+    second = above - 1U;
+    in->far = &in->high;
+    set_column(&in->high, c, of, below, ONE);
+    if (below == above || in->high.current >= current) {
+      return;
+    }
+  } else if (is_solved) {
+    above = c->column;
+    probe = above - 1U;
+    in->far = &in->low;
+    set_column(&in->low, c, of, above, 0);
+    if (above == 0U || in->low.current <= current) {
+      return;
+    }
+  }
+  in->column = find_column(c, of, below, above, probe, second, current);
+  in->near = &in->low;
+  in->far = &in->high;
+  set_column(&in->low, c, of, in->column, 0);
+  set_column(&in->high, c, of, in->column + 1U, ONE);
+}
+
+/* Moves to the force to which a current leads from the play there is. */
+static void follow(play_type *c, int is_solved, number current, number gap)
+{
+  const section of = section_at(c, gap);
+  stretch in;
+  find_segment(c, &of, is_solved, current, &in);
+  if (in.near->side != in.far->side) {
+    if (in.near->side == -ONE || in.far->side == -ONE) {
+      cut_at(of.descending, -ONE, current, &in, &in.corners[0]);
+    }
+    if (in.near->side == ONE || in.far->side == ONE) {
+      cut_at(of.ascending, ONE, current, &in, &in.corners[1]);
+    }
+  }
   const number x = part_of(&in, current);
-  const place at = {in.column, between(in.near.part, in.far.part, x)};
+  const place at = {(uint16_t)in.column, between(in.near->part, in.far->part, x)};
   c->demand = force_of(&c->law.map, at);
-  c->at.value = between(in.near.value, in.far.value, x);
+  c->at.value = between(in.near->value, in.far->value, x);
 }
 
 static number commit(play_type *c, number applied, number gap)
 {
-  const number radius = c->law.radius;
   if (is_known(applied)) {
-    if (c->solved == 0U || applied != c->at.current || gap != c->gap) {
-      follow(c, applied, gap);
+    const int is_solved = c->solved != 0U && gap == c->gap;
+    if (!is_solved || applied != c->at.current) {
+      follow(c, is_solved, applied, gap);
     }
+    const number radius = c->law.radius;
     c->play = limited(c->play, subtract(c->at.value, radius), add(c->at.value, radius));
   }
   c->solved = 0;

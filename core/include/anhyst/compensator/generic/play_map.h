@@ -14,9 +14,9 @@ typedef struct {
   anhyst_play_law_x law; /* its tables are those of the block */
   ANHYST_REAL low;       /* limits of the current */
   ANHYST_REAL high;
-  ANHYST_REAL play;       /* b: the memory; every number is valid */
-  ANHYST_REAL demand;     /* for which was solved, within limits; after a commit the force expected */
-  ANHYST_REAL gap;        /* for which was solved */
+  ANHYST_REAL play;   /* b: the memory; every number is valid */
+  ANHYST_REAL demand; /* for which was solved, within limits; after a commit the force expected */
+  ANHYST_REAL gap;    /* for which was solved */
   anhyst_play_point_x at; /* of the demand; its current is before the limits */
   uint16_t column;        /* of the map, below the demand */
   uint16_t flags;         /* of the last solve, see flags.h */
@@ -26,6 +26,7 @@ typedef struct {
 /* Returns the current that gives the demanded force now, within the limits. The play stays. */
 ANHYST_REAL anhyst_play_map_solve_x(anhyst_play_map_x *c, ANHYST_REAL demand, ANHYST_REAL gap);
 
-/* Moves the play with the current that was applied, at the gap there was. Returns the force that the
-   current is expected to give: the demand itself, to the bit, if both are those of the solve. */
+/* Moves the play with the current that was applied, at the gap there was. Returns the force that
+   the current is expected to give: the demand itself, to the bit, if both are those of the solve.
+ */
 ANHYST_REAL anhyst_play_map_commit_x(anhyst_play_map_x *c, ANHYST_REAL applied, ANHYST_REAL gap);
