@@ -79,7 +79,7 @@ def build_tests(build: Path, way: str) -> None:
 
 
 # Every pair of numbers of 16 bits, and millions of drawn ones: seconds each.
-SWEEPS = {"test_branch", "test_fixed_q15", "test_operator", "test_round_trip"}
+SWEEPS = {"test_branch", "test_fixed_q15", "test_operator", "test_play_at_rest", "test_round_trip"}
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ static uint32_t checksum(const int16_t *words, uint16_t length)
       sum = anhyst_checksum_add(sum, (uint16_t)words[i]);
     }
   }
-  return ~sum;
+  return sum ^ 0xFFFFFFFFUL;
 }
 
 int anhyst_table_inside(const int16_t *words, int16_t first, int16_t entries)

@@ -41,11 +41,14 @@ static number side_of(const law_type *law, number distance)
    others of its kind. */
 static number difference(number a, number b) { return (a >> 2) - (b >> 2); }
 
-/* numerator/denominator to 14 bits, at most 1; the numerator is above 0. */
+/* numerator/denominator to 14 bits, at most 1, never too large; the numerator is not negative. */
 static number share_of(number numerator, number denominator)
 {
   if (numerator >= denominator) {
     return ONE;
+  }
+  if (numerator == 0) {
+    return 0;
   }
   const uint16_t up = anhyst_headroom(numerator);
   const uint16_t down = anhyst_headroom(denominator);
@@ -54,6 +57,14 @@ static number share_of(number numerator, number denominator)
   const int32_t ratio = top / bottom; /* below 2^16, or below 2^17 where up is more than down */
   const uint16_t shift = (uint16_t)(up - down);
   return shift < 15U ? ratio << (15U - shift) : ratio >> (shift - 15U);
+}
+
+/* The same to 28 bits: a second digit comes from the rest. The numerator is not negative. */
+static number fraction_of(number numerator, number denominator)
+{
+  const number first = share_of(numerator, denominator);
+  const number rest = numerator - times(denominator, first);
+  return rest > 0 ? add(first, share_of(rest, denominator)) : first;
 }
 
 /* Whether a difference of currents is rounding. */

@@ -109,7 +109,7 @@ static void cut_at(number edge, number side, number current, stretch *in, point 
 {
   const point *near = in->near;
   const point *far = in->far;
-  const number x = share_of(size_of(edge - near->value), size_of(far->value - near->value));
+  const number x = fraction_of(size_of(edge - near->value), size_of(far->value - near->value));
   corner->part = between(near->part, far->part, x);
   corner->value = edge;
   corner->half = between(near->half, far->half, x);
@@ -216,7 +216,8 @@ static void follow(play_type *c, int is_solved, number current, number gap)
     }
   }
   const number x = part_of(&in, current);
-  const place at = {(uint16_t)in.column, between(in.near->part, in.far->part, x)};
+  const number part = limited(between(in.near->part, in.far->part, x), 0, ONE);
+  const place at = {(uint16_t)in.column, part};
   c->demand = force_of(&c->law.map, at);
   c->at.value = between(in.near->value, in.far->value, x);
 }

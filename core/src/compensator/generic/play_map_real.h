@@ -42,6 +42,11 @@ static number share_of(number numerator, number denominator)
   return numerator < denominator ? numerator / denominator : ONE;
 }
 
+static number fraction_of(number numerator, number denominator)
+{
+  return share_of(numerator, denominator);
+}
+
 /* Whether a difference of currents of these sizes is rounding. */
 static int is_rounding(number left, number near, number far)
 {
