@@ -168,6 +168,12 @@ static void invalid_tables_are_refused(void)
   for (int i = 0; i < 8; i++) {
     CHECK(is_refused(FIRST + i, wrong[i]));
   }
+  CHECK(is_refused(FIRST + 4, 6)); /* a half-width that falls more than the map rises */
+  const int16_t high[] = {32762, 32767, 32762, 32767, 5, 0, 5, 0};
+  memcpy(made.fixed + FIRST, high, sizeof high);
+  close_play(&made);
+  CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_OK);
+  CHECK(is_refused(FIRST + 5, 1)); /* a branch beyond the format */
 }
 
 int main(void)

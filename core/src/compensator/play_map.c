@@ -82,20 +82,19 @@ static uint32_t add_bits(uint32_t sum, entry word)
   return anhyst_checksum_add(sum, (uint16_t)word);
 }
 
-static uint16_t segments_of(uint16_t exponent) { return exponent; }
+static number current_of(entry word) { return (number)word * 65536; }
 
-static number current_of_word(entry word) { return (number)word * 65536; }
-
-/* Reads the play; the range of forces begins at 0. */
+/* Reads sizes and play; the range of forces begins at 0. */
 static int read_scales(law_type *law, const entry *words)
 {
-  const int32_t steepness = words[ANHYST_WORD_PLAY_STEEPNESS];
-  const int32_t shift = words[ANHYST_WORD_PLAY_SHIFT];
-  if (steepness < 16384 || shift < 0 || shift > 9 ||
-      !is_word(words[ANHYST_WORD_PLAY_DEMAND_LOW], 0)) {
+  const entry steepness = words[ANHYST_WORD_PLAY_STEEPNESS];
+  const entry shift = words[ANHYST_WORD_PLAY_SHIFT];
+  if (steepness < 16384 || shift < 0 || shift > 9 || words[ANHYST_WORD_PLAY_DEMAND_LOW] != 0) {
     return 0;
   }
-  law->steepness = (int16_t)steepness;
+  law->map.force_segments = (uint16_t)words[ANHYST_WORD_PLAY_FORCE_SEGMENTS];
+  law->map.gap_segments = (uint16_t)words[ANHYST_WORD_PLAY_GAP_SEGMENTS];
+  law->steepness = steepness;
   law->shift = (uint16_t)shift;
   law->radius = (steepness > 16384 ? anhyst_ratio(16384, steepness) : ANHYST_Q31_MAX) >> shift;
   return 1;

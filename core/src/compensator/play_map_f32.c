@@ -7,6 +7,7 @@
 #include "checksum.h"
 
 typedef float number;
+typedef uint32_t pattern; /* as wide as a number */
 typedef anhyst_map_f32 map_type;
 typedef anhyst_play_law_f32 law_type;
 typedef anhyst_play_point_f32 point;
@@ -14,24 +15,9 @@ typedef anhyst_play_map_f32 play_type;
 
 #define EPSILON 1.1920929e-7f /* distance from 1 to the next number */
 
-/* Adds the bits of a word to a checksum. */
-static uint32_t add_bits(uint32_t sum, number word)
-{
-  union {
-    number word;
-    uint32_t bits;
-  } as;
-  as.word = word;
-  for (uint16_t half = 0; half < 2U; half++) {
-    sum = anhyst_checksum_add(sum, (uint16_t)(as.bits >> (16U * half)));
-  }
-  return sum;
-}
-
 #include "generic/map_real.h"
-
 #include "generic/play_map_real.h"
-
+/* Their templates. */
 #include "generic/map.h"
 #include "generic/play_block.h"
 #include "generic/play_map.h"

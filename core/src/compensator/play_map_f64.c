@@ -7,6 +7,7 @@
 #include "checksum.h"
 
 typedef double number;
+typedef uint64_t pattern; /* as wide as a number */
 typedef anhyst_map_f64 map_type;
 typedef anhyst_play_law_f64 law_type;
 typedef anhyst_play_point_f64 point;
@@ -14,24 +15,9 @@ typedef anhyst_play_map_f64 play_type;
 
 #define EPSILON 2.220446049250313e-16 /* distance from 1 to the next number */
 
-/* Adds the bits of a word to a checksum. */
-static uint32_t add_bits(uint32_t sum, number word)
-{
-  union {
-    number word;
-    uint64_t bits;
-  } as;
-  as.word = word;
-  for (uint16_t half = 0; half < 4U; half++) {
-    sum = anhyst_checksum_add(sum, (uint16_t)(as.bits >> (16U * half)));
-  }
-  return sum;
-}
-
 #include "generic/map_real.h"
-
 #include "generic/play_map_real.h"
-
+/* Their templates. */
 #include "generic/map.h"
 #include "generic/play_block.h"
 #include "generic/play_map.h"

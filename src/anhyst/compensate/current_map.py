@@ -221,7 +221,7 @@ class PlayMap:
         """Return the core's own."""
         words = self.block(number_format)
         if number_format == "fixed":
-            return _core.FixedForceController.play(words)
+            return _core.FixedForceController.play(words.astype(np.int16))
         return REAL[number_format].play(words.astype(np.float64))
 
     def block(self, number_format: NumberFormat, model_hash: int = 0) -> Words:

@@ -35,10 +35,10 @@ def pack_play(
     for word, halves in (("MAGIC", MAGIC), ("MODEL", (model_hash & 0xFFFF, model_hash >> 16))):
         row[PLACES[word] : PLACES[word] + 2] = halves
     end = LEAST_WORDS
-    named = {"LAYOUT": LAYOUT, "KIND": KINDS["play"], "SCALE_UNITS": _UNITS}
+    named: dict[str, float] = {"LAYOUT": LAYOUT, "KIND": KINDS["play"], "SCALE_UNITS": _UNITS}
     for name, values in tables.items():
         named[name], end = end, end + values.size
-    for name, value in (words | named | {"LENGTH": end}).items():
+    for name, value in {**words, **named, "LENGTH": end}.items():
         at, is_single = PLACES[name], name.startswith("SCALE") and name not in named
         if is_single and number_format == "fixed":
             row[at : at + 2] = single_words(value)

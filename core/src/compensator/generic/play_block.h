@@ -15,12 +15,6 @@ static int is_intact(const entry *words, uint16_t length)
          is_word(words[ANHYST_WORD_CRC + 1], (uint16_t)(~sum >> 16));
 }
 
-/* The number of segments along force and gap, as powers of two. */
-typedef struct {
-  uint16_t force;
-  uint16_t gap;
-} shape;
-
 /* Reads an exponent; one more than the largest if the word is not valid. */
 static uint16_t read_exponent(entry word, uint16_t largest)
 {
@@ -31,24 +25,31 @@ static uint16_t read_exponent(entry word, uint16_t largest)
   return exponent;
 }
 
-/* The number of entries of a table. */
-static uint16_t entries_of(shape of)
+/* Returns the number of entries of each table, or 0 if head, sizes and places of the tables do not
+   agree with each other or with the checksum. */
+static uint16_t read_frame(const entry *words, uint16_t capacity)
 {
-  return (uint16_t)((((uint32_t)1U << of.force) + 1U) * (((uint32_t)1U << of.gap) + 1U));
-}
-
-/* Whether head, sizes and places of the tables agree with each other and with the checksum. */
-static int has_frame(const entry *words, uint16_t capacity, shape of)
-{
-  const uint16_t half = (uint16_t)(ANHYST_BLOCK_LEAST_WORDS + entries_of(of));
-  const uint16_t length = (uint16_t)(half + entries_of(of));
-  return length <= capacity && is_word(words[ANHYST_WORD_MAGIC], ANHYST_BLOCK_MAGIC_LOW) &&
-         is_word(words[ANHYST_WORD_MAGIC + 1], ANHYST_BLOCK_MAGIC_HIGH) &&
-         is_word(words[ANHYST_WORD_LAYOUT], ANHYST_BLOCK_LAYOUT) &&
-         is_word(words[ANHYST_WORD_KIND], ANHYST_KIND_PLAY) &&
-         is_word(words[ANHYST_WORD_LENGTH], length) &&
-         is_word(words[ANHYST_WORD_PLAY_CURRENT], ANHYST_BLOCK_LEAST_WORDS) &&
-         is_word(words[ANHYST_WORD_PLAY_HALF], half) && is_intact(words, length);
+  if (capacity < (uint16_t)ANHYST_BLOCK_LEAST_WORDS) {
+    return 0;
+  }
+  const uint16_t n =
+      read_exponent(words[ANHYST_WORD_PLAY_FORCE_SEGMENTS], ANHYST_MAP_FORCE_SEGMENTS);
+  const uint16_t m = read_exponent(words[ANHYST_WORD_PLAY_GAP_SEGMENTS], ANHYST_MAP_GAP_SEGMENTS);
+  if (n > ANHYST_MAP_FORCE_SEGMENTS || m > ANHYST_MAP_GAP_SEGMENTS) {
+    return 0;
+  }
+  const uint16_t entries = (uint16_t)((((uint32_t)1U << n) + 1U) * (((uint32_t)1U << m) + 1U));
+  const uint16_t half = (uint16_t)(ANHYST_BLOCK_LEAST_WORDS + entries);
+  const uint16_t length = (uint16_t)(half + entries);
+  const int is_valid = length <= capacity &&
+                       is_word(words[ANHYST_WORD_MAGIC], ANHYST_BLOCK_MAGIC_LOW) &&
+                       is_word(words[ANHYST_WORD_MAGIC + 1], ANHYST_BLOCK_MAGIC_HIGH) &&
+                       is_word(words[ANHYST_WORD_LAYOUT], ANHYST_BLOCK_LAYOUT) &&
+                       is_word(words[ANHYST_WORD_KIND], ANHYST_KIND_PLAY) &&
+                       is_word(words[ANHYST_WORD_LENGTH], length) &&
+                       is_word(words[ANHYST_WORD_PLAY_CURRENT], ANHYST_BLOCK_LEAST_WORDS) &&
+                       is_word(words[ANHYST_WORD_PLAY_HALF], half) && is_intact(words, length);
+  return is_valid ? entries : 0U;
 }
 
 /* Whether no half-width is below 0, and neither branch of the loop falls along the force or leaves
@@ -75,25 +76,17 @@ static int has_branches(const law_type *law, uint16_t entries)
 
 static anhyst_status init(play_type *c, const entry *words, uint16_t capacity)
 {
-  if (capacity < (uint16_t)ANHYST_BLOCK_LEAST_WORDS) {
-    return ANHYST_BAD_PARAMETER;
-  }
-  const shape of = {
-      read_exponent(words[ANHYST_WORD_PLAY_FORCE_SEGMENTS], ANHYST_MAP_FORCE_SEGMENTS),
-      read_exponent(words[ANHYST_WORD_PLAY_GAP_SEGMENTS], ANHYST_MAP_GAP_SEGMENTS)};
-  if (of.force > ANHYST_MAP_FORCE_SEGMENTS || of.gap > ANHYST_MAP_GAP_SEGMENTS ||
-      !has_frame(words, capacity, of)) {
-    return ANHYST_BAD_PARAMETER;
-  }
   play_type fresh = {0};
+  const uint16_t entries = read_frame(words, capacity);
+  if (entries == 0U) {
+    return ANHYST_BAD_PARAMETER;
+  }
   fresh.law.map.entries = words + ANHYST_BLOCK_LEAST_WORDS;
-  fresh.law.map.force_segments = segments_of(of.force);
-  fresh.law.map.gap_segments = segments_of(of.gap);
-  fresh.law.half = fresh.law.map.entries + entries_of(of);
-  fresh.low = current_of_word(words[ANHYST_WORD_PLAY_CURRENT_LOW]);
-  fresh.high = current_of_word(words[ANHYST_WORD_PLAY_CURRENT_HIGH]);
+  fresh.law.half = fresh.law.map.entries + entries;
+  fresh.low = current_of(words[ANHYST_WORD_PLAY_CURRENT_LOW]);
+  fresh.high = current_of(words[ANHYST_WORD_PLAY_CURRENT_HIGH]);
   if (!read_scales(&fresh.law, words) || !is_map(&fresh.law.map) ||
-      !has_branches(&fresh.law, entries_of(of)) || !is_known(fresh.low) || !is_known(fresh.high) ||
+      !has_branches(&fresh.law, entries) || !is_known(fresh.low) || !is_known(fresh.high) ||
       fresh.low > fresh.high) {
     return ANHYST_BAD_PARAMETER;
   }

@@ -42,10 +42,7 @@ static number share_of(number numerator, number denominator)
   return numerator < denominator ? numerator / denominator : ONE;
 }
 
-static number fraction_of(number numerator, number denominator)
-{
-  return share_of(numerator, denominator);
-}
+#define fraction_of share_of
 
 /* Whether a difference of currents of these sizes is rounding. */
 static int is_rounding(number left, number near, number far)
@@ -56,9 +53,27 @@ static int is_rounding(number left, number near, number far)
 /* Whether a word is this whole number. */
 static int is_word(number word, uint16_t value) { return word == (number)value; }
 
-/* Reads what the formats have in different words: the ranges of force and gap, and the play. */
+/* Adds the bits of a word to a checksum. */
+static uint32_t add_bits(uint32_t sum, number word)
+{
+  union {
+    number word;
+    pattern bits;
+  } as;
+  as.word = word;
+  for (uint16_t shift = 0; shift < 8U * sizeof word; shift = (uint16_t)(shift + 16U)) {
+    sum = anhyst_checksum_add(sum, (uint16_t)(as.bits >> shift));
+  }
+  return sum;
+}
+
+/* Reads sizes, the ranges of force and gap, and the play. */
 static int read_scales(law_type *law, const number *words)
 {
+  law->map.force_segments =
+      (uint16_t)((uint32_t)1U << (uint16_t)words[ANHYST_WORD_PLAY_FORCE_SEGMENTS]);
+  law->map.gap_segments =
+      (uint16_t)((uint32_t)1U << (uint16_t)words[ANHYST_WORD_PLAY_GAP_SEGMENTS]);
   law->map.force_low = words[ANHYST_WORD_PLAY_DEMAND_LOW];
   law->map.force_high = words[ANHYST_WORD_SCALE_DEMAND];
   law->map.gap_low = words[ANHYST_WORD_SCALE_GAP_LOW];
@@ -69,6 +84,4 @@ static int read_scales(law_type *law, const number *words)
          law->per_radius <= LARGEST;
 }
 
-static uint16_t segments_of(uint16_t exponent) { return (uint16_t)((uint32_t)1U << exponent); }
-
-static number current_of_word(number word) { return word; }
+static number current_of(number word) { return word; }
