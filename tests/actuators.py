@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
-from anhyst.compensate.block import Block, DemandLimits, Kind, TableSizes
+from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
+from anhyst.compensate.cells import build_cells
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
 from anhyst.model.actuator import Model
@@ -102,6 +104,33 @@ def compiled(
         return build_full(magnet(gap_map, play), scales, limits, sizes)
     law = closed_form(gap_map)
     return build_simplified(magnet(gap_map, play), scales, limits, sizes, law=law, kind=kind)
+
+
+RealKind = Literal["full", "simplified", "cells"]
+RealIo = Literal["f32", "f64"]
+
+
+def real_block(
+    io: RealIo,
+    model: Model,
+    kind: RealKind,
+    scales: Scales,
+    limits: DemandLimits,
+    sizes: TableSizes | None = None,
+    start: Conditioning | None = None,
+    law: ClosedForm | None = None,
+    *,
+    still: bool = False,
+) -> Block:
+    """Return a block in floating point."""
+    parts = model, scales, limits, sizes, start, 0
+    match kind:
+        case "full":
+            return build_full(*parts, io)
+        case "cells":
+            return build_cells(*parts, io, still=still)
+        case "simplified":
+            return build_simplified(*parts, law, kind, io)
 
 
 def triangles(low: float, high: float, samples: int, cycles: int = 3) -> FloatArray:

@@ -3,8 +3,8 @@
    overflows, and what passes is what the proofs of the compensators assume.
 
    The words lie in memory that ends with the last of them. A loop over words or entries turns as
-   often as the block says: proofs.toml puts TURN at the beginning of its body, which goes to any
-   one turn, and LAST at its end, so that one turn stands for all. The turn of a table is that of
+   often as the block says: proofs.toml goes to any one turn at the beginning of its body and leaves
+   the loop after it, so that one turn stands for all. The turn of a table is that of
    `watched`, so that what the check found of every entry is known of that one. */
 #include <stdlib.h>
 
@@ -22,11 +22,9 @@ static int16_t watched;
 #include "compensator/block.c"
 #if defined(UNIT)
 #elif defined(SIMPLIFIED)
-#include "compensator/closed.c"
 #include "compensator/simplified.c"
 static const anhyst_kernel *const kernel = &anhyst_kernel_simplified;
 #elif defined(EULER)
-#include "compensator/closed.c"
 #include "compensator/euler.c"
 static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
 #else

@@ -1,30 +1,45 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the closed form and Euler's form share, and Euler's step: from any memory within the
-   invariant, for any valid words. How a kernel advances is left open in FRAME: any function that
-   keeps the invariant. */
+/* What the closed form and Euler's form share, and Euler's step: from any memory at all, for any
+   valid words. The step of a path is left open: any that stays within -1..1. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
-#include "compensator/closed.c"
-#ifdef EULER
-#define advance euler_advance
-#include "compensator/euler.c"
-#undef advance
-#endif
-
 #define WITHIN_ONE(a) ((a) >= -ANHYST_Q30_ONE && (a) <= ANHYST_Q30_ONE)
 
-/* a: flux, as far as the compensator lets it; b: bounded state; c: distance or its mirror. */
+#ifdef EULER
+#include "compensator/euler.c"
+#else
+#include "compensator/simplified_fixed.h"
+
+static int32_t start_of(const int16_t *words, int32_t state)
+{
+  SHOW(WITHIN_ONE(state));
+  return any_within(-ANHYST_Q30_ONE, ANHYST_Q31_MAX);
+}
+
+static int32_t state_beyond(const int16_t *words, const anhyst_simplified_memory *path,
+                            int32_t flux)
+{
+  SHOW(WITHIN_ONE(flux) && WITHIN_ONE(path->turn) && WITHIN_ONE(path->peak) &&
+       WITHIN_ONE(path->u) && path->start >= -ANHYST_Q30_ONE);
+  SHOW(flux > path->peak && flux > path->turn);
+  return any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+}
+
+#include "compensator/generic/simplified.h"
+#endif
+
+/* A memory as every step leaves it. */
 static int is_memory(const anhyst_simplified_memory *memory)
 {
-  return memory->flux >= -ANHYST_Q30_ONE / 2 * 3 && memory->flux <= ANHYST_Q30_ONE / 2 * 3 &&
-         WITHIN_ONE(memory->u) && memory->z >= -ANHYST_Q31_MAX;
+  return WITHIN_ONE(memory->flux) && WITHIN_ONE(memory->u) && WITHIN_ONE(memory->turn) &&
+         WITHIN_ONE(memory->peak) && memory->start >= -ANHYST_Q30_ONE;
 }
 
 static anhyst_simplified_memory any_memory(void)
 {
-  const anhyst_simplified_memory memory = {nondet_i32(), nondet_i32(), nondet_i32()};
-  ASSUME(is_memory(&memory));
+  const anhyst_simplified_memory memory = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(),
+                                           nondet_i32()};
   return memory;
 }
 
@@ -39,25 +54,23 @@ static inline int32_t anhyst_quotient(int32_t numerator, int32_t denominator)
 #endif
 
 #ifdef SLOPE_BY_CONTRACT
-static inline int32_t anhyst_lag_slope(const int16_t *words, int32_t p)
+static inline number lag_slope(const entry *words, number state)
 {
-  SHOW(WITHIN_ONE(p));
-  return any_within(0, ANHYST_LAG_SLOPE_MAX);
+  SHOW(WITHIN_ONE(state));
+  return any_within(0, MAX_LAG_SLOPE);
 }
 #endif
 
-static void any_advance(const int16_t *words, anhyst_simplified_memory *start, int32_t way, anhyst_simplified_memory *to)
-{
-  SHOW(way >= 0 && is_memory(start));
-  start->z = any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX);
-  to->flux = start->flux;
-  to->u = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  to->z = any_within(0, ANHYST_Q31_MAX);
-}
-
 /* ---- proofs ---- */
 
-static void assume_valid(const int16_t *words) { ASSUME(anhyst_closed_is_valid(words)); }
+static void assume_valid(const int16_t *words)
+{
+  ASSUME(words[ANHYST_WORD_SIMPLE_RATE] > 0 && words[ANHYST_WORD_SIMPLE_HOLD] > 0);
+  ASSUME(words[ANHYST_WORD_SIMPLE_RATE_SHIFT] >= 0 && words[ANHYST_WORD_SIMPLE_RATE_SHIFT] <= 12);
+  ASSUME(words[ANHYST_WORD_SIMPLE_HOLD_SHIFT] >= 0 && words[ANHYST_WORD_SIMPLE_HOLD_SHIFT] <= 12);
+  ASSUME(words[ANHYST_WORD_SIMPLE_REST] > 0 && words[ANHYST_WORD_SIMPLE_BAND] >= 0);
+  ASSUME(words[ANHYST_WORD_SIMPLE_ITERATIONS] >= 2);
+}
 
 static void prove_quotient(void)
 {
@@ -68,8 +81,8 @@ static void prove_lag_slope(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   assume_valid(words);
-  const int32_t slope = anhyst_lag_slope(words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
-  SHOW(slope >= 0 && slope <= ANHYST_LAG_SLOPE_MAX);
+  const int32_t slope = lag_slope(words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
+  SHOW(slope >= 0 && slope <= MAX_LAG_SLOPE);
 }
 
 static void prove_field(void)
@@ -79,8 +92,8 @@ static void prove_field(void)
   assume_valid(words);
   c.words = words;
   c.memory.simplified = any_memory();
-  c.flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);
-  (void)anhyst_closed_field(&c, any_advance);
+  c.flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  SHOW(WITHIN_ONE(simplified_field(&c)));
   SHOW(is_memory(&c.next.memory.simplified));
 }
 
@@ -91,27 +104,39 @@ static void prove_flux(void)
   const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
                             (int16_t)any_within(0, ANHYST_Q15_MAX),
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
-  const anhyst_memory there = {.simplified = any_memory()};
-  const anhyst_candidate solved = {there, 0, 0, nondet_i16(), 0, 0, 0};
   assume_valid(words);
   c.words = words;
   c.memory.simplified = any_memory();
+  c.next.memory.simplified = any_memory();
   c.arms = arms;
-  c.next = solved;
+  c.stage = nondet_u16();
   ASSUME(words[ANHYST_WORD_SIMPLE_ITERATIONS] <= 3);
-  (void)anhyst_closed_flux(&c, nondet_i32(), any_advance);
+  SHOW(WITHIN_ONE(simplified_flux(&c, nondet_i32())));
   SHOW(is_memory(&c.next.memory.simplified));
+}
+
+static void prove_carry(void)
+{
+  int16_t words[ANHYST_BLOCK_LEAST_WORDS];
+  anhyst_compensator c;
+  assume_valid(words);
+  c.words = words;
+  c.memory.simplified = any_memory();
+  simplified_carry(&c, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
+  SHOW(is_memory(&c.memory.simplified));
 }
 
 #ifdef EULER
 static void prove_euler(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
-  anhyst_simplified_memory from = any_memory();
-  anhyst_simplified_memory to;
-  ASSUME(euler_is_valid(words));
-  euler_advance(words, &from, any_within(0, ANHYST_Q31_MAX), &to);
-  SHOW(is_memory(&to));
+  anhyst_simplified_memory path = any_memory();
+  ASSUME(is_memory(&path));
+  assume_valid(words);
+  ASSUME(words[ANHYST_WORD_EULER_SUBSTEPS] >= 1 && words[ANHYST_WORD_EULER_SUBSTEPS] <= 16);
+  const int32_t flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  ASSUME(flux > path.peak);
+  SHOW(WITHIN_ONE(state_beyond(words, &path, flux)));
 }
 #endif
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How the closed form advances: from any memory within the invariant, for any valid words and any
+/* The step of the closed form: from any path of a memory, for any valid words and any
    table that never falls below zero. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
@@ -29,15 +29,15 @@ static void any_words(int16_t *words)
 /* ---- contracts ---- */
 
 #ifdef LEAVES_BY_CONTRACT
-static int32_t p_of(const int16_t *words, int32_t z)
+static number state_of(const entry *words, number z)
 {
   SHOW(z >= 0);
   return any_within(0, ANHYST_Q30_ONE);
 }
 
-static int32_t z_of(const int16_t *words, int32_t p)
+static number distance_of(const entry *words, number state)
 {
-  SHOW(p >= 0 && p <= ANHYST_Q30_ONE);
+  SHOW(state >= 0 && state <= ANHYST_Q30_ONE);
   return any_within(0, ANHYST_Q31_MAX);
 }
 #endif
@@ -54,33 +54,35 @@ static inline int32_t anhyst_value_at(anhyst_spot spot)
   return any_within(0, ANHYST_Q15_MAX * 32768);
 }
 
-static void prove_p_of(void)
+static void prove_state_of(void)
 {
   int16_t words[WORDS];
   any_words(words);
   block = words;
-  const int32_t p = p_of(words, any_within(0, ANHYST_Q31_MAX));
-  SHOW(p >= 0 && p <= ANHYST_Q30_ONE);
+  const int32_t state = state_of(words, any_within(0, ANHYST_Q31_MAX));
+  SHOW(state >= 0 && state <= ANHYST_Q30_ONE);
 }
 #endif
 
-static void prove_advance(void)
+static void prove_step(void)
 {
   int16_t words[WORDS];
   any_words(words);
-  anhyst_simplified_memory from = {nondet_i32(), any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE),
-                        any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX)};
-  anhyst_simplified_memory to;
-  advance(words, &from, any_within(0, ANHYST_Q31_MAX), &to);
-  SHOW(to.flux == from.flux && to.z >= 0);
-  SHOW(to.u >= -ANHYST_Q30_ONE && to.u <= ANHYST_Q30_ONE);
+  const int32_t state = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  SHOW(start_of(words, state) >= -ANHYST_Q30_ONE);
+  anhyst_simplified_memory path = {0, state, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), 0,
+                                   any_within(-ANHYST_Q30_ONE, ANHYST_Q31_MAX)};
+  const int32_t flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  ASSUME(flux > path.turn);
+  const int32_t found = state_beyond(words, &path, flux);
+  SHOW(found >= -ANHYST_Q30_ONE && found <= ANHYST_Q30_ONE);
 }
 
-static void prove_z_of(void)
+static void prove_distance_of(void)
 {
   int16_t words[WORDS];
   any_words(words);
-  SHOW(z_of(words, any_within(0, ANHYST_Q30_ONE)) >= 0);
+  SHOW(distance_of(words, any_within(0, ANHYST_Q30_ONE)) >= 0);
 }
 
 int main(void)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from anhyst.support.block_layout import WORDS
 from tests.actuators import compiled
 
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
-Words = NDArray[np.int16]
+Words = NDArray[Any]
 
 GAP_TABLES = {
     "GAP_GAIN": 1,
@@ -70,13 +71,13 @@ RANGES: dict[Kind, dict[str, tuple[int, int]]] = {
 
 
 def sealed(words: Words) -> Words:
-    """Return a copy with the checksum that belongs to it."""
-    unsigned = words.view(np.uint16).astype("<u2")
+    """Return a copy with the checksum that belongs to it, in any format."""
+    sound = words.copy()
     length = int(words[4]) if 8 <= words[4] <= words.size else words.size
-    kept = np.concatenate([unsigned[:6], unsigned[8:length]])
-    crc = zlib.crc32(kept.tobytes())
-    unsigned[6:8] = crc & 0xFFFF, crc >> 16
-    return unsigned.astype(np.uint16).view(np.int16)
+    crc = zlib.crc32(np.concatenate([sound[:6], sound[8:length]]).tobytes())
+    halves = np.array([crc & 0xFFFF, crc >> 16])
+    sound[6:8] = halves.astype(np.uint16).view(np.int16) if words.dtype == np.int16 else halves
+    return sound
 
 
 def changed(block: Block, at: int, value: int) -> Words:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,21 +19,21 @@ from anhyst._core import (
     FixedForceController,
     ForceController,
     ForceControllerF32,
-    Parameters,
-    ParametersF32,
 )
-from anhyst.compensate.floating import RealKind, build_real
 from anhyst.support.numeric import FloatArray
 from tests.actuators import (
     CURRENTS,
     GAPS,
     SIZES,
     WIDE,
+    RealIo,
+    RealKind,
     closed_form,
     compiled,
     largest_force,
     magnet,
     ranges,
+    real_block,
     reversals,
 )
 
@@ -67,10 +68,9 @@ def of_flux(*loop: float, high: float = HIGH) -> ForceController:
     )  # fmt: skip
 
 
-def parameters(kind: RealKind) -> tuple[Parameters, ParametersF32]:
+def block_words(kind: RealKind, io: RealIo) -> NDArray[Any]:
     law = closed_form("reluctance") if kind == "simplified" else None
-    block = build_real(magnet(), kind, *ranges("reluctance"), SIZES, law=law)
-    return block.double, block.single
+    return real_block(io, magnet(), kind, *ranges("reluctance"), SIZES, law=law).words
 
 
 def every_real() -> list[Real]:
@@ -80,8 +80,10 @@ def every_real() -> list[Real]:
         of_flux(0.5, 0.1, 0.2, 0.5),
     ]
     for kind in KINDS:
-        double, single = parameters(kind)
-        drives += [ForceController.compensator(double), ForceControllerF32.compensator(single)]
+        drives += [
+            ForceController.compensator(kind, block_words(kind, "f64")),
+            ForceControllerF32.compensator(kind, block_words(kind, "f32")),
+        ]
     return drives
 
 
@@ -237,8 +239,8 @@ def test_what_a_limit_took_away_is_reported_as_force() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_compensator_in_a_drive_is_that_compensator(kind: RealKind) -> None:
-    double, _ = parameters(kind)
-    bare, drive = Compensator(double), ForceController.compensator(double)
+    double = block_words(kind, "f64")
+    bare, drive = Compensator(kind, double), ForceController.compensator(kind, double)
     fixed, fixed_drive = (
         FixedCompensator(kind, compiled(kind).words),
         FixedForceController.compensator(kind, compiled(kind).words),
@@ -257,7 +259,7 @@ def test_a_compensator_in_a_drive_is_that_compensator(kind: RealKind) -> None:
 
 
 def test_what_a_compensator_expects_of_an_applied_current_is_what_the_magnet_gives() -> None:
-    drive = ForceController.compensator(parameters("full")[0])
+    drive = ForceController.compensator("full", block_words("full", "f64"))
     high = 0.9 * largest_force("reluctance", 0.0, GAPS[-1])
     applied, expected = [], []
     for demand in reversals(0.1 * high, high, 100, 4).tolist():
@@ -288,12 +290,12 @@ def test_rounding_of_a_converter_leaves_no_bias_in_what_is_expected(kind: RealKi
 
 
 def test_conditioning_comes_from_the_compensator_alone() -> None:
-    drive = ForceController.compensator(parameters("full")[0])
+    drive = ForceController.compensator("full", block_words("full", "f64"))
     fixed = FixedForceController.compensator("full", compiled("full").words)
     ticks = drive.conditioning_length()
     assert fixed.conditioning_length() == ticks > 0
     currents = [drive.conditioning(tick) for tick in range(ticks)]
-    assert (min(currents), max(currents)) == CURRENTS
+    assert (min(currents), max(currents)) == pytest.approx(CURRENTS, rel=1e-15)
     scale = ranges("reluctance")[0].current / ONE
     assert [scale * fixed.conditioning(tick) for tick in range(ticks)] == pytest.approx(
         currents, abs=2e-4

@@ -8,9 +8,19 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedForceController, ForceController, ForceControllerF32
-from anhyst.compensate.floating import RealKind, build_real
 from anhyst.support.numeric import FloatArray
-from tests.actuators import SIZES, WIDE, closed_form, compiled, magnet, ranges, reversals
+from tests.actuators import (
+    SIZES,
+    WIDE,
+    RealIo,
+    RealKind,
+    closed_form,
+    compiled,
+    magnet,
+    ranges,
+    real_block,
+    reversals,
+)
 
 ONE, NO_FLUX, NAN = 2**31, -(2**31), math.nan
 CURRENT_LIMITED = 2
@@ -23,11 +33,12 @@ Real = ForceController | ForceControllerF32
 def plain(kind: RealKind, single: bool = False) -> tuple[Real, float]:
     """Return a compensator, and its largest force, N."""
     law = closed_form("reluctance") if kind == "simplified" else None
-    block = build_real(magnet(), kind, *ranges("reluctance"), SIZES, law=law)
-    made = (
-        ForceControllerF32.compensator(block.single)
+    io: RealIo = "f32" if single else "f64"
+    block = real_block(io, magnet(), kind, *ranges("reluctance"), SIZES, law=law)
+    made: Real = (
+        ForceControllerF32.compensator(kind, block.words)
         if single
-        else ForceController.compensator(block.double)
+        else ForceController.compensator(kind, block.words)
     )
     return made, block.scales.demand
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.current_map import fit_ratio, fit_single_valued
-from anhyst.compensate.floating import build_real
 from anhyst.compensate.force_controller import Compensator, FixedTwin, RealTwin
 from anhyst.compensate.methods import METHODS
-from tests.actuators import compiled, magnet, ranges
+from tests.actuators import compiled, magnet, ranges, real_block
 from tests.compensate.test_methods import FORMATS, POINT, fitted, known
 
 DEMANDS = [20.0, 75.0, 40.0, 60.0, 35.0]
@@ -27,7 +26,7 @@ def _compensators() -> dict[str, Callable[[], Compensator]]:
         made[f"twin, {io}"] = lambda io=io: FixedTwin(compiled("full"), io)  # type: ignore[misc]
     for real in ("f32", "f64"):
         made[f"twin, {real}"] = lambda real=real: RealTwin(  # type: ignore[misc]
-            build_real(magnet(), "full", *ranges("reluctance")), real
+            real_block(real, magnet(), "full", *ranges("reluctance"))
         )
     made["ratio of the loops"] = lambda: fit_ratio(known()[0], 90.0)
     made["single-valued of the loops"] = lambda: fit_single_valued(known()[0], 90.0)

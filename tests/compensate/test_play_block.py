@@ -14,18 +14,16 @@ from anhyst.support.block_layout import KINDS, PLACES
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
 
-FLOATING: dict[NumberFormat, type[ForceController | ForceControllerF32]] = {
-    "f64": ForceController,
-    "f32": ForceControllerF32,
-}
 
-
-def start(number_format: NumberFormat, words: Words) -> None:
+def start(
+    number_format: NumberFormat, words: Words
+) -> FixedForceController | ForceControllerF32 | ForceController:
     """Start the map with a block."""
     if number_format == "fixed":
-        FixedForceController.play(words.astype(np.int16))
-    else:
-        FLOATING[number_format].play(words.astype(np.float64))
+        return FixedForceController.play(words.astype(np.int16))
+    if number_format == "f32":
+        return ForceControllerF32.play(words.astype(np.float32))
+    return ForceController.play(words.astype(np.float64))
 
 
 def a_play() -> PlayMap:
@@ -66,7 +64,10 @@ def test_block_with_a_damaged_word_is_refused(number_format: NumberFormat) -> No
 
 def test_formats_give_the_same_currents() -> None:
     play = a_play()
-    drives = [kind.play(play.block(name).astype(np.float64)) for name, kind in FLOATING.items()]
+    drives = (
+        ForceController.play(play.block("f64").astype(np.float64)),
+        ForceControllerF32.play(play.block("f32").astype(np.float32)),
+    )
     rng = np.random.default_rng(5)
     for demand, gap in zip(
         rng.uniform(0.0, 250.0, 300).tolist(), rng.uniform(3e-4, 6e-4, 300).tolist(), strict=True

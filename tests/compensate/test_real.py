@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -11,30 +12,34 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst._core import Compensator, Parameters
-from anhyst.compensate.block import DemandLimits, TableSizes
-from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, build_real
+from anhyst._core import Compensator, CompensatorF32
+from anhyst.compensate.block import Block, DemandLimits, TableSizes, real_core_of
 from anhyst.compensate.force_controller import FixedTwin, RealTwin
-from anhyst.compilation.parameters import c_parameters, literal
+from anhyst.compilation.parameters import definition, literal
 from anhyst.compilation.toolchain import SINGLE
 from anhyst.model.actuator import least_slope
 from anhyst.model.parameters import GapMap
 from anhyst.support.atomic import core_folder
+from anhyst.support.block_layout import PLACES
 from anhyst.support.block_words import Names, Scales
 from anhyst.support.numeric import FloatArray
 from tests.actuators import (
     CURRENTS,
     GAPS,
     WIDE,
+    RealIo,
+    RealKind,
     closed_form,
     compiled,
     largest_force,
     magnet,
     nested,
     ranges,
+    real_block,
     reversals,
     ring,
 )
+from tests.compensate.test_block import sealed
 
 KINDS: tuple[RealKind, ...] = ("full", "simplified")
 IOS: tuple[RealIo, ...] = ("f32", "f64")
@@ -58,10 +63,11 @@ def real(
     gap_map: GapMap = "reluctance",
     play: float = 0.0,
     sizes: TableSizes = FINE,
-) -> RealBlock:
+    io: RealIo = "f32",
+) -> Block:
     scales, limits = ranges(gap_map, play)
     law = closed_form(gap_map) if kind == "simplified" else None
-    return build_real(magnet(gap_map, play), kind, scales, limits, sizes, law=law)
+    return real_block(io, magnet(gap_map, play), kind, scales, limits, sizes, law=law)
 
 
 def demanding(high: float) -> FloatArray:
@@ -83,7 +89,7 @@ def test_full_with_fine_tables_gives_the_demanded_force(
 ) -> None:
     demand = demanding(largest_force(gap_map, play, GAPS[-1]))
     gap = moving(demand.size)
-    drive = RealTwin(real("full", gap_map, play), io).run(demand, gap)
+    drive = RealTwin(real("full", gap_map, play, io=io)).run(demand, gap)
     force = magnet(gap_map, play).predict(drive, gap, history="demagnetised").output
     # Where the current all but stands still as the flux rises, any error of it counts for more.
     flattest = min(1.0, float(least_slope(magnet(gap_map, play), np.array(GAPS)).min()))
@@ -96,7 +102,7 @@ def test_full_gives_the_demanded_flux_of_either_sign(play: float) -> None:
     model = ring(play)
     top = float(model.predict([0.0, 150.0], history="demagnetised").output[-1])
     limits = DemandLimits((-top, top), (-150.0, 150.0))
-    block = build_real(model, "full", Scales(1.1 * top, 160.0, 0.0, 0.0), limits, FINE)
+    block = real_block("f32", model, "full", Scales(1.1 * top, 160.0, 0.0, 0.0), limits, FINE)
     demand = np.concatenate(
         [reversals(-0.95 * top, 0.95 * top, 100, 7), np.tile([0.95 * top, -0.95 * top], 50)]
     )
@@ -112,7 +118,7 @@ def test_fixed_point_with_the_same_tables_differs_by_its_rounding(
     """In force: words of 16 bits in tables and arms, and the root's and field's last places."""
     demand = demanding(largest_force(gap_map, 0.0, GAPS[-1]))
     gap = moving(demand.size)
-    exact = RealTwin(real(kind, gap_map, 0.0, SAME), "f64").run(demand, gap)
+    exact = RealTwin(real(kind, gap_map, 0.0, SAME, "f64")).run(demand, gap)
     fixed = FixedTwin(compiled(kind, gap_map, 0.0, SAME)).run(demand, gap)
     model = magnet(gap_map)
     forces = [model.predict(i, gap, history="demagnetised").output for i in (exact, fixed)]
@@ -124,7 +130,7 @@ def test_fixed_point_with_the_same_tables_differs_by_its_rounding(
 def test_single_precision_follows_double(kind: RealKind) -> None:
     demand = demanding(HIGH)
     gap = moving(demand.size)
-    single, double = (RealTwin(real(kind), io).run(demand, gap) for io in IOS)
+    single, double = (RealTwin(real(kind, io=io)).run(demand, gap) for io in IOS)
     assert 0.0 < np.abs(single - double).max() < 5e-6 * CURRENTS[1]
 
 
@@ -133,8 +139,8 @@ def test_rounding_does_not_add_up_over_a_slow_demand(kind: RealKind) -> None:
     """A ramp of 100000 ticks, in steps of a few units in the last place of a float."""
     levels = np.array([0.1, 0.9, 0.3, 0.7]) * HIGH
     demand = np.concatenate([np.linspace(a, b, 100_000) for a, b in pairwise(levels)])
-    slow = RealTwin(real(kind), "f32").run(demand, WIDE)
-    quick = RealTwin(real(kind), "f64").run(demand[::1000], WIDE)
+    slow = RealTwin(real(kind)).run(demand, WIDE)
+    quick = RealTwin(real(kind, io="f64")).run(demand[::1000], WIDE)
     assert np.abs(slow[::1000] - quick).max() < 3e-5 * CURRENTS[1]
 
 
@@ -142,7 +148,7 @@ def test_rounding_does_not_add_up_over_a_slow_demand(kind: RealKind) -> None:
 @pytest.mark.parametrize("play", [0.0, 40.0])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_standing_demand_leaves_the_memory_alone(kind: RealKind, play: float, io: RealIo) -> None:
-    twin = RealTwin(real(kind, "reluctance", play if kind == "full" else 0.0), io)
+    twin = RealTwin(real(kind, "reluctance", play if kind == "full" else 0.0, io=io))
     for level in np.random.default_rng(1).uniform(0.05, 0.95, 20).tolist():
         twin.run([level * HIGH] * 4, WIDE)
         rest = twin.memory
@@ -172,7 +178,7 @@ def test_the_shortcut_of_a_commit_agrees_with_finding_the_flux_from_the_current(
     kind: RealKind, io: RealIo
 ) -> None:
     """Any other demand in between forbids the shortcut."""
-    quick, long = (RealTwin(real(kind), io) for _ in range(2))
+    quick, long = (RealTwin(real(kind, io=io)) for _ in range(2))
     demand = demanding(HIGH)
     worst = 0.0
     for wanted in demand.tolist():
@@ -202,7 +208,7 @@ def test_limits_are_kept_and_reported(kind: RealKind) -> None:
     scales, limits = ranges("reluctance")
     low = DemandLimits(limits.demand, (CURRENTS[0], 0.8))
     law = closed_form("reluctance") if kind == "simplified" else None
-    twin = RealTwin(build_real(magnet(), kind, scales, low, FINE, law=law))
+    twin = RealTwin(real_block("f32", magnet(), kind, scales, low, FINE, law=law))
     demand_high = limits.demand[1]
     twin.run([0.3 * HIGH], WIDE)
     assert twin.flags == 0
@@ -218,8 +224,8 @@ def test_limits_are_kept_and_reported(kind: RealKind) -> None:
 
 
 def test_more_flux_than_saturation_is_limited_and_reported() -> None:
-    model, (scales, _) = magnet(), ranges("reluctance")
-    block = build_real(model, "full", scales, DemandLimits((0.0, 400.0), CURRENTS))
+    model, scales = magnet(), replace(ranges("reluctance")[0], demand=500.0)
+    block = real_block("f32", model, "full", scales, DemandLimits((0.0, 400.0), CURRENTS))
     twin = RealTwin(block)
     twin.solve(400.0, WIDE)
     assert twin.flags & FLUX_LIMITED
@@ -240,80 +246,111 @@ def test_what_is_no_number_does_no_harm(kind: RealKind) -> None:
 
 
 def test_other_parameters_go_on_from_where_the_iron_is() -> None:
-    one, other = real("full"), real("full", sizes=SAME)
-    core = Compensator(one.double)
+    one, other = (real("full", sizes=sizes, io="f64") for sizes in (FINE, SAME))
+    twin = RealTwin(one)
     up = np.linspace(0.1, 0.8, 50) * HIGH
-    core.run(up, np.full(50, WIDE))
-    before = core.memory
-    core.swap(other.double)
-    x, y, p, turn, level = core.memory.tolist()
-    assert (x, y, p) == tuple(before[:3])
-    assert (turn, level) == (p, y)
+    twin.run(up, WIDE)
+    before = twin.output
+    twin._core.swap(other.words)
+    assert twin.output == pytest.approx(before, rel=1e-12)
     goal = 0.85 * HIGH
-    assert core.solve(goal, WIDE) == pytest.approx(
-        RealTwin(one, "f64").run([*up, goal], WIDE)[-1], rel=3e-3
+    assert twin.solve(goal, WIDE) == pytest.approx(
+        RealTwin(one).run([*up, goal], WIDE)[-1], rel=3e-3
     )
-    with pytest.raises(ValueError, match="another kind"):
-        core.swap(real("simplified").double)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"demand_low": 1e9},
-        {"current_high": float("nan")},
-        {"full_scale": 0.0},
-        {"knee": 0.5},
-        {"flux_limit": 2e6},
-        {"power": 3},
-        {"condition_ticks": 1},
-        {"iterations": 1},
-        {"reversible": 1.5},
-        {"octaves": -1.0},
-        {"reach": float("inf")},
-    ],
-)
-def test_unsound_numbers_are_refused(change: dict[str, float]) -> None:
-    block = real("full", sizes=SAME)
-    Parameters(block.kind, block.numbers, block.gaps, block.tables)
     with pytest.raises(ValueError, match="not valid"):
-        Parameters(block.kind, block.numbers | change, block.gaps, block.tables)
+        twin._core.swap(real("simplified", io="f64").words)
 
 
-def test_a_simplified_law_takes_no_more_flux_than_its_unit() -> None:
-    block = real("simplified", sizes=SAME)
-    with pytest.raises(ValueError, match="not valid"):
-        Parameters(block.kind, block.numbers | {"flux_limit": 1.1}, block.gaps, block.tables)
+def takes(block: Block, words: FloatArray) -> bool:
+    try:
+        Compensator(block.kind, sealed(words))
+    except ValueError:
+        return False
+    return True
+
+
+NUMBERS = [
+    *(("DEMAND_LOW", value) for value in (0.96, np.nan, -1.5)),
+    *(("CURRENT_HIGH", value) for value in (np.nan, 1.001, np.inf, -0.9)),
+    *(("SCALE_DEMAND", value) for value in (0.0, -1.0, np.nan, np.inf)),
+    *(("SCALE_GAP_HIGH", value) for value in (0.0, np.nan, np.inf)),
+    *(("ROOT_KNEE", value) for value in (1.0, 9.0, 4.5, np.nan)),
+    *(("FLUX_LIMIT", value) for value in (0.0, 1.1, np.nan)),
+    *(("POWER", value) for value in (3.0, 1.5, np.nan)),
+    *(("CONDITION_TICKS", value) for value in (1.0, 32768.0, 2.5, np.nan)),
+    *(("GAP_SEGMENTS", value) for value in (-1.0, 7.0, 1e30, np.nan)),
+    *(("GAP_GAIN", value) for value in (0.0, 63.0, 64.5, 1e30, np.inf, np.nan)),
+    *(("LENGTH", value) for value in (63.0, 64.5, 1e30, np.inf, np.nan)),
+    *(("FULL_ITERATIONS", value) for value in (1.0, 17.0, np.nan)),
+    *(("FULL_REVERSIBLE", value) for value in (1.5, -0.1, np.nan)),
+    *(("FULL_RATE", value) for value in (-1.0, 0.0, np.inf, np.nan)),
+    *(("UNIT_FIELD", value) for value in (0.0, np.inf, np.nan)),
+]
+
+
+@pytest.mark.parametrize(("name", "value"), NUMBERS)
+def test_block_with_unsound_number_is_refused(name: str, value: float) -> None:
+    block = real("full", sizes=SAME, io="f64")
+    assert takes(block, block.words)
+    words: FloatArray = block.words.copy()
+    words[PLACES[name]] = value
+    assert not takes(block, words)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_current_that_would_fall_is_refused(kind: RealKind) -> None:
-    block = real(kind, sizes=SAME)
-    gaps = block.gaps.copy()
-    gaps[-1, COLUMNS.index("flux_arm")] = -0.3 * gaps[-1, COLUMNS.index("field_arm")]
-    if kind == "full":  # 1/3 is the steepest a law can ever be
-        Parameters(block.kind, block.numbers, gaps, block.tables)
-        gaps[-1, COLUMNS.index("flux_arm")] *= 40.0
-    with pytest.raises(ValueError, match="not valid"):
-        Parameters(block.kind, block.numbers, gaps, block.tables)
+    block = real(kind, sizes=SAME, io="f64")
+    (first, entries), field_arm = block.tables["GAP_FLUX_ARM"], block.table("GAP_FIELD_ARM")
+    flux_arm = 0.0
+    if kind == "full":  # as low as the steepest rise of the flux over the field allows
+        share = block.number("FULL_REVERSIBLE")
+        reversible = np.diff(block.table("FULL_CURVE"))
+        pinned = np.diff(block.table("FULL_BRANCH"))[reversible.size :]
+        steepest = (share * reversible + (1.0 - share) * pinned).max() * reversible.size
+        flux_arm = -field_arm[-1] / (4.0 * block.number("FULL_AIR") + steepest)
+    for part, is_taken in ((0.97, True), (1.03, kind == "simplified")):
+        words: FloatArray = block.words.copy()
+        words[first + entries - 1] = part * flux_arm
+        assert takes(block, words) == is_taken, part
+    words = block.words.copy()
+    words[first + entries - 1] = -field_arm[-1]
+    assert not takes(block, words)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_tables_that_fall_or_are_too_short_are_refused(kind: RealKind) -> None:
-    block = real(kind, sizes=SAME)
-    for name, table in block.tables.items():
-        falling = table.copy()
-        falling[3] = falling[5]
-        with pytest.raises(ValueError, match="not valid"):
-            Parameters(block.kind, block.numbers, block.gaps, block.tables | {name: falling})
-        with pytest.raises(ValueError, match="wrong length"):
-            Parameters(block.kind, block.numbers, block.gaps, block.tables | {name: table[:-1]})
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e30])
+def test_tables_that_fall_or_hold_no_numbers_are_refused(kind: RealKind, wrong: float) -> None:
+    block = real(kind, sizes=SAME, io="f64")
+    for name, (first, entries) in block.tables.items():
+        for place in (first, first + 3, first + entries - 1):
+            words: FloatArray = block.words.copy()
+            words[place] = wrong
+            assert not takes(block, words), (name, place)
+        if not name.startswith("GAP"):
+            words = block.words.copy()
+            words[first + 3] = words[first + 5]
+            assert not takes(block, words), name
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_single_flipped_bit_of_a_block_in_single_precision_is_refused(kind: RealKind) -> None:
+    few = TableSizes(
+        gap_segments=0, curve_segments=3, inverse_segments=3, octaves=6, octave_segments=2
+    )
+    block = real(kind, sizes=few)
+    real_core_of(block)
+    for at in range(block.words.size):
+        for bit in range(32):
+            words = block.words.copy()
+            words.view(np.uint32)[at] ^= np.uint32(1 << bit)
+            with pytest.raises(ValueError, match="not valid"):
+                CompensatorF32(kind, words)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_conditioning_makes_the_start_known(kind: RealKind) -> None:
     known, strange = RealTwin(real(kind)), RealTwin(real(kind))
-    memory = {"full": [-3.0, -0.6, -3.0, -3.0, -0.6], "simplified": [0.4, -0.8, 0.0, 0.4, -0.8]}
+    memory = {"full": [-0.3, -0.6, -0.3, -0.3, -0.6], "simplified": [0.4, -0.8, 0.4, 0.4, 0.0]}
     strange.start_from(memory[kind])
     currents = known.condition(WIDE)
     assert np.array_equal(strange.condition(WIDE), currents)
@@ -324,7 +361,7 @@ def test_conditioning_makes_the_start_known(kind: RealKind) -> None:
 
 def test_a_memory_must_be_one() -> None:
     twin = RealTwin(real("full"))
-    with pytest.raises(ValueError, match="wrong length"):
+    with pytest.raises(ValueError, match="five numbers"):
         twin.start_from([0.0, 0.0])
     with pytest.raises(ValueError, match=r"-1\.\.1"):
         twin.start_from([0.0, 1.5, 0.0, 0.0, 0.0])
@@ -337,7 +374,7 @@ int main(void)
 {
   static anhyst_compensator_f32 c;
   float demand, gap;
-  if (anhyst_compensator_init_f32(&c, &magnet_parameters) != ANHYST_OK) {
+  if (anhyst_compensator_init_f32(&c, &KERNEL, magnet_parameters, WORDS) != ANHYST_OK) {
     return 1;
   }
   while (scanf("%f %f", &demand, &gap) == 2) {
@@ -363,9 +400,12 @@ def test_the_c_that_is_written_out_gives_the_same_bits(
         pytest.skip("gcc is not installed")
     block = real(kind, sizes=TableSizes())
     core = core_folder()
-    parameters = c_parameters("magnet", block, Names("N", "A"), magnet().schedule)
+    parameters = definition("magnet", "WORDS", block, Names("N", "A"), magnet().schedule)
     source, program = tmp_path / "all.c", tmp_path / "all"
-    head = '#include "anhyst/compensator/compensator_f32.h"\n'
+    head = (
+        '#include "anhyst/compensator/compensator_f32.h"\n'
+        f"#define KERNEL anhyst_kernel_{kind}_f32\n#define WORDS {block.words.size}\n"
+    )
     source.write_text(head + parameters + PROGRAM, encoding="utf-8")
     sources = [str(source), *(f"{core}/src/{name}" for name in SINGLE[kind])]
     strict = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]

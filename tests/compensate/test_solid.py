@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst import _core
-from anhyst.compensate.block import Conditioning, DemandLimits, TableSizes
-from anhyst.compensate.floating import RealBlock, RealIo, build_real
+from anhyst.compensate.block import Block, Conditioning, DemandLimits, TableSizes
 from anhyst.compensate.force_controller import FixedTwin, ForceController, RealTwin
 from anhyst.compensate.methods import compile_inverse
 from anhyst.compensate.plan import CompileRequest, make_plan
@@ -17,10 +16,13 @@ from anhyst.compensate.sources import Operating, Sources
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.schema import ValidRange
+from anhyst.support.block_layout import PLACES
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
+from tests.actuators import RealIo, real_block
+from tests.compensate.test_block import sealed
 from tests.refusals import refused
 
 RATE = 20_000.0
@@ -54,11 +56,11 @@ def magnet(layers: Layers | None, gamma: float = 5.0) -> Model:
     )
 
 
-def block(model: Model, *, still: bool = False) -> RealBlock:
+def block(model: Model, io: RealIo = "f64", *, still: bool = False) -> Block:
     scales = Scales(300.0, 8.0, *GAPS)
     limits = DemandLimits((0.0, TOP), (0.0, 6.0))
     start = Conditioning(1, 100, RATE)
-    return build_real(model, "cells", scales, limits, SIZES, start, still=still)
+    return real_block(io, model, "cells", scales, limits, SIZES, start, still=still)
 
 
 def ramps(seed: int, size: int = 3000) -> tuple[FloatArray, FloatArray]:
@@ -107,7 +109,7 @@ def check_time_stands_still(once: FixedTwin | RealTwin, often: FixedTwin | RealT
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
 def test_the_force_is_the_demand_however_fast_it_moves(layers: Layers, io: RealIo) -> None:
     demand, gap = ramps(1)
-    current = RealTwin(block(magnet(layers)), io).run(demand, gap)
+    current = RealTwin(block(magnet(layers), io)).run(demand, gap)
     assert np.all((current > 0.0) & (current < 6.0) | (demand == 0.0))
     off = np.abs(force_of(magnet(layers), current, gap) - demand)
     assert off.max() < 2e-3 * TOP
@@ -118,7 +120,7 @@ def test_at_rest_it_would_be_off_by_far_more() -> None:
     model = magnet(LAYERS["three and sheets"])
     demand, gap = ramps(1)
     with_layers, still = (
-        np.abs(force_of(model, RealTwin(one, "f64").run(demand, gap), gap) - demand).max()
+        np.abs(force_of(model, RealTwin(one).run(demand, gap), gap) - demand).max()
         for one in (block(model), block(model, still=True))
     )
     assert still > 20.0 * with_layers
@@ -126,12 +128,12 @@ def test_at_rest_it_would_be_off_by_far_more() -> None:
 
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
 def test_what_was_applied_is_what_it_goes_on_from(layers: Layers) -> None:
-    check_what_was_applied(RealTwin(block(magnet(layers)), "f64"), layers)
+    check_what_was_applied(RealTwin(block(magnet(layers))), layers)
 
 
 def test_a_solve_does_not_move_time() -> None:
     model = magnet(LAYERS["two"])
-    check_time_stands_still(*(RealTwin(block(model), "f64") for _ in range(2)))
+    check_time_stands_still(*(RealTwin(block(model)) for _ in range(2)))
 
 
 def test_the_current_of_a_held_demand_comes_to_rest_again() -> None:
@@ -139,7 +141,7 @@ def test_the_current_of_a_held_demand_comes_to_rest_again() -> None:
     demand = np.append(np.linspace(0.0, 100.0, 200), np.full(20_000, 100.0))
     gap = np.full(demand.size, 4e-4)
     late, still = (
-        RealTwin(one, "f64").run(demand, gap) for one in (block(model), block(model, still=True))
+        RealTwin(one).run(demand, gap) for one in (block(model), block(model, still=True))
     )
     assert late[199] > 1.02 * still[199]
     assert late[-1] == pytest.approx(still[-1], rel=0.02)  # the surface has seen more
@@ -150,7 +152,7 @@ def test_without_diffusion_all_layers_are_the_iron_at_rest() -> None:
     model = magnet(Layers(3, 0.1), gamma=1e-12)
     demand, gap = ramps(4)
     late, still = (
-        RealTwin(one, "f64").run(demand, gap) for one in (block(model), block(model, still=True))
+        RealTwin(one).run(demand, gap) for one in (block(model), block(model, still=True))
     )
     assert np.sqrt(np.mean((late - still) ** 2)) < 2e-4 * 6.0
 
@@ -159,11 +161,11 @@ def test_a_swap_keeps_what_every_layer_remembers() -> None:
     model = magnet(LAYERS["two"])
     demand, gap = ramps(5)
     parameters = block(model)
-    first = _core.Compensator(parameters.double)
-    other = _core.Compensator(parameters.double)
+    first = _core.Compensator("cells", parameters.words)
+    other = _core.Compensator("cells", parameters.words)
     first.run(demand[:1500], gap[:1500])
     other.run(demand[:1500], gap[:1500])
-    first.swap(parameters.double)
+    first.swap(parameters.words)
     later = [one.run(demand[1500:], gap[1500:]) for one in (first, other)]
     assert later[0] == pytest.approx(later[1], abs=1e-4)
 
@@ -171,18 +173,19 @@ def test_a_swap_keeps_what_every_layer_remembers() -> None:
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        *(("layers", count) for count in (1, 6)),
-        *(("surface", share) for share in (0.0, 1.0, np.nan)),
-        *(("laminated", share) for share in (-0.1, 1.0, np.nan)),
-        *(("hold", field) for field in (-1.0, np.inf, np.nan)),
-        *(("own", field) for field in (1.0, -np.inf, np.nan)),
+        *(("LAYERS", count) for count in (1, 6, 2.5, np.nan)),
+        *(("SURFACE", share) for share in (0.0, 1.0, np.nan)),
+        *(("LAMINATED", share) for share in (-0.1, 1.1, np.nan)),
+        *(("HOLD", field) for field in (-1.0, np.inf, np.nan)),
+        *(("OWN", field) for field in (1.0, -np.inf, np.nan)),
     ],
 )
 def test_numbers_of_layers_that_make_no_sense_are_refused(key: str, value: float) -> None:
     given = block(magnet(LAYERS["two"]))
-    wrong = replace(given, numbers=given.numbers | {key: value})
+    words = given.words.copy()
+    words[PLACES[f"SOLID_{key}"]] = value
     with pytest.raises(ValueError, match="not valid"):
-        RealTwin(wrong, "f64")
+        _core.Compensator("cells", sealed(words))
 
 
 def test_more_layers_than_there_is_room_for_are_refused() -> None:
@@ -216,7 +219,7 @@ def test_a_force_controller_of_a_magnet_follows_its_layers(number_format: Number
 def test_what_all_layers_remember_can_be_taken_over() -> None:
     parameters = block(magnet(LAYERS["three and sheets"]))
     demand, gap = ramps(7, 1500)
-    first, second = RealTwin(parameters, "f64"), RealTwin(parameters, "f64")
+    first, second = RealTwin(parameters), RealTwin(parameters)
     first.run(demand[:900], gap[:900])
     second.start_from(first.memory)
     later = [one.run(demand[900:], gap[900:]) for one in (first, second)]

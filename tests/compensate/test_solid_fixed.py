@@ -10,13 +10,13 @@ import pytest
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, TableSizes
 from anhyst.compensate.cells import build_cells
-from anhyst.compensate.floating import build_real
 from anhyst.compensate.force_controller import FixedTwin, RealTwin, twin_of
 from anhyst.compensate.plan import CompileRequest, find_limits, find_scales, make_plan
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.support.block_layout import WORDS
 from anhyst.support.block_words import Scales
+from tests.actuators import real_block
 from tests.compensate.test_block import sealed
 from tests.compensate.test_solid import (
     GAPS,
@@ -83,8 +83,8 @@ def test_irons_of_other_kinds_are_followed_as_in_double_precision(model: Model) 
     model = replace(model, parameters=late, layers=Layers(3, 0.1), dynamics=dynamics)
     scales, limits = find_scales(model, find_limits(model)), find_limits(model)
     plan = make_plan(model, CompileRequest("full", "q31", RATE), 0)
-    assert isinstance(plan.block, Block)
-    real = build_real(model, "cells", scales, limits, plan.sizes, Conditioning(1, 100, RATE))
+    start = Conditioning(1, 100, RATE)
+    real = real_block("f64", model, "cells", scales, limits, plan.sizes, start)
     part, gap = ramps(3, 2000)
     assert model.valid is not None
     assert model.valid.schedule is not None
@@ -93,7 +93,7 @@ def test_irons_of_other_kinds_are_followed_as_in_double_precision(model: Model) 
     gap = low + (high - low) * (gap - GAPS[0]) / (GAPS[1] - GAPS[0])
     off = {
         name: np.abs(force_of(model, twin.run(demand, gap), gap) - demand)
-        for name, twin in (("fixed", twin_of(plan.block, "q31")), ("f64", RealTwin(real, "f64")))
+        for name, twin in (("fixed", twin_of(plan.block, "q31")), ("f64", RealTwin(real)))
     }
     assert off["fixed"].max() < max(2e-3 * top, 1.2 * off["f64"].max())
 
@@ -123,8 +123,8 @@ def test_the_current_of_a_held_demand_comes_to_rest() -> None:
     gap = np.full(demand.size, 4e-4)
     fixed = FixedTwin(block(model)).run(demand, gap)
     scales, limits = Scales(300.0, 8.0, *GAPS), DemandLimits((0.0, TOP), (0.0, 6.0))
-    real = build_real(model, "cells", scales, limits, SIZES, Conditioning(1, 100, RATE))
-    assert fixed[-1] == pytest.approx(RealTwin(real, "f64").run(demand, gap)[-1], abs=2e-3)
+    real = real_block("f64", model, "cells", scales, limits, SIZES, Conditioning(1, 100, RATE))
+    assert fixed[-1] == pytest.approx(RealTwin(real).run(demand, gap)[-1], abs=2e-3)
     assert np.ptp(fixed[-5000:]) < 1e-5
 
 

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedForceController, FixedPosition, ForceController, Position
-from anhyst.compensate.floating import build_real
 from anhyst.control import PositionControl, ReferenceConverter
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.states import Command, Phase, State
-from tests.actuators import CURRENTS, compiled, magnet, ranges
+from tests.actuators import CURRENTS, compiled, magnet, ranges, real_block
 from tests.control.levitating import CONTROL, FORMATS, PAIR, REST, TARGET, make_drive, path, place
 from tests.refusals import refused
 
@@ -151,7 +150,8 @@ def with_hysteresis(number_format: NumberFormat) -> tuple[Any, Any]:
         drive = FixedForceController.compensator("full", compiled("full").words)
         kind: Any = FixedPosition
     else:
-        drive = ForceController.compensator(build_real(magnet(), "full", scales, limits).double)
+        words = real_block("f64", magnet(), "full", scales, limits).words
+        drive = ForceController.compensator("full", words)
         kind = Position
     return kind(control.gains(number_format), [drive], dict(control.settings(number_format))), drive
 

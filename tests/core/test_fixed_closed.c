@@ -13,7 +13,7 @@ enum { NU_COUNT = 4, MOST_ENTRIES = 15 * 64 + 1 };
 static int16_t words[ANHYST_BLOCK_LEAST_WORDS + MOST_ENTRIES];
 
 /* z of 0 < v <= 1, and the v of a z by bisection. */
-static double distance_of(double nu, double v) { return -log(v) + nu * v - nu; }
+static double true_distance(double nu, double v) { return -log(v) + nu * v - nu; }
 
 static double v_of(double nu, double z)
 {
@@ -21,7 +21,7 @@ static double v_of(double nu, double z)
   double high = 1.0;
   for (int i = 0; i < 60; i++) {
     const double middle = sqrt(low * high);
-    if (distance_of(nu, middle) > z) {
+    if (true_distance(nu, middle) > z) {
       low = middle;
     } else {
       high = middle;
@@ -31,7 +31,7 @@ static double v_of(double nu, double z)
 }
 
 /* First z of a segment, from what the layout says of the octaves. */
-static double start_of(int octaves, int n, int index)
+static double segment_begin(int octaves, int n, int index)
 {
   const int octave = index >> n;
   const double inside = (double)(index - (octave << n)) / (double)(1 << n);
@@ -46,26 +46,27 @@ static int prepare(double nu, int octaves, int n)
   words[ANHYST_WORD_SIMPLE_SEGMENTS] = (int16_t)n;
   words[ANHYST_WORD_SIMPLE_CURVE] = ANHYST_BLOCK_LEAST_WORDS;
   for (int i = 0; i <= segments; i++) {
-    const double p = 1.0 - v_of(nu, start_of(octaves, n, i));
+    const double p = 1.0 - v_of(nu, segment_begin(octaves, n, i));
     words[ANHYST_BLOCK_LEAST_WORDS + i] = (int16_t)lrint(fmin(p * 32768.0, 32767.0));
   }
   return segments;
 }
 
-/* Units in the last place by which p_of leaves the straight line, over the rise of its segment. */
+/* Units in the last place by which state_of leaves the straight line, over the rise of its segment.
+ */
 static double bend(int octaves, int n, int segments, int32_t z)
 {
   const double place = (double)z / FULL_Q27;
   int index = 0;
-  while (index < segments - 1 && start_of(octaves, n, index + 1) <= place) {
+  while (index < segments - 1 && segment_begin(octaves, n, index + 1) <= place) {
     index++;
   }
-  const double begin = start_of(octaves, n, index);
-  const double share = (place - begin) / (start_of(octaves, n, index + 1) - begin);
+  const double begin = segment_begin(octaves, n, index);
+  const double share = (place - begin) / (segment_begin(octaves, n, index + 1) - begin);
   const double low = words[ANHYST_BLOCK_LEAST_WORDS + index];
   const double rise = words[ANHYST_BLOCK_LEAST_WORDS + index + 1] - low;
   const double exact = (low + rise * share) * 32768.0;
-  return fabs((double)p_of(words, z) - exact) / (rise + 1e-6);
+  return fabs((double)state_of(words, z) - exact) / (rise + 1e-6);
 }
 
 static void look_at_table(int octaves, int n, int segments, double *worst, double *lost)
@@ -76,7 +77,7 @@ static void look_at_table(int octaves, int n, int segments, double *worst, doubl
     keep_worst(worst, bend(octaves, n, segments, z));
     const int32_t p = (int32_t)(random_bits(&seed) % (uint64_t)ANHYST_Q30_ONE);
     const int32_t top = words[ANHYST_BLOCK_LEAST_WORDS + segments] * 32768;
-    const int32_t back = p_of(words, z_of(words, p));
+    const int32_t back = state_of(words, distance_of(words, p));
     CHECK(back <= p);
     keep_worst(lost, (double)((p < top ? p : top) - back) / FULL_Q30);
   }
@@ -90,9 +91,9 @@ static void table_and_search_agree(void)
     for (int n = 2; n <= 6; n += 2) {
       const int segments = prepare(NUS[(octaves + n) % NU_COUNT], octaves, n);
       look_at_table(octaves, n, segments, &worst, &lost);
-      CHECK(p_of(words, 0) == 0);
-      CHECK(p_of(words, ANHYST_Q31_MAX) >= 32766 * 32768);
-      CHECK(p_of(words, z_of(words, 0)) == 0);
+      CHECK(state_of(words, 0) == 0);
+      CHECK(state_of(words, ANHYST_Q31_MAX) >= 32766 * 32768);
+      CHECK(state_of(words, distance_of(words, 0)) == 0);
     }
   }
   CHECK_BELOW("p over z, units in the last place over the rise of a segment", worst, 1.0);
@@ -106,7 +107,7 @@ static void the_table_is_the_law(void)
     (void)prepare(NUS[i], 12, 4);
     for (int step = 0; step < 5500; step++) {
       const double z = 1e-6 * pow(1.003, step); /* up to 14 */
-      const double found = (double)p_of(words, (int32_t)lrint(z * FULL_Q27)) / FULL_Q30;
+      const double found = (double)state_of(words, (int32_t)lrint(z * FULL_Q27)) / FULL_Q30;
       keep_worst(&worst, fabs(found - (1.0 - v_of(NUS[i], z))));
     }
   }
@@ -149,7 +150,7 @@ static void the_slope_is_that_of_the_equation(void)
         const double p = k / 300.0;
         const double v = 1.0 - p;
         const double exact = (p < 0.0 ? hold : rate * v / (1.0 - NUS[i] * v)) * 1024.0;
-        const double found = (double)anhyst_lag_slope(words, (int32_t)lrint(p * FULL_Q30));
+        const double found = (double)lag_slope(words, (int32_t)lrint(p * FULL_Q30));
         keep_worst(&worst, (fabs(found - exact) - 2.0) / (exact + 1.0));
       }
     }

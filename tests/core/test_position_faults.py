@@ -25,7 +25,7 @@ from .test_c_core import HERE, ROOT, tool
 SOURCES = (
     *("control/position", "control/levitation", "control/supervisor", "control/pidd2"),
     *("compensator/force_controller", "compensator/map"),
-    *("compensator/compensator", "compensator/block", "compensator/closed"),
+    *("compensator/compensator", "compensator/block"),
 )
 LIMITS = (
     *("position_low", "position_high", "position_step", "max_missing_samples", "hold", "selftest"),

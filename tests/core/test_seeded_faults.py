@@ -134,17 +134,38 @@ FAULTS = [
     ),
     Fault(
         "an octave too low",
-        "src/compensator/simplified.c",
+        "src/compensator/simplified_fixed.h",
         "index = (int32_t)((uint32_t)(top - bits + 1U) << n);",
         "index = (int32_t)((uint32_t)(top - bits) << n);",
         "test_fixed_closed",
     ),
     Fault(
         "slope cut off at 32",
-        "src/compensator/closed.h",
-        "return slope > ANHYST_LAG_SLOPE_MAX ? ANHYST_LAG_SLOPE_MAX : slope;",
+        "src/compensator/simplified_fixed.h",
+        "return slope > MAX_LAG_SLOPE ? MAX_LAG_SLOPE : slope;",
         "return slope > ANHYST_SLOPE_MAX ? ANHYST_SLOPE_MAX : slope;",
         "test_fixed_closed",
+    ),
+    Fault(
+        "a path that begins where the dead band begins, not where it ends",
+        "src/compensator/generic/simplified.h",
+        "path.peak = sum(from->peak, band);",
+        "path.peak = from->peak;",
+        "test_simplified_formats",
+    ),
+    Fault(
+        "no dead band",
+        "src/compensator/generic/simplified.h",
+        "const number band = fraction_of(words[ANHYST_WORD_SIMPLE_BAND]);",
+        "const number band = 0;",
+        "test_simplified_formats",
+    ),
+    Fault(
+        "a damaged flux without limits",
+        "src/compensator/generic/simplified.h",
+        "const number flux = within(memory->flux, -ONE, ONE);",
+        "const number flux = memory->flux;",
+        "test_simplified_formats",
     ),
     Fault(
         "a map between two forces without their last digits",
@@ -331,9 +352,12 @@ FAULTS = [
 ]
 
 
-BLOCKS = ("compensator/block", "compensator/closed")
+BLOCKS = ("compensator/block",)
 """Sources of a test that includes the one it is about."""
 BESIDE = {
+    "test_simplified_formats": tuple(
+        f"compensator/{name}" for name in ("simplified", "simplified_f32", "simplified_f64")
+    ),
     "test_fixed_tracking": (
         *(f"control/{name}" for name in ("tracking", "allocation", "biquad", "pidd2")),
         *(f"control/{name}_f32" for name in ("tracking", "allocation", "biquad")),

@@ -91,6 +91,7 @@ def layout_header(block: Entry) -> str:
         f"#define ANHYST_BLOCK_MAGIC_HIGH 0x{high:X}",
         f"#define ANHYST_BLOCK_LAYOUT {block['layout']}",
         f"#define ANHYST_BLOCK_MOST_WORDS {block['most_words']}",
+        f"#define ANHYST_BLOCK_MOST_REAL_WORDS {block['most_real_words']}",
         "\n/* Kinds of compensator. */",
         *(f"#define ANHYST_KIND_{kind.upper()} {n}" for n, kind in enumerate(block["kinds"], 1)),
         "\n/* Units of the signals; 0: none. */",
@@ -155,6 +156,7 @@ def layout_module(block: Entry) -> str:
         f"LAYOUT = {block['layout']}\n"
         f"LEAST_WORDS = {block['least_words']}\n"
         f"MOST_WORDS = {block['most_words']}\n"
+        f"MOST_REAL_WORDS = {block['most_real_words']}\n"
         f"SCALE_WORDS = {sum(map(word_size, scale_words(block)))}\n"
         f"UNITS = ({units})\n"
         '"""Units of the signals, by their numbers in ``SCALE_UNITS``."""'

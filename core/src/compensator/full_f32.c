@@ -1,7 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "anhyst/compensator/compensator_f32.h"
+/* The law of Jiles and Atherton in single precision; its text is generic/full.h. */
+#include "formats/f32.h"
 
-#include "lookup_f32.h"
+#define MAX_TANGENT_STEP (UNIT / 256)
+#include "generic/full_real.h"
 
-#include "anhyst/numeric/f32.h"
 #include "generic/full.h"
+
+const anhyst_kernel_f32 anhyst_kernel_full_f32 = {
+    ANHYST_KIND_FULL, field_for_flux, flux_for_current, is_valid, carry, 0, 0, 0};

@@ -1,7 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "anhyst/compensator/compensator_f32.h"
+/* The simplified law in single precision. */
+#include "formats/f32.h"
 
-#include "lookup_f32.h"
-
-#include "anhyst/numeric/f32.h"
+#include "generic/simplified_real.h"
 #include "generic/simplified.h"
+#include "generic/closed_form.h"
+
+const anhyst_kernel_f32 anhyst_kernel_simplified_f32 = {ANHYST_KIND_SIMPLIFIED,
+                                                        simplified_field,
+                                                        simplified_flux,
+                                                        simplified_is_valid,
+                                                        simplified_carry,
+                                                        0,
+                                                        0,
+                                                        0};

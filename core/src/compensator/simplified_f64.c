@@ -1,7 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "anhyst/compensator/compensator_f64.h"
+/* The simplified law in double precision. */
+#include "formats/f64.h"
 
-#include "lookup_f64.h"
-
-#include "anhyst/numeric/f64.h"
+#include "generic/simplified_real.h"
 #include "generic/simplified.h"
+#include "generic/closed_form.h"
+
+const anhyst_kernel_f64 anhyst_kernel_simplified_f64 = {ANHYST_KIND_SIMPLIFIED,
+                                                        simplified_field,
+                                                        simplified_flux,
+                                                        simplified_is_valid,
+                                                        simplified_carry,
+                                                        0,
+                                                        0,
+                                                        0};

@@ -239,30 +239,17 @@ class _RealCompensator:
     def conditioning_length(self) -> int: ...
     def conditioning(self, tick: int) -> float: ...
 
-class Parameters:
-    """``anhyst_parameters_f64``; ValueError if not valid.
-
-    `numbers` are the fields of the structures by name, a row of `gaps` is an ``anhyst_at_gap``.
-    """
-
-    def __init__(
-        self, kind: str, numbers: dict[str, float], gaps: _Array, tables: dict[str, _Array]
-    ) -> None: ...
-
-class ParametersF32:
-    """``anhyst_parameters_f32``: the same, rounded to single precision."""
-
-    def __init__(
-        self, kind: str, numbers: dict[str, float], gaps: _Array, tables: dict[str, _Array]
-    ) -> None: ...
-
 class Compensator(_RealCompensator):
-    def __init__(self, parameters: Parameters) -> None: ...
-    def swap(self, parameters: Parameters) -> None: ...
+    """In double precision."""
+
+    def __init__(self, kind: str, words: _Array) -> None: ...
+    def swap(self, words: _Array) -> None: ...
 
 class CompensatorF32(_RealCompensator):
-    def __init__(self, parameters: ParametersF32) -> None: ...
-    def swap(self, parameters: ParametersF32) -> None: ...
+    """In single precision."""
+
+    def __init__(self, kind: str, words: NDArray[np.float32]) -> None: ...
+    def swap(self, words: NDArray[np.float32]) -> None: ...
 
 class _RealForceController:
     """A controller of force_controller_real.h, bit for bit; signals in the model's units.
@@ -277,8 +264,6 @@ class _RealForceController:
         cls, entries: _Array, force_low: float, force_high: float, gap_low: float,
         gap_high: float, low: float, high: float,
     ) -> Self: ...  # fmt: skip
-    @classmethod
-    def play(cls, words: _Array) -> Self: ...  # a parameter block
     @classmethod
     def flux(
         cls, entries: _Array, wanted: _Array, loop: _Array, force_low: float, force_high: float,
@@ -300,11 +285,15 @@ class _RealForceController:
 
 class ForceController(_RealForceController):
     @staticmethod
-    def compensator(parameters: Parameters) -> ForceController: ...
+    def compensator(kind: str, words: _Array) -> ForceController: ...
+    @staticmethod
+    def play(words: _Array) -> ForceController: ...
 
 class ForceControllerF32(_RealForceController):
     @staticmethod
-    def compensator(parameters: ParametersF32) -> ForceControllerF32: ...
+    def compensator(kind: str, words: NDArray[np.float32]) -> ForceControllerF32: ...
+    @staticmethod
+    def play(words: NDArray[np.float32]) -> ForceControllerF32: ...
 
 _Words = NDArray[np.int16]
 

@@ -69,7 +69,6 @@ anhyst_step to_step(const std::string &law, const std::string &step);
 void bind_identification(nb::module_ &m);
 void bind_cells(nb::module_ &m);
 void bind_compensator(nb::module_ &m);
-void bind_real_compensator(nb::module_ &m);
 void bind_control(nb::module_ &m);
 void bind_supervisor(nb::module_ &m);
 void bind_force_controllers(nb::module_ &m);

@@ -113,7 +113,6 @@ NB_MODULE(_native, m)
   bind_identification(m);
   bind_cells(m);
   bind_compensator(m);
-  bind_real_compensator(m);
   bind_control(m);
   bind_supervisor(m);
   bind_force_controllers(m);

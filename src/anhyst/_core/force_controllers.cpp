@@ -26,7 +26,7 @@ template <class F> void bind_real(nb::module_ &m, const char *name)
       .def_static("map", &Bound::map, "entries"_a.noconvert(), "force_low"_a, "force_high"_a,
                   "gap_low"_a, "gap_high"_a, "low"_a, "high"_a)
       .def_static("play", &Bound::play, "words"_a.noconvert())
-      .def_static("compensator", &Bound::compensator, "parameters"_a, nb::keep_alive<0, 1>())
+      .def_static("compensator", &Bound::compensator, "kind"_a, "words"_a.noconvert())
       .def_static("flux", &Bound::flux, "entries"_a.noconvert(), "wanted"_a.noconvert(),
                   "loop"_a.noconvert(), "force_low"_a, "force_high"_a, "gap_low"_a, "gap_high"_a,
                   "low"_a, "high"_a)
@@ -57,7 +57,7 @@ FixedForceController::Made FixedForceController::map(const Entries &entries, int
   return made;
 }
 
-FixedForceController::Made FixedForceController::play(const Words &words)
+FixedForceController::Made FixedForceController::play(const Words<Fixed> &words)
 {
   Made made(new FixedForceController);
   made->tables_.emplace_back(words.data(), words.data() + words.size());
@@ -68,12 +68,12 @@ FixedForceController::Made FixedForceController::play(const Words &words)
 }
 
 FixedForceController::Made FixedForceController::compensator(const std::string &kind,
-                                                             const Words &words)
+                                                             const Words<Fixed> &words)
 {
   Made made(new FixedForceController);
   made->tables_.emplace_back(words.data(), words.data() + words.size());
   check_controller(anhyst_force_controller_init_compensator_q31(
-      &made->state_, to_kernel(kind), made->tables_.back().data(),
+      &made->state_, to_kernel<Fixed>(kind), made->tables_.back().data(),
       static_cast<uint16_t>(words.size())));
   return made;
 }

@@ -10,7 +10,7 @@
 #include "anhyst/compensator/force_by_play_real.h"
 #include "anhyst/compensator/force_corrected_real.h"
 #include "arrays.h"
-#include "real_parameters.h"
+#include "formats.h"
 
 #define FORCE_CONTROLLER(F, REAL, f)                                                               \
   struct ForceController##F {                                                                      \
@@ -60,7 +60,7 @@ public:
     return made;
   }
 
-  static Made play(const In &words)
+  static Made play(const Words<typename F::Format> &words)
   {
     Made made(new RealForceController);
     made->tables_.emplace_back(words.data(), words.data() + words.size());
@@ -70,10 +70,13 @@ public:
     return made;
   }
 
-  static Made compensator(const Owned<typename F::Format> &parameters)
+  static Made compensator(const std::string &kind, const Words<typename F::Format> &words)
   {
     Made made(new RealForceController);
-    check_controller(F::init_compensator(&made->state_, parameters.get()));
+    made->tables_.emplace_back(words.data(), words.data() + words.size());
+    check_controller(F::init_compensator(&made->state_, to_kernel<typename F::Format>(kind),
+                                         made->tables_.back().data(),
+                                         static_cast<uint32_t>(words.size())));
     return made;
   }
 
@@ -167,15 +170,14 @@ class FixedForceController {
 public:
   using Made = std::unique_ptr<FixedForceController>;
   using Entries = nb::ndarray<const int16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-  using Words = nb::ndarray<const int16_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
   using Factors = nb::ndarray<const int16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
   FixedForceController(const FixedForceController &) = delete;
   FixedForceController &operator=(const FixedForceController &) = delete;
 
   static Made map(const Entries &entries, int32_t low, int32_t high);
-  static Made play(const Words &words);
-  static Made compensator(const std::string &kind, const Words &words);
+  static Made play(const Words<Fixed> &words);
+  static Made compensator(const std::string &kind, const Words<Fixed> &words);
   static Made flux(const Entries &entries, const Entries &wanted, const Factors &loop, int32_t low,
                    int32_t high);
 
@@ -224,5 +226,3 @@ private:
   anhyst_play_map_q31 play_{};
   std::vector<std::vector<int16_t>> tables_;
 };
-
-const anhyst_kernel *to_kernel(const std::string &kind);

@@ -1,31 +1,34 @@
-"""A parameter block, one row of 16-bit words, and what compensators of every kind write in it."""
+"""A parameter block, one row of words in a number format, and what every kind of compensator packs in it."""
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import FixedCompensator
+from anhyst import _core
 from anhyst.model.actuator import Model, least_slope, obstacle
 from anhyst.model.dynamics import Layers
 from anhyst.support.block_layout import (
+    BODY,
     KINDS,
     LAYOUT,
     LEAST_WORDS,
     MAGIC,
+    MOST_REAL_WORDS,
     MOST_WORDS,
     PLACES,
     UNITS,
     WORDS,
     Word,
 )
-from anhyst.support.block_words import Names, Scales, WordUnit
+from anhyst.support.block_words import ONES, Names, Scales, WordUnit
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
@@ -33,6 +36,12 @@ if TYPE_CHECKING:
     from anhyst.laws.cells import CellWeights
 
 Kind = Literal["full", "simplified", "euler", "cells"]
+
+WordArray = NDArray[Any]
+"""Words: int16 for fixed point, float32 or float64 for floating point."""
+
+DTYPES: Mapping[NumberFormat, str] = {"fixed": "<i2", "f32": "<f4", "f64": "<f8"}
+"""Type of a word in each number format, in the order of bytes over which the checksum runs."""
 
 
 @dataclass(frozen=True)
@@ -73,25 +82,40 @@ class Block:
     """A parameter block with the scales that give its numbers a meaning."""
 
     kind: Kind
-    words: NDArray[np.int16]
+    words: WordArray  # in floating point each is the number that a fixed-point word stands for
     scales: Scales
     limits: DemandLimits
     tables: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     """First word and number of entries of each table, by the name of the word that points to it."""
 
     @property
+    def is_fixed(self) -> bool:
+        """Whether the words are those of fixed point."""
+        return self.words.dtype == np.int16
+
+    @property
     def size(self) -> int:
         """Bytes."""
-        return int(self.words.size) * 2
+        return self.words.nbytes
+
+    def one(self, word: Word) -> float:
+        """Return the value of a word, or of an entry of its table, that stands for 1.0."""
+        return ONES[word.format] if self.is_fixed else 1.0
 
     def word(self, name: str) -> int:
-        """One word by its name in the layout, without ``ANHYST_WORD_``."""
+        """One integer by its name in the layout, without ``ANHYST_WORD_``."""
         return int(self.words[WORDS[self.kind][name]])
+
+    def number(self, name: str) -> float:
+        """One word as it is, by its name in the layout."""
+        return float(self.words[WORDS[self.kind][name]])
 
     def single(self, name: str) -> float:
         """One number of two words by its name in the layout."""
         at = WORDS[self.kind][name]
-        return single_value(*self.words[at : at + 2].tolist())
+        if not self.is_fixed:
+            return float(self.words[at])
+        return single_value(*(int(word) for word in self.words[at : at + 2]))
 
     def unit(self, word: Word, names: Names) -> WordUnit:
         """Return what 1.0 of a word, or of an entry of its table, is worth."""
@@ -102,7 +126,7 @@ class Block:
         shift = self.word(word.shift) if word.shift else 0
         return WordUnit(word.factor * scale * 2.0**shift, units.get(named, named))
 
-    def table(self, name: str) -> NDArray[np.int16]:
+    def table(self, name: str) -> WordArray:
         """Entries of one table, by the name of the word that points to it."""
         first, entries = self.tables[name]
         return self.words[first : first + entries]
@@ -148,37 +172,76 @@ def single_value(low: int, high: int) -> float:
     return float(f"{np.uint32(bits).view(np.float32):.7g}")
 
 
-class Packer:
-    """Collects words and tables, and closes the block with its checksum."""
+FORMATS = {(kind, word.name): word.format for kind, body in BODY.items() for word in body}
+"""Format of each word of a kind, by its name."""
 
-    def __init__(self, kind: Kind, model_hash: int = 0) -> None:
+
+class Packer:
+    """Collects words and tables in a number format, and closes the block with its checksum.
+
+    Fixed point rounds every number to its word. In floating point a word is the number itself, and
+    a shift that belongs to a weight is 0.
+    """
+
+    def __init__(
+        self, kind: Kind, model_hash: int = 0, number_format: NumberFormat = "fixed"
+    ) -> None:
         self.kind = kind
-        self._head = np.zeros(LEAST_WORDS, dtype=np.int64)
+        self.number_format = number_format
+        self._head = np.zeros(LEAST_WORDS)
         self._head[0:4] = [*MAGIC, LAYOUT, KINDS[kind]]
         model = PLACES["MODEL"]
         self._head[model : model + 2] = [model_hash & 0xFFFF, (model_hash >> 16) & 0xFFFF]
-        self._tables: dict[str, NDArray[np.int64]] = {}
+        self._tables: dict[str, FloatArray] = {}
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether numbers are rounded to 16-bit words."""
+        return self.number_format == "fixed"
 
     def set(self, name: str, value: int) -> None:
-        """Put one word."""
+        """Put an integer."""
         self._head[WORDS[self.kind][name]] = value
+
+    def put(self, name: str, value: float, key: str, least: int = -32767) -> None:
+        """Put a number; `least` is its smallest word, and `key` names it in a message."""
+        at = WORDS[self.kind][name]
+        one = ONES[FORMATS[self.kind, name]]
+        self._head[at] = max(as_word(value, one, key), least) if self.is_fixed else value
+
+    def put_limit(self, name: str, value: float, scale: float, key: str) -> None:
+        """Put a limit of a signal; the rounded word times the rounded scale is never beyond it."""
+        self.put(name, value / scale, key)
+        if not self.is_fixed:
+            real = np.float32 if self.number_format == "f32" else np.float64
+            word, full, most = real(value / scale), real(scale), abs(real(value))
+            while abs(word * full) > most:
+                word = np.nextafter(word, real(0.0))
+            self._head[WORDS[self.kind][name]] = word
+
+    def put_weight(self, name: str, factor: float, key: str) -> None:
+        """Put a positive factor as a weight, and its exponent in the word NAME_SHIFT."""
+        weight, shift = mantissa(factor, key) if self.is_fixed else (factor, 0)
+        self._head[WORDS[self.kind][name]] = weight
+        self.set(f"{name}_SHIFT", shift)
 
     def set_single(self, name: str, value: float) -> None:
         """Put a number of two words."""
         at = WORDS[self.kind][name]
-        self._head[at : at + 2] = single_words(value)
+        self._head[at : at + 2] = single_words(value) if self.is_fixed else (value, 0.0)
 
     def table(self, name: str, values: FloatArray, unit: float, least: int = -32767) -> None:
-        """Put a table of numbers, or rows of one, in which the word `unit` is 1.0."""
-        words = np.rint(np.asarray(values) * unit).astype(np.int64)
-        words = np.maximum(words, least)
-        if np.abs(words).max() > 32767 or np.abs(np.diff(words)).max(initial=0) > 32767:
-            largest = float(np.abs(values).max())
-            raise InputError(
-                f"table {name.lower()}: {largest:.3g} does not fit into its 16 bits, which end at "
-                f"{32767 / unit:.3g}; narrow the model's [valid], or correct its parameters",
-                code="too-large-for-fixed-point",
-            )
+        """Put a table of numbers, or rows of one, in which the word `unit` is 1.0 in fixed point."""
+        words = np.asarray(values, dtype=np.float64)
+        if self.is_fixed:
+            words = np.maximum(np.rint(words * unit), least)
+            if np.abs(words).max() > 32767 or np.abs(np.diff(words)).max(initial=0) > 32767:
+                largest = float(np.abs(values).max())
+                raise InputError(
+                    f"table {name.lower()}: {largest:.3g} does not fit into its 16 bits, which end "
+                    f"at {32767 / unit:.3g}; narrow the model's [valid], or correct its parameters",
+                    code="too-large-for-fixed-point",
+                )
         self._tables[name] = words.ravel()
 
     def close(self, scales: Scales, limits: DemandLimits, generation: int = 0) -> Block:
@@ -205,7 +268,7 @@ class Packer:
             else:
                 tables[name] = tables[same]
             self.set(name, tables[name][0])
-        if end > MOST_WORDS:
+        if end > (MOST_WORDS if self.is_fixed else MOST_REAL_WORDS):
             raise InputError(
                 f"the parameter block needs {2 * end} bytes, a controller takes {2 * MOST_WORDS}; "
                 "ask for less accuracy",
@@ -213,12 +276,21 @@ class Packer:
             )
         self._head[PLACES["LENGTH"]] = end
         self._head[PLACES["GENERATION"]] = generation
-        unsigned = (np.concatenate(parts) & 0xFFFF).astype("<u2")
-        at = PLACES["CRC"]
-        kept = np.concatenate([unsigned[:at], unsigned[at + 2 :]])
-        crc = zlib.crc32(kept.tobytes())
-        unsigned[at : at + 2] = [crc & 0xFFFF, crc >> 16]
-        return Block(self.kind, unsigned.view("<i2").astype(np.int16), scales, limits, tables)
+        words = np.concatenate(parts)
+        if self.is_fixed:
+            words = (words.astype(np.int64) & 0xFFFF).astype("<u2").view("<i2")
+        words = words.astype(DTYPES[self.number_format])
+        return Block(self.kind, _with_checksum(words), scales, limits, tables)
+
+
+def _with_checksum(words: NDArray[Any]) -> WordArray:
+    """Put the checksum into its two words; it runs over the bytes of all others, low byte first."""
+    at = PLACES["CRC"]
+    crc = zlib.crc32(np.concatenate([words[:at], words[at + 2 :]]).tobytes())
+    halves = np.array([crc & 0xFFFF, crc >> 16])
+    is_integer = np.issubdtype(words.dtype, np.integer)
+    words[at : at + 2] = halves.astype(np.uint16).view(np.int16) if is_integer else halves
+    return words.astype(words.dtype.newbyteorder("="))
 
 
 FullKind = Literal["full", "cells"]
@@ -260,13 +332,27 @@ def refuse_uncompilable(model: Model) -> None:
         raise InputError(reason, code="no-fixed-point-form")
 
 
+def core_of(block: Block) -> _core.FixedCompensator | _core.CompensatorF32 | _core.Compensator:
+    """Return the core's compensator of a block, demagnetised; `ValueError` if the core refuses it."""
+    if block.is_fixed:
+        return _core.FixedCompensator(block.kind, block.words)
+    return real_core_of(block)
+
+
+def real_core_of(block: Block) -> _core.CompensatorF32 | _core.Compensator:
+    """Return the core's compensator of a block in floating point, demagnetised."""
+    if block.words.dtype == np.float32:
+        return _core.CompensatorF32(block.kind, block.words)
+    return _core.Compensator(block.kind, block.words)
+
+
 def closed(
     pack: Packer, model: Model, scales: Scales, limits: DemandLimits, at: FloatArray
 ) -> Block:
     """Lay a block of the law itself out, and refuse what the core does not take."""
     block = pack.close(scales, limits)
     try:
-        FixedCompensator(block.kind, block.words)
+        core_of(block)
     except ValueError as error:
         raise InputError(
             f"alpha: the output all but jumps at some currents (least slope of the drive "
@@ -336,16 +422,16 @@ def pack_common(
         ("CURRENT_LOW", limits.current[0], scales.current),
         ("CURRENT_HIGH", limits.current[1], scales.current),
     ):
-        pack.set(name, as_word(value / scale, 32768.0, name.lower()))
+        pack.put_limit(name, value, scale, name.lower())
     pack.set_single("SCALE_RATE", conditioning.rate)
     pack.set("SCALE_UNITS", unit_codes(model))
     pack.set("CONDITION_CYCLES", conditioning.cycles)
     pack.set("CONDITION_TICKS", conditioning.ramp_ticks)
     pack.set("GAP_SEGMENTS", sizes.gap_segments if model.needs_schedule else 0)
     gain = flux_gain(model, scales, at)
-    shift = flux_shift(gain)
+    shift = flux_shift(gain) if pack.is_fixed else 0
     pack.set("FLUX_SHIFT", shift)
-    pack.set("FLUX_LIMIT", 16384)
+    pack.put("FLUX_LIMIT", 1.0, "flux")
     pack.table("GAP_GAIN", gain / 2.0**shift, WEIGHT, least=1)
     offset = model.over_schedule("out_0", at) if offset is None else offset
     pack.table("GAP_OFFSET", offset / scales.demand, 32768.0)
@@ -381,7 +467,7 @@ def arms_of(model: Model, at: FloatArray) -> Arms:
 
 
 def solid_numbers(model: Model, layers: Layers, rate: float) -> dict[str, float]:
-    """Return the fields of ``anhyst_solid`` but for the function, A/m and parts of the flux.
+    """Return the numbers of solid iron, A/m and parts of the flux.
 
     One tick is one implicit step of the diffusion. In a layer ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)``, as in
     :func:`arms_of`.
@@ -404,7 +490,7 @@ def pack_arms(
     arms = bias, flux_arm, field_arm
     spans = [max(np.abs(part).max(), np.abs(np.diff(part)).max()) for part in arms]
     largest = max(spans) / scales.current
-    shift = max(0, int(np.ceil(np.log2(largest / LARGEST_WEIGHT))))
+    shift = max(0, int(np.ceil(np.log2(largest / LARGEST_WEIGHT)))) if pack.is_fixed else 0
     if shift > 8:
         raise InputError(
             f"current: a unit of flux or field counts for {largest:.0f} times the full-scale "

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.force_controller import AnyBlock, twin_of
+from anhyst.compensate.block import Block
+from anhyst.compensate.force_controller import twin_of
 from anhyst.compensate.holding import SECONDS, Held, hold
 from anhyst.compensate.measure import (
     OutputDeviation,
@@ -224,7 +225,7 @@ def _rate(plan: Plan) -> list[BudgetPart]:
         return []
     ways = fast_paths(late, block.scales, block.limits, plan.request.rate)
 
-    def off(used: AnyBlock) -> OutputDeviation:
+    def off(used: Block) -> OutputDeviation:
         errors = []
         for path in ways:
             current = twin_of(used, plan.request.io).run(path.demand, path.gap)

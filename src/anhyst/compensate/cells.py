@@ -17,10 +17,8 @@ from anhyst.compensate.block import (
     Packer,
     TableSizes,
     arms_of,
-    as_word,
     cell_weights,
     closed,
-    mantissa,
     nodes,
     pack_arms,
     pack_common,
@@ -32,6 +30,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 
 MARGIN = 1.02
@@ -192,6 +191,7 @@ def build_cells(
     sizes: TableSizes | None = None,
     conditioning: Conditioning | None = None,
     model_hash: int = 0,
+    number_format: NumberFormat = "fixed",
     *,
     still: bool = False,
 ) -> Block:
@@ -205,13 +205,13 @@ def build_cells(
     arms = arms_of(model, at)
     rows = cell_rows(cell_weights(model), arms, limits, sizes, solid=model.layers is not None)
     reach = rows.reach
-    pack = Packer("cells", model_hash)
+    pack = Packer("cells", model_hash, number_format)
     pack_common(pack, model, scales, limits, sizes, conditioning)
     pack_arms(pack, scales, arms.bias, arms.flux_arm, arms.field_arm * reach)
     pack.set_single("UNIT_FIELD", reach)
     pack.table("CELLS_THRESHOLDS", rows.thresholds / reach, 32768.0, least=1)
     pack.table("CELLS_ROWS", rows.rows, 32767.0)
-    pack.set("CELLS_AIR", max(as_word(arms.air * reach / 4.0, WEIGHT, "h"), 1))
+    pack.put("CELLS_AIR", arms.air * reach / 4.0, "h", least=1)
     pack.set("CELLS_COUNT", rows.thresholds.size)
     pack.set("CELLS_SEGMENTS", rows.grid.segments)
     pack.set("CELLS_ZONE", rows.grid.zone)
@@ -223,11 +223,12 @@ def build_cells(
 
 def _pack_solid(pack: Packer, layers: Layers, hold: float, own: float) -> None:
     """Put the words of solid iron; what a unit of flux counts in fields of the reach."""
-    weight, shift = mantissa(max(hold, 1.0 / WEIGHT), "gamma")
+    pack.put_weight("SOLID_HOLD", max(hold, 1.0 / WEIGHT), "gamma")
     pack.set("SOLID_LAYERS", layers.count)
-    pack.set("SOLID_HOLD", weight)
-    pack.set("SOLID_HOLD_SHIFT", shift)
-    pack.set("SOLID_OWN", as_word(own / 4.0, WEIGHT, "alpha"))
-    inner = round((1.0 - layers.surface) / (layers.count - 1) * 32768)
-    pack.set("SOLID_SURFACE", 32768 - inner * (layers.count - 1))  # all shares together are 1
-    pack.set("SOLID_LAMINATED", as_word(layers.laminated, 32768.0, "laminated"))
+    pack.put("SOLID_OWN", own / 4.0, "alpha")
+    surface = layers.surface
+    if pack.is_fixed:  # all shares together are 1
+        inner = round((1.0 - surface) / (layers.count - 1) * 32768)
+        surface = 1.0 - inner * (layers.count - 1) / 32768
+    pack.put("SOLID_SURFACE", surface, "surface")
+    pack.put("SOLID_LAMINATED", layers.laminated, "laminated")

@@ -222,7 +222,9 @@ class PlayMap:
         words = self.block(number_format)
         if number_format == "fixed":
             return _core.FixedForceController.play(words.astype(np.int16))
-        return REAL[number_format].play(words.astype(np.float64))
+        if number_format == "f32":
+            return _core.ForceControllerF32.play(words.astype(np.float32))
+        return _core.ForceController.play(words.astype(np.float64))
 
     def block(self, number_format: NumberFormat, model_hash: int = 0) -> Words:
         """Return the parameter block; `model_hash` has 32 bits."""

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, Protocol, Self, cast
+from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from anhyst import _core
 from anhyst._core import Compensator as CompensatorF64
 from anhyst._core import CompensatorF32, FixedCompensator
-from anhyst.compensate.block import Block
-from anhyst.compensate.floating import RealBlock, RealIo
+from anhyst.compensate.block import Block, real_core_of
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray, q31
@@ -149,7 +148,7 @@ class ForceController(Compensator):
 
 
 CodeArray = NDArray[np.int32]
-AnyBlock = Block | RealBlock
+RealIo = Literal["f32", "f64"]
 Io = Literal["q15", "q31", "f32", "f64"]
 
 
@@ -165,7 +164,7 @@ class Twin(Compensator):
 
     @property
     def flags(self) -> int:
-        """Bits of the last solve: 1 demand limited, 2 current limited, 4 flux limited."""
+        """Bits of the last solve and its commit, as in ``anhyst/compensator/flags.h``."""
         return self._core.flags
 
     @property
@@ -263,16 +262,13 @@ class FixedTwin(Twin):
 class RealTwin(Twin):
     """A compensator in floating point."""
 
-    def __init__(self, block: RealBlock, io: RealIo = "f32") -> None:
+    def __init__(self, block: Block) -> None:
         self.block = block
-        self.io = io
-        self._core: CompensatorF32 | CompensatorF64 = (
-            CompensatorF32(block.single) if io == "f32" else CompensatorF64(block.double)
-        )
+        self._core: CompensatorF32 | CompensatorF64 = real_core_of(block)
 
     def fresh(self) -> Self:
         """Return another one of the same block, demagnetised."""
-        return type(self)(self.block, self.io)
+        return type(self)(self.block)
 
     def _gap(self, gap: float | None) -> float:
         return self.block.scales.gap_low if gap is None else gap
@@ -307,8 +303,6 @@ class RealTwin(Twin):
         return np.array([self._core.conditioning(tick) for tick in ticks])
 
 
-def twin_of(block: AnyBlock, io: Io) -> FixedTwin | RealTwin:
+def twin_of(block: Block, io: Io) -> FixedTwin | RealTwin:
     """Start the compensator that belongs to a block, demagnetised."""
-    if isinstance(block, RealBlock):
-        return RealTwin(block, cast("RealIo", io))
-    return FixedTwin(block, io)
+    return FixedTwin(block, io) if block.is_fixed else RealTwin(block)

@@ -9,17 +9,14 @@ from scipy.optimize import brentq
 
 from anhyst._core import langevin
 from anhyst.compensate.block import (
-    WEIGHT,
     Block,
     Conditioning,
     DemandLimits,
     Packer,
     TableSizes,
     arms_of,
-    as_word,
     closed,
     iron_of,
-    mantissa,
     nodes,
     pack_arms,
     pack_common,
@@ -29,6 +26,7 @@ from anhyst.laws.jiles_atherton import ascending_branch
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 
 MARGIN = 1.02
@@ -40,6 +38,9 @@ DESCENTS = 100
 
 FURTHEST = 95.0
 """Largest field over the shape field: the curve rises by a third of it, a slope of 32 at most."""
+
+MAX_Q8 = 32767 / 256
+"""Largest steepness that a word holds; it steers Newton steps only."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,7 @@ def build_full(
     sizes: TableSizes | None = None,
     conditioning: Conditioning | None = None,
     model_hash: int = 0,
+    number_format: NumberFormat = "fixed",
 ) -> Block:
     """Make the parameter block of the full law."""
     refuse_uncompilable(model)
@@ -151,7 +153,7 @@ def build_full(
     law = normal(model, at)
     tables = full_tables(law, limits, sizes)
     reach = tables.reach
-    pack = Packer("full", model_hash)
+    pack = Packer("full", model_hash, number_format)
     pack_common(pack, model, scales, limits, sizes, conditioning)
     pack_arms(pack, scales, law.bias, law.flux_arm, law.field_arm * reach)
     pack.set_single("UNIT_FIELD", reach * iron_of(model)["a"])
@@ -160,13 +162,12 @@ def build_full(
     pack.table("FULL_BRANCH", tables.branch, 32768.0)
     pack.table("FULL_INVERSE", tables.inverse / reach, 32767.0)
 
-    weight, shift = mantissa(reach / (law.kappa * np.log(2.0)) / 16.0, "k")
-    pack.set("FULL_RATE", weight)
-    pack.set("FULL_RATE_SHIFT", shift)
-    pack.set("FULL_STEEPNESS", min(round(reach / law.kappa * 256.0), 32767))
-    pack.set("FULL_AIR", max(as_word(law.air * reach / 4.0, WEIGHT, "h"), 1))
-    pack.set("FULL_REVERSIBLE", as_word(law.c, 32768.0, "c"))
-    pack.set("FULL_PLAY", as_word(law.play / reach, 32768.0, "r_d"))
+    pack.put_weight("FULL_RATE", reach / (law.kappa * np.log(2.0)) / 16.0, "k")
+    steepness = reach / law.kappa
+    pack.put("FULL_STEEPNESS", min(steepness, MAX_Q8) if pack.is_fixed else steepness, "k", 1)
+    pack.put("FULL_AIR", law.air * reach / 4.0, "h", least=1)
+    pack.put("FULL_REVERSIBLE", law.c, "c")
+    pack.put("FULL_PLAY", law.play / reach, "r_d")
     pack.set("FULL_ITERATIONS", sizes.iterations)
     pack.set("FULL_CURVE_SEGMENTS", sizes.curve_segments)
     pack.set("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)

@@ -9,8 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import DemandLimits, TableSizes, arms_of, flux_unit, iron_of, nodes
-from anhyst.compensate.force_controller import AnyBlock, FixedTwin, Io, RealTwin, twin_of
+from anhyst.compensate.block import (
+    Block,
+    DemandLimits,
+    TableSizes,
+    arms_of,
+    flux_unit,
+    iron_of,
+    nodes,
+)
+from anhyst.compensate.force_controller import FixedTwin, Io, RealTwin, twin_of
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
@@ -224,13 +232,13 @@ class OutputDeviation:
     path: str
 
 
-def run_twin(model: Model, block: AnyBlock, io: Io, path: Path) -> PathRun:
+def run_twin(model: Model, block: Block, io: Io, path: Path) -> PathRun:
     """Run a compensator along a path, and the exact model with its currents."""
     current = twin_of(block, io).run(path.demand, path.gap)
     return PathRun(path, current, exact_output(model, current, path), np.ones(current.size, bool))
 
 
-def run_with_losses(model: Model, block: AnyBlock, io: Io, path: Path) -> PathRun:
+def run_with_losses(model: Model, block: Block, io: Io, path: Path) -> PathRun:
     """Run a compensator whose amplifier now and then gives something else, as `run_twin`."""
     size = path.demand.size
     loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
@@ -307,7 +315,7 @@ def resolution(scales: Scales) -> float:
 
 
 def against_demand(
-    model: Model, block: AnyBlock, io: Io, paths: Sequence[Path]
+    model: Model, block: Block, io: Io, paths: Sequence[Path]
 ) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
     """Run a compensator along all paths, the first of the random ones with losses as well."""
     step = resolution(block.scales)
@@ -320,14 +328,14 @@ def against_demand(
 
 
 def between(
-    model: Model, tested: tuple[AnyBlock, Io], reference: tuple[AnyBlock, Io], paths: Sequence[Path]
+    model: Model, tested: tuple[Block, Io], reference: tuple[Block, Io], paths: Sequence[Path]
 ) -> OutputDeviation:
     """Compare two compensators: what the exact model makes of their currents."""
     first, second = (outputs(model, *each, paths) for each in (tested, reference))
     return apart(paths, first, second)
 
 
-def outputs(model: Model, block: AnyBlock, io: Io, paths: Sequence[Path]) -> list[FloatArray]:
+def outputs(model: Model, block: Block, io: Io, paths: Sequence[Path]) -> list[FloatArray]:
     """Return what the exact model makes of a compensator's currents, path by path."""
     return [run_twin(model, block, io, path).output for path in paths]
 

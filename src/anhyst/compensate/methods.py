@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst import _core
-from anhyst.compensate.block import Block, full_kind
+from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import (
     CurrentMap,
     current_map,
@@ -29,7 +29,6 @@ from anhyst.compensate.current_map import (
     single_valued_map,
     table_words,
 )
-from anhyst.compensate.floating import RealBlock, build_real
 from anhyst.compensate.force_controller import REAL, ForceController, Io, MethodParameters, Native
 from anhyst.compensate.plan import CompileRequest, full_scale, make_plan
 from anhyst.compensate.sources import FluxCalibration, Sources
@@ -73,7 +72,7 @@ def bearing_model(
 class HysteresisInverse:
     """The inverse of hysteresis, compiled."""
 
-    block: Block | RealBlock  # for fixed point or for floating point
+    block: Block  # in the number format of the controller
     iterations: int  # evaluations of a search
     flux_full_scale = 1.0
 
@@ -89,14 +88,12 @@ class HysteresisInverse:
 
     def native(self, number_format: NumberFormat) -> Native:
         """Return the core's own."""
-        block = self.block
-        if isinstance(block, Block):
-            return _core.FixedForceController.compensator(block.kind, block.words)
-        # not those that the block keeps: a compensator goes to other processes
-        parts = block.kind, block.numbers, block.gaps, block.tables
+        kind, words = self.block.kind, self.block.words
+        if number_format == "fixed":
+            return _core.FixedForceController.compensator(kind, words)
         if number_format == "f32":
-            return _core.ForceControllerF32.compensator(_core.ParametersF32(*parts))
-        return _core.ForceController.compensator(_core.Parameters(*parts))
+            return _core.ForceControllerF32.compensator(kind, words)
+        return _core.ForceController.compensator(kind, words)
 
 
 def full_at_rest(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
@@ -119,12 +116,7 @@ def compile_inverse(
     io: Io = "f32" if own else "q31"
     request = CompileRequest(kind, io, where.rate)
     plan = kept("plans", lambda: make_plan(narrowed, request, 0), narrowed, request)
-    block = plan.block
-    if number_format != "fixed" and not own:
-        law = plan.builder.law if kind == "simplified" else None
-        made = full_kind(plan.model) if kind == "full" else kind
-        parts = plan.model, made, block.scales, block.limits, plan.sizes
-        block = build_real(*parts, plan.start.conditioning, law)
+    block = plan.builder.whole(plan.sizes, number_format)
     return HysteresisInverse(block, plan.sizes.iterations)
 
 

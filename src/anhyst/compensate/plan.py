@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from anhyst.compensate.block import (
+    Block,
     Conditioning,
     DemandLimits,
     Kind,
@@ -17,7 +18,7 @@ from anhyst.compensate.block import (
     flux_shift,
     refuse_uncompilable,
 )
-from anhyst.compensate.force_controller import AnyBlock, Io
+from anhyst.compensate.force_controller import Io
 from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History
@@ -153,7 +154,7 @@ class Plan:
     request: CompileRequest  # what was asked for
     builder: Builder  # the model, with scales and limits
     sizes: TableSizes  # of tables and searches
-    block: AnyBlock  # the parameters
+    block: Block  # the parameters
     start: StartUp  # the start-up sequence
     found: FoundBlock  # what the search tried
     allowance: float  # what formats and tables may cost, in units of the output
@@ -164,7 +165,7 @@ class Plan:
         return self.builder.model
 
     @cached_property
-    def still(self) -> AnyBlock:
+    def still(self) -> Block:
         """The parameters without what answers late: those of the plan unless iron is solid."""
         return self.block if self.builder.late is None else self.builder(self.sizes)
 

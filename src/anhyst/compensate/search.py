@@ -9,10 +9,16 @@ from itertools import product
 
 import numpy as np
 
-from anhyst.compensate.block import Conditioning, DemandLimits, Kind, TableSizes, full_kind
+from anhyst.compensate.block import (
+    Block,
+    Conditioning,
+    DemandLimits,
+    Kind,
+    TableSizes,
+    full_kind,
+)
 from anhyst.compensate.cells import build_cells
-from anhyst.compensate.floating import RealBlock, RealKind, build_real
-from anhyst.compensate.force_controller import AnyBlock, Io
+from anhyst.compensate.force_controller import Io
 from anhyst.compensate.full import build_full
 from anhyst.compensate.measure import (
     Path,
@@ -28,6 +34,7 @@ from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_close
 from anhyst.model.actuator import Model
 from anhyst.support.block_layout import LEAST_WORDS, MOST_WORDS
 from anhyst.support.block_words import Scales
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 
 SPARE = 0.9
@@ -107,40 +114,38 @@ class Builder:
         room = ROOM * self.scales.demand - self.limits.demand[1]
         return fit_closed_form(self.model, self.limits, at, room=room)
 
-    def __call__(self, sizes: TableSizes) -> AnyBlock:
-        """Return the block with these sizes, of the iron at rest."""
-        return self._made(sizes, still=True)
+    @property
+    def number_format(self) -> NumberFormat:
+        """Number format of the blocks."""
+        return "f32" if self.io == "f32" else "fixed"
 
-    def _made(self, sizes: TableSizes, *, still: bool) -> AnyBlock:
-        if self.io == "f32":
-            return self._real(sizes, still=still)
+    def __call__(self, sizes: TableSizes) -> Block:
+        """Return the block with these sizes, of the iron at rest."""
+        return self.block(sizes, self.number_format, still=True)
+
+    def exact(self, sizes: TableSizes) -> Block:
+        """Return the same tables in double precision, with as many iterations as can matter.
+
+        Euler's form has no tables; the closed form stands in for it.
+        """
+        return self.block(replace(sizes, iterations=FINE.iterations), "f64", still=True)
+
+    def whole(self, sizes: TableSizes, number_format: NumberFormat | None = None) -> Block:
+        """Return the block with these sizes, with its layers if there are some."""
+        return self.block(sizes, number_format or self.number_format, still=self.late is None)
+
+    def block(self, sizes: TableSizes, number_format: NumberFormat, *, still: bool) -> Block:
+        """Return the block with these sizes in a number format; `still` leaves layers out."""
         model = self.late or self.model
         parts = (model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
         match self.block_kind:
             case "full":
-                return build_full(*parts)
+                return build_full(*parts, number_format)
             case "cells":
-                return build_cells(*parts, still=still)
+                return build_cells(*parts, number_format, still=still)
             case kind:
-                return build_simplified(*parts, self.law, kind)
-
-    def exact(self, sizes: TableSizes) -> RealBlock:
-        """Return the same tables for double precision, with as many iterations as can matter.
-
-        Euler's form has no tables; it is held against the closed form.
-        """
-        return self._real(replace(sizes, iterations=FINE.iterations))
-
-    def whole(self, sizes: TableSizes) -> AnyBlock:
-        """Return the block with these sizes, layers included where there are some."""
-        return self._made(sizes, still=self.late is None)
-
-    def _real(self, sizes: TableSizes, *, still: bool = True) -> RealBlock:
-        kind: RealKind = full_kind(self.model) if self.kind == "full" else "simplified"
-        law = None if self.kind == "full" else self.law
-        model = self.late or self.model
-        parts = model, kind, self.scales, self.limits, sizes, self.conditioning
-        return build_real(*parts, law, still=still)
+                made: Kind = kind if number_format == "fixed" else "simplified"
+                return build_simplified(*parts, self.law, made, number_format)
 
 
 @dataclass(frozen=True)

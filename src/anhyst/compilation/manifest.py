@@ -15,8 +15,6 @@ from typing import Any
 from anhyst._core import POSITION_MAGNETS
 from anhyst.compensate.block import Block, DemandLimits
 from anhyst.compensate.budget import Budget, percent
-from anhyst.compensate.floating import RealBlock
-from anhyst.compensate.force_controller import AnyBlock
 from anhyst.compensate.holding import SECONDS
 from anhyst.compensate.plan import Decision, Plan
 from anhyst.compilation.controller import ControllerPlan, described
@@ -175,43 +173,21 @@ def _percent(plan: Plan, value: float) -> str:
     return f"{100.0 * value / plan.largest:.2g} %"
 
 
-REAL_STATE_BYTES = 112
-"""Of ``anhyst_compensator_f32``."""
-
-DEEPER_BYTES = (5 + 12 + 5) * 4
-"""Of ``anhyst_deeper_f32``, of each memory of solid iron beyond the first."""
-
-SOLID_BYTES = 6 * 4 + 4
-"""Of ``anhyst_solid_f32`` and the pointer to it."""
-
-COMMON_BYTES = 4 * 4 + 9 * 4 + 4 + 4 * 2
-"""Of ``anhyst_parameters_f32``: pointers to the law, numbers, pointer to the rows, counts."""
-
 CELLS = 12
 """``ANHYST_CELLS``: plays of the law of cells that a compensator has room for."""
 
-LAW_BYTES = {
-    "full": 5 * 4 + 4 * 2 + 3 * 4,
-    "simplified": 4 * 4 + 4 * 2 + 4,
-    "cells": 3 * 4 + 4 * 2 + 2 * 4,
-}
-"""Of ``anhyst_full_law_f32`` and the like: numbers, counts, pointers."""
 
-
-def parameters_bytes(block: AnyBlock) -> int:
+def parameters_bytes(block: Block) -> int:
     """Return the size of everything that is constant."""
-    if isinstance(block, RealBlock):
-        solid = SOLID_BYTES if memories(block) > 1 else 0
-        return 4 * block.entries + COMMON_BYTES + LAW_BYTES[block.kind] + solid
     return block.size
 
 
-def state_bytes(block: AnyBlock) -> int:
+def state_bytes(block: Block) -> int:
     """Return the size of everything that changes."""
-    if isinstance(block, RealBlock):
-        return REAL_STATE_BYTES + DEEPER_BYTES * (memories(block) - 1)
-    sizes = _fixed_sizes()
-    return sizes["anhyst_compensator"] + sizes["anhyst_deeper"] * (memories(block) - 1)
+    suffix = "" if block.is_fixed else "_x"
+    sizes = _state_sizes()
+    deeper = sizes[f"anhyst_deeper{suffix}"] * (memories(block) - 1)
+    return sizes[f"anhyst_compensator{suffix}"] + deeper
 
 
 def controller_bytes(magnets: int, block: Block) -> int:
@@ -237,13 +213,16 @@ def _in_q31(text: str) -> str:
 
 
 @cache
-def _fixed_sizes() -> dict[str, int]:
-    return _structures(read_core("include/anhyst/compensator/compensator.h"), CELLS=CELLS)
+def _state_sizes() -> dict[str, int]:
+    """Return the sizes of structures in fixed point, and in single precision by names in ``_x``."""
+    headers = "compensator.h", "generic/compensator.h"
+    texts = [read_core(f"include/anhyst/compensator/{name}") for name in headers]
+    return _structures(*texts, CELLS=CELLS)
 
 
 def _structures(*texts: str, **numbers: int) -> dict[str, int]:
     """Size structures and unions, short members at the end, each a multiple of four bytes."""
-    sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2}
+    sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2, "ANHYST_REAL": 4}
     for text in texts:
         plain = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
         sizes |= {name: sizes[same] for same, name in re.findall(r"typedef (\w+) (\w+);", plain)}
@@ -282,7 +261,7 @@ def manifest(
         "signals": signal_entries(request.io, plan.model, block.scales, block.limits),
         "limits": {"demand": list(block.limits.demand), "current": list(block.limits.current)},
         "memory": {"parameters_bytes": parameters_bytes(block), "state_bytes": state_bytes(block)},
-        "parameters": [] if isinstance(block, RealBlock) else list(_words(plan, block)),
+        "parameters": list(_words(plan, block)),
         "controller": None if controller is None else _controller(controller),
         "conditioning": _conditioning(plan),
         "accuracy": _accuracy(budget),
@@ -307,7 +286,7 @@ def _words(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:
             "word": word.at,
             "first": first,
             "entries": entries,
-            "format": word.format,
+            "format": word.format if block.is_fixed else plan.request.io,
             "low": word.low,
             "high": word.high,
             "scale": unit.scale,

@@ -268,6 +268,7 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "sha256": head.sha256,
         "io": "q31",
         "real": False,
+        "memories": 1,
         "port": True,
         "control": False,
         "play": True,

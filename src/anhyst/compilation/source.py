@@ -12,15 +12,13 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from anhyst.compensate.budget import Budget, BudgetPart, percent
-from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.holding import SECONDS
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.controller import ControllerPlan, controller_values
 from anhyst.compilation.manifest import controller_bytes, explain, parameters_bytes, state_bytes
-from anhyst.compilation.parameters import c_parameters, memories, parameters_source, scales_source
+from anhyst.compilation.parameters import c_type, definition, memories, scales_source
 from anhyst.compilation.toolchain import (
     CONTROL,
-    LAYERS,
     SINGLE,
     SOURCES,
     SRC,
@@ -56,10 +54,8 @@ def sources(
     controller: ControllerPlan | None = None,
 ) -> dict[str, str]:
     """Return the C files and what helps to build them."""
-    real = isinstance(plan.block, RealBlock)
+    real = not plan.block.is_fixed
     taken = (SINGLE if real else SOURCES)[plan.block.kind] + (CONTROL if controller else ())
-    if not real and memories(plan.block) > 1:
-        taken += LAYERS
     parts = ("parameters",) if controller is None else ("parameters", "controller")
     common = _common(plan, sha256, version) | {
         "control": controller is not None,
@@ -95,25 +91,25 @@ def _common(plan: Plan, sha256: str, version: str) -> dict[str, object]:
         "model": in_comment(model.name),
         "sha256": sha256,
         "io": io,
-        "real": isinstance(block, RealBlock),
-        "port": not isinstance(block, RealBlock),
+        "real": not block.is_fixed,
+        "port": block.is_fixed,
+        "word": c_type(block),
+        "memories": memories(block),
         "input": model.input.name.replace("_", " "),
         "output": model.output.name.replace("_", " "),
         "type": TYPES[io],
         "one": ONES[io],
-        **_calls(plan.name, isinstance(block, RealBlock)),
+        **_calls(plan.name, not block.is_fixed),
     }
 
 
 def _calls(name: str, real: bool) -> dict[str, object]:
     """Return what the example calls, and what it keeps."""
     suffix = "_f32" if real else ""
-    arguments = f"&compensator, &{name}_parameters"
-    if not real:
-        arguments = (
-            f"&compensator, &{name.upper()}_KERNEL, {name}_parameters,\n"
-            f"                                 {name.upper()}_PARAMETERS_WORDS"
-        )
+    arguments = (
+        f"&compensator, &{name.upper()}_KERNEL, {name}_parameters,\n"
+        f"                                 {name.upper()}_PARAMETERS_WORDS"
+    )
     return {
         "state": f"anhyst_compensator{suffix}",
         "calls": "anhyst_compensator",
@@ -140,13 +136,12 @@ def _parameters(plan: Plan) -> dict[str, object]:
     model, block = plan.model, plan.block
     names = Names(model.output.unit, model.input.unit)
     values: dict[str, object] = {"signals": signal_lines(plan), "rate": f"{plan.request.rate:.10g}"}
-    if isinstance(block, RealBlock):
-        return values | {"structures": c_parameters(plan.name, block, names, model.schedule)}
+    words = f"{plan.name.upper()}_PARAMETERS_WORDS"
     return values | {
-        "kernel": f"anhyst_kernel_{block.kind}",
+        "kernel": f"anhyst_kernel_{block.kind}{'' if block.is_fixed else '_f32'}",
         "defines": _defines(plan),
         "scales": scales_source(block),
-        "rows": parameters_source(block, names, model.schedule),
+        "definition": definition(plan.name, words, block, names, model.schedule),
         "words": block.words.size,
     }
 

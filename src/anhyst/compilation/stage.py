@@ -11,18 +11,16 @@ from numpy.typing import NDArray
 
 from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import CurrentMap, PlayMap
-from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compilation.manifest import parameters_bytes
 from anhyst.compilation.parameters import (
     WIDTH,
-    c_parameters,
-    double,
+    c_type,
+    definition,
     listed,
     literal,
     memories,
-    parameters_source,
     table_source,
 )
 from anhyst.compilation.play_source import play_source
@@ -34,7 +32,6 @@ from anhyst.compilation.toolchain import (
     FORCE_CODED,
     FORCE_FIXED,
     FORCE_REAL,
-    LAYERS,
     PLAY_MAP,
     PLAY_MAP_REAL,
     SINGLE,
@@ -124,7 +121,6 @@ class StageController:
         if isinstance(parameters, HysteresisInverse):
             block = parameters.block
             own = (SOURCES if self.fixed else SINGLE)[block.kind]
-            own += LAYERS if self.fixed and memories(block) > 1 else ()
         elif isinstance(parameters, PlayMap):
             own = PLAY_MAP if self.fixed else PLAY_MAP_REAL
         if self.codes is not None:
@@ -143,9 +139,7 @@ def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, 
     """Return the C files and what helps to build them; the golden vectors have so many rows."""
     name = stage.name
     values = _values(stage, version) | {"rows": rows}
-    blocks = [magnet.parameters for magnet in stage.distinct]
-    layers = [memories(block.block) for block in blocks if isinstance(block, HysteresisInverse)]
-    files = core_files(stage.core, max([1, *layers]))
+    files = core_files(stage.core, max(memories_of(stage)))
     for magnet in stage.distinct:
         called = stage.called(magnet)
         files[f"{called}_parameters.c"] = (
@@ -162,6 +156,16 @@ def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, 
         "anhyst.cmake": render("anhyst.cmake.j2", values | {"own": values["sources"]}),
         "DROP_IN.md": render("stage_drop_in.md.j2", values),
     }
+
+
+def memories_of(stage: StageController) -> list[int]:
+    """Return the number of memories of the iron of each magnet."""
+    methods = [magnet.parameters for magnet in stage.distinct]
+    return [memories(m.block) if isinstance(m, HysteresisInverse) else 1 for m in methods]
+
+
+def _kernel(block: Block) -> str:
+    return f"anhyst_kernel_{block.kind}{'' if block.is_fixed else '_f32'}"
 
 
 def _values(stage: StageController, version: str) -> dict[str, object]:
@@ -275,7 +279,8 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
         "law": law,
         "coded": coded,
         "inner": "inner" if coded else "magnet",
-        "kernel": "" if block is None else f"anhyst_kernel_{block.kind}",
+        "kernel": "" if block is None else _kernel(block),
+        "memories": 1 if block is None else max(memories_of(stage)),
         "scales": _row((scales.demand, scales.current, 1.0, scales.gap_low, scales.gap_high)),
         "words": [f"{part.upper()}_PARAMETERS_WORDS" for part, words in own if words],
         "headers": headers,
@@ -295,7 +300,7 @@ def _words(magnet: ForceController) -> int:
 
 def _type(parameters: object, law: str) -> str:
     if isinstance(parameters, HysteresisInverse):
-        return "int16_t" if law == "q31" else f"anhyst_parameters_{law}"
+        return c_type(parameters.block)
     if isinstance(parameters, PlayMap):
         return "int16_t" if law == "q31" else "float"
     return f"anhyst_map_{law}"
@@ -326,10 +331,8 @@ def _parameters(name: str, magnet: ForceController) -> str:
     """Return the definitions of what a magnet's method knows."""
     parameters, fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
-        if isinstance(parameters.block, RealBlock):
-            return c_parameters(name, parameters.block, NEWTON_AMPERE, GAP)
-        rows = parameters_source(parameters.block, NEWTON_AMPERE, GAP)
-        return f"const int16_t {name}_parameters[{name.upper()}_PARAMETERS_WORDS] = {{\n{rows}\n}};"
+        words_of = f"{name.upper()}_PARAMETERS_WORDS"
+        return definition(name, words_of, parameters.block, NEWTON_AMPERE, GAP)
     if isinstance(parameters, PlayMap):
         rows = play_source(parameters.block(magnet.format))
         size, kind = f"{name.upper()}_PARAMETERS_WORDS", "int16_t" if fixed else "float"
@@ -341,15 +344,6 @@ def _parameters(name: str, magnet: ForceController) -> str:
     return (
         f"{entries}\n\nconst anhyst_map_{law} {name}_parameters = {_map('entries', table, fixed)};"
     )
-
-
-def parameters_in_double(name: str, magnet: ForceController) -> tuple[str, int]:
-    """Return the same of a law in double precision, and of how many memories its iron consists."""
-    assert isinstance(magnet.parameters, HysteresisInverse)
-    block = magnet.parameters.block
-    assert isinstance(block, RealBlock)
-    head = '#include "anhyst/compensator/compensator_f64.h"\n\n'
-    return f"{head}{c_parameters(name, block, NEWTON_AMPERE, GAP, double)}\n", memories(block)
 
 
 def _entries(name: str, doc: str, values: NDArray[np.int16] | FloatArray) -> str:

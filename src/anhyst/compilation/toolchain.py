@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import posixpath
 import re
 import shutil
 import subprocess
@@ -152,20 +153,19 @@ def _first_error(text: str) -> str:
 _COMPENSATOR = ("compensator/block.c", "compensator/compensator.c")
 
 SOURCES: dict[Kind, tuple[str, ...]] = {
-    "full": (*_COMPENSATOR, "compensator/full_block.c", "compensator/full.c"),
-    "simplified": (*_COMPENSATOR, "compensator/closed.c", "compensator/simplified.c"),
-    "cells": (*_COMPENSATOR, "compensator/cells_block.c", "compensator/cells.c"),
-    "euler": (*_COMPENSATOR, "compensator/closed.c", "compensator/euler.c"),
+    "full": (*_COMPENSATOR, "compensator/full.c"),
+    "simplified": (*_COMPENSATOR, "compensator/simplified.c"),
+    "cells": (*_COMPENSATOR, "compensator/cells.c"),
+    "euler": (*_COMPENSATOR, "compensator/euler.c"),
 }
 """Sources of each kind in fixed point."""
 
-LAYERS = ("compensator/solid.c",)
-"""What solid iron needs beyond that, in fixed point."""
+_COMPENSATOR_REAL = ("compensator/block_f32.c", "compensator/compensator_f32.c")
 
 SINGLE: dict[Kind, tuple[str, ...]] = {
-    "full": ("compensator/full_f32.c", "compensator/compensator_f32.c"),
-    "cells": ("compensator/cells_f32.c", "compensator/compensator_f32.c"),
-    "simplified": ("compensator/simplified_f32.c", "compensator/compensator_f32.c"),
+    "full": (*_COMPENSATOR_REAL, "compensator/full_f32.c"),
+    "cells": (*_COMPENSATOR_REAL, "compensator/cells_f32.c"),
+    "simplified": (*_COMPENSATOR_REAL, "compensator/simplified_f32.c"),
 }
 """The same for single precision."""
 
@@ -190,7 +190,7 @@ AXES_FIXED = ("control/allocation.c", "control/wrench_fixed.c", "control/axes_fi
 
 FORCE_REAL = (
     *("compensator/force_controller_f32.c", "compensator/map_f32.c"),
-    "compensator/compensator_f32.c",
+    *_COMPENSATOR_REAL,
 )
 FORCE_FIXED = (*_COMPENSATOR, "compensator/force_controller.c", "compensator/map.c")
 FORCE_CODED = (*FORCE_FIXED, "compensator/force_coded_f32.c")
@@ -238,4 +238,4 @@ def _header_path(file: str, included: str) -> str:
     """Return where a header stands that a file names: a public one, or one beside the file."""
     if included.startswith("anhyst/"):
         return f"{INCLUDE}/{included}"
-    return f"{file.rpartition('/')[0]}/{included}"
+    return posixpath.normpath(f"{file.rpartition('/')[0]}/{included}")

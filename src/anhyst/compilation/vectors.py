@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import POSITION_MAGNETS, CompensatorF32, FixedCompensator
-from anhyst.compensate.floating import RealBlock
+from anhyst._core import POSITION_MAGNETS, FixedCompensator
+from anhyst.compensate.block import core_of
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.controller import ControllerPlan
 from anhyst.support.numeric import FloatArray
@@ -50,12 +50,12 @@ def golden_vectors(plan: Plan) -> list[Row]:
 
 def _steps(plan: Plan) -> tuple[Step, Step]:
     """Return solve and commit of a fresh compensator, in what its interface takes."""
-    block, io = plan.block, plan.request.io
-    if isinstance(block, RealBlock):
-        single = CompensatorF32(block.single)
-        return single.solve, single.commit
-    core = FixedCompensator(block.kind, block.words)
-    return (core.solve_q15, core.commit_q15) if io == "q15" else (core.solve_q31, core.commit_q31)
+    core = core_of(plan.block)
+    if not isinstance(core, FixedCompensator):
+        return core.solve, core.commit
+    if plan.request.io == "q15":
+        return core.solve_q15, core.commit_q15
+    return core.solve_q31, core.commit_q31
 
 
 def _inputs(plan: Plan) -> NDArray[Any]:

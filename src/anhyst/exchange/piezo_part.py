@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from anhyst.compilation.parameters import memories
-from anhyst.compilation.toolchain import LAYERS, SOURCES, core_files
+from anhyst.compilation.toolchain import SOURCES, core_files
 from anhyst.exchange.bearing_part import fields, plant_sources
 from anhyst.exchange.part import WRAPPER, Part, Variable, header, kernel_of, row
 from anhyst.exchange.stage_part import biquad
@@ -17,7 +17,6 @@ from anhyst.support.atomic import PathLike
 _CORE = (
     "numeric/elementary.c",
     *(name for kind in ("full", "cells") for name in SOURCES[kind]),
-    *LAYERS,
     *(f"compensator/{name}.c" for name in ("map", "force_controller")),
     *(
         f"compensator/{name}_f64.c"

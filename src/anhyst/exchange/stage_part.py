@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from anhyst.compilation.parameters import memories
-from anhyst.compilation.stage import parameters_in_double
-from anhyst.compilation.toolchain import LAYERS, SOURCES
+from anhyst.compilation.parameters import c_type, memories
+from anhyst.compilation.toolchain import SOURCES
 from anhyst.exchange.bearing_part import (
     CORE_OF_PLANT,
     FORMATS,
@@ -55,7 +54,6 @@ _CORE_OF_STAGE = (
     ),
     *(f"control/{name}_{of}.c" for name in ("axes", "wrench") for of in FORMATS),
     *(name for kind in SOURCES.values() for name in kind),
-    *LAYERS,
     *("compensator/map.c", "compensator/force_controller.c"),
     "control/pidd2.c",
     *(
@@ -76,15 +74,11 @@ def stage_part(rig_path: PathLike) -> Part:
     _refuse_stage(rig)
     refuse_plant(rig)
     setup = make_stage(rig, identify_stage(rig), "full")
-    own: dict[str, bytes] = {}
-    if setup.compensator.format == "fixed":
-        layers, compensators = max(map(memories, blocks_of(setup))), _words(setup)
-    else:
-        layers, compensators, own = _in_double(setup)
+    layers = max(map(memories, blocks_of(setup)))
     files = ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h")
-    sources = plant_sources("piezo|position|held", _CORE_OF_STAGE, files, layers) | own
+    sources = plant_sources("piezo|position|held", _CORE_OF_STAGE, files, layers)
     sources["bearing_numbers.h"] = numbers_of_plant(rig).encode()
-    sources["stage_numbers.h"] = _controller_numbers(setup, compensators).encode()
+    sources["stage_numbers.h"] = _controller_numbers(setup, _words(setup)).encode()
     title = rig.settings.name
     precision = "fixed point" if setup.compensator.format == "fixed" else "double precision"
     text = f"{title}, led by PID and feedforward, full in {precision}"
@@ -116,38 +110,27 @@ def _refuse_stage(rig: BodyRig) -> None:
     check_calibration(rig)
 
 
-def _in_double(setup: StageSetup) -> tuple[int, dict[str, object], dict[str, bytes]]:
-    """Return the memories of the iron, compensators in double precision as macros, and their sources."""
-    names = {key: f"drive_{place}" for place, key in enumerate(dict.fromkeys(map(id, setup.each)))}
-    texts = {
-        names[id(block)]: parameters_in_double(names[id(block)], block) for block in setup.each
-    }
-    defined: dict[str, object] = {
-        "STAGE_DECLARED": "; ".join(
-            f"extern const anhyst_parameters_f64 {name}_parameters" for name in texts
-        ),
-        "STAGE_PARAMETERS": fields([f"&{names[id(block)]}_parameters" for block in setup.each]),
-    }
-    sources = {f"{name}.c": text.encode() for name, (text, _) in texts.items()}
-    return max(count for _, count in texts.values()), defined, sources
-
-
 def _words(setup: StageSetup) -> dict[str, object]:
-    """Return the words of compensators in fixed point, those of like magnets once."""
+    """Return the words of the compensators as macros, those of like magnets once."""
     blocks, numbers = blocks_of(setup), controller_settings(setup)
+    is_fixed = blocks[0].is_fixed
     each = [tuple(block.words.tolist()) for block in blocks]
-    words: list[int] = []
-    first: dict[tuple[int, ...], int] = {}
+    words: list[float] = []
+    first: dict[tuple[float, ...], int] = {}
     for one in dict.fromkeys(each):
         first[one] = len(words)
         words += one
     scales = ("demand_full", "current_full", "flux_full", "gap_low", "gap_high")
-    return {
-        "STAGE_KERNEL": kernel_of(f"anhyst_kernel_{blocks[0].kind}", "words"),
-        "STAGE_WORDS": fields(words),
+    kernel = f"anhyst_kernel_{blocks[0].kind}{'' if is_fixed else '_f64'}"
+    macros: dict[str, object] = {
+        "STAGE_KERNEL": kernel_of(kernel, "words"),
+        "STAGE_WORD": c_type(blocks[0]),
+        "STAGE_WORDS": fields(words if is_fixed else [repr(word) for word in words]),
         "STAGE_BLOCKS": fields([[first[one], len(one)] for one in each]),
-        "STAGE_CODES": row([float(numbers[name]) for name in scales]),
     }
+    if is_fixed:
+        macros["STAGE_CODES"] = row([float(numbers[name]) for name in scales])
+    return macros
 
 
 def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -> str:

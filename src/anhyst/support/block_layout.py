@@ -38,6 +38,7 @@ MAGIC = (0x6E41, 0x7968)
 LAYOUT = 2
 LEAST_WORDS = 64
 MOST_WORDS = 2048
+MOST_REAL_WORDS = 1048576
 SCALE_WORDS = 11
 UNITS = ("", "1", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", "degC")
 """Units of the signals, by their numbers in ``SCALE_UNITS``."""
@@ -201,6 +202,17 @@ CLOSED = (
 
 EULER = (Word(41, "EULER_SUBSTEPS", "integer", "explicit Euler steps a sample", 1, 16),)
 
+BAND = (
+    Word(
+        42,
+        "SIMPLE_BAND",
+        "weight",
+        "reversals of the flux up to this size leave the bounded state unchanged when the flux returns",
+        0,
+        32767,
+    ),
+)
+
 CELLS = (
     Word(32, "CELLS_AIR", "weight", "flux of a field of 1.0 without iron", 1, 32767, factor=4.0),
     Word(33, "CELLS_COUNT", "integer", "plays, beside the one without width", 1, 12),
@@ -329,8 +341,8 @@ MEMORY = (
 
 BODY: dict[str, tuple[Word, ...]] = {
     "full": DEMAND + START + ROOT + FULL + SCALE + MEMORY,
-    "simplified": DEMAND + START + ROOT + SIMPLE + CLOSED + SCALE,
-    "euler": DEMAND + START + ROOT + SIMPLE + EULER + SCALE,
+    "simplified": DEMAND + START + ROOT + SIMPLE + CLOSED + BAND + SCALE,
+    "euler": DEMAND + START + ROOT + SIMPLE + EULER + BAND + SCALE,
     "cells": DEMAND + START + ROOT + CELLS + SOLID + SCALE + MEMORY,
     "play": PLAY + SCALE,
 }

@@ -94,3 +94,4 @@ class Flag(IntFlag):
     CONDITIONING = 64  # the conditioning sequence runs
     KNOWN = 128  # the memory of the iron is taken as known
     CURRENT_ZERO = 256  # the current driven is zero
+    GAP_LIMITED = 512  # a gap out of the range of the parameter block

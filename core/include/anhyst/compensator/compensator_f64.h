@@ -3,10 +3,13 @@
 #ifndef ANHYST_COMPENSATOR_F64_H
 #define ANHYST_COMPENSATOR_F64_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 #include "anhyst/compensator/flags.h"
+#include "anhyst/compensator/layout.h"
 #include "anhyst/compensator/plays.h"
+#include "anhyst/compensator/stage.h"
 #include "anhyst/numeric/status.h"
 
 #ifdef __cplusplus

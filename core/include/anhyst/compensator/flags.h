@@ -17,5 +17,6 @@
 #define ANHYST_CONDITIONING 64U /* the conditioning sequence runs */
 #define ANHYST_KNOWN 128U /* the memory of the iron is taken as known */
 #define ANHYST_CURRENT_ZERO 256U /* the current driven is zero */
+#define ANHYST_GAP_LIMITED 512U /* a gap out of the range of the parameter block */
 
 #endif

@@ -11,8 +11,9 @@
 extern "C" {
 #endif
 
-typedef anhyst_parameters_f64 anhyst_block_f64;
-typedef anhyst_parameters_f32 anhyst_block_f32;
+/* Words of a parameter block. */
+typedef double anhyst_block_f64;
+typedef float anhyst_block_f32;
 
 #include "anhyst/numeric/f64.h"
 #include "anhyst/compensator/generic/flux_loop.h"
@@ -23,9 +24,11 @@ typedef anhyst_parameters_f32 anhyst_block_f32;
 #include "anhyst/numeric/no_format.h"
 
 anhyst_status anhyst_force_controller_init_compensator_f64(anhyst_force_controller_f64 *c,
-                                                           const anhyst_parameters_f64 *parameters);
+                                                           const anhyst_kernel_f64 *kernel,
+                                                           const double *words, uint32_t capacity);
 anhyst_status anhyst_force_controller_init_compensator_f32(anhyst_force_controller_f32 *c,
-                                                           const anhyst_parameters_f32 *parameters);
+                                                           const anhyst_kernel_f32 *kernel,
+                                                           const float *words, uint32_t capacity);
 
 #ifdef __cplusplus
 }

@@ -15,6 +15,7 @@
 #define ANHYST_BLOCK_MAGIC_HIGH 0x7968
 #define ANHYST_BLOCK_LAYOUT 2
 #define ANHYST_BLOCK_MOST_WORDS 2048
+#define ANHYST_BLOCK_MOST_REAL_WORDS 1048576
 
 /* Kinds of compensator. */
 #define ANHYST_KIND_FULL 1
@@ -118,6 +119,11 @@ enum {
 
   /* Euler only. */
   ANHYST_WORD_EULER_SUBSTEPS = 41, /* 1..16: explicit Euler steps a sample */
+
+  /* The dead band of simplified and Euler. */
+  /* weight: reversals of the flux up to this size leave the bounded state unchanged when the flux
+     returns */
+  ANHYST_WORD_SIMPLE_BAND = 42,
 
   /* Cells: plays in the effective field. The field is in units of the largest one the tables reach,
      X. */

@@ -2,9 +2,8 @@
 /* Selects single precision for the generic headers and sources that follow; see f64.h. */
 #include "anhyst/numeric/names.h"
 
-/* The checks of signals compare with NaN and infinity, which -ffast-math takes for impossible. */
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
-#error "anhyst needs NaN and infinity: compile without -ffast-math and -ffinite-math-only"
+#error "-ffast-math and -ffinite-math-only take away the checks for signals that are not numbers"
 #endif
 
 #undef ANHYST_REAL

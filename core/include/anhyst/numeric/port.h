@@ -23,6 +23,13 @@
 #include ANHYST_PORT_HEADER
 #endif
 
+/* A check of how the functions are called, off unless the compiler is given another definition:
+   -D'ANHYST_ASSERT(is_true)=assert(is_true)'. It finds a call of solve, commit or swap from an
+   interrupt inside another call for the same compensator. */
+#ifndef ANHYST_ASSERT
+#define ANHYST_ASSERT(is_true) ((void)0)
+#endif
+
 /* C99 leaves the right shift of a negative number to the compiler. All that are known for embedded
    targets keep the sign; this line does not compile where one does not. */
 typedef char anhyst_right_shift_keeps_the_sign[((int32_t)-3 >> 1) == -2 ? 1 : -1];

@@ -20,7 +20,9 @@ typedef enum {
   /* The iteration limit was reached; does not happen for admissible parameters. */
   ANHYST_NOT_CONVERGED = -5,
   /* A cycle did not close within the given number of repetitions. */
-  ANHYST_NOT_SETTLED = -6
+  ANHYST_NOT_SETTLED = -6,
+  /* The caller was compiled with another ANHYST_MEMORIES than this library; nothing was changed. */
+  ANHYST_BAD_SIZE = -7
 } anhyst_status;
 
 #ifdef __cplusplus

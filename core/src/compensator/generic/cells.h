@@ -1,346 +1,454 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The law of cells in floating point: plays in the effective field, each with a curve of its own.
+/* The law of play cells: play operators in the effective field, each with a curve of its own.
+   Template for one format; generic/cells_path.h is included before.
 
-   Cell i keeps its play p within r of the field x and gives f(p); m is the sum. Along a rising path
-   those that move are the first ones, all with p = x - r, and their sum is a row of a table over x;
-   the others rest. The next cell joins where x reaches p + r. Everything happens on a path that
-   rises: a falling one is mirrored. Rows are straight between their entries, so that what is
-   solved for, flux_arm*(h*x + m) + field_arm*x = target, is solved in closed form on its segment.
-   What rests is summed up anew at every turn, so that no rounding adds up, and each cell on the
-   side where its path has left it: between their entries rows are not quite odd, so that counted on
-   the other side the iron would jump as the path turns. */
+   Cell i keeps its play p within r of the field x and gives f(p); m is the sum. On a rising path
+   the first cells move, all with p = x - r, and their sum is a row of a table over x. The others
+   rest:
 
-/* Bits of all cells: they came to rest while the field rose. */
-#define ALL_RISEN (((uint32_t)2 << (uint16_t)ANHYST_CELLS) - 1U)
+     m = T(x) + C,   T of the cells that move, C of those that rest.
 
-/* A rising path. Cell 0 has no width, and moves always. */
+   The next cell joins where x reaches p + r. The algorithm follows a rising path; a falling path
+   is mirrored. Rows are straight between their entries. Therefore the equation
+
+     flux_arm*(h*x + m) + field_arm*x = target
+
+   is solved in closed form on a segment. C receives the value of a row when a cell comes to rest,
+   and exactly the same value is subtracted when the cell joins again: C does not drift. The
+   solution is rounded against the direction of the path, so that a constant target never reverses
+   the path. */
+
+/* Maximum number of segments that a search moves on from a candidate before a full solve. */
+#define MAX_SEGMENT_STEPS 4
+
+/* A path whose residual is larger than this, over 4, looks for all cells that were left together.
+ */
+#define LONG_PATH_RESIDUAL POWER_OF_HALF(6)
+
+/* The equation to solve, over 4. */
 typedef struct {
-  const anhyst_cells_law_x *law;
-  const ANHYST_REAL *plays;
-  ANHYST_REAL x;
-  ANHYST_REAL rest; /* magnetisation of the cells that rest */
-  uint16_t active;  /* the cells below this one move */
-  uint16_t moved;   /* those below this one moved the other way until here */
-  uint32_t risen;   /* bit i: cell i came to rest while the field rose */
-  int falling;      /* all is mirrored */
-} cell_path;
-
-/* What is solved for, in the direction of the path. */
-typedef struct {
-  ANHYST_REAL flux_arm;
-  ANHYST_REAL field_arm;
-  ANHYST_REAL target;
+  entry air;
+  const arms_type *arms; /* of a current; 0: the equation of a flux */
+  number target;
 } equation;
 
-static ANHYST_REAL facing(ANHYST_REAL a, int falling) { return falling ? -a : a; }
-
-/* Half-width of the play of a cell. */
-static ANHYST_REAL width(const cell_path *along, uint16_t cell)
+/* h*x + m, over 4. Requires |x| <= 1. */
+static inline number flux_at(const equation *solve, number x, number m)
 {
-  return along->law->thresholds[cell - 1U];
+  return quarter(m) + scaled(x, solve->air);
 }
 
-/* A field counted in segments: of a row, narrow ones around zero and wide ones beyond. */
-static ANHYST_REAL place_of(const anhyst_cells_law_x *law, ANHYST_REAL x)
+/* The left side of the equation, over 4. */
+static inline number left_side(const equation *solve, number flux, number x)
 {
-  const ANHYST_REAL beyond = anhyst_size_x(x) - law->inner;
-  ANHYST_REAL place = x * (ANHYST_REAL)law->narrow / law->inner;
-  if (beyond > R(0.0)) {
-    place = (ANHYST_REAL)law->narrow + beyond * (ANHYST_REAL)law->wide / (law->reach - law->inner);
-    place = x < R(0.0) ? -place : place;
+  if (solve->arms == 0) {
+    return flux;
   }
-  return place + (ANHYST_REAL)(law->narrow + law->wide);
+  return scaled(flux, solve->arms->flux_arm) + quarter(scaled(x, solve->arms->field_arm));
 }
 
-/* How many segments a row has. */
-static uint16_t segments_of(const anhyst_cells_law_x *law)
+/* Target minus left side at a position of the row. */
+static number missing_at(const cell_path *along, const equation *solve, number x, spot at)
 {
-  return (uint16_t)(2U * (law->narrow + law->wide));
-}
-
-static const ANHYST_REAL *row_of(const anhyst_cells_law_x *law, uint16_t cells)
-{
-  const uint32_t entries = (cells - 1U) * (segments_of(law) + 1U);
-  return law->rows + entries;
-}
-
-/* The magnetisation of so many moving cells. */
-static ANHYST_REAL moving(const cell_path *along, uint16_t cells, ANHYST_REAL x)
-{
-  const anhyst_cells_law_x *law = along->law;
-  return anhyst_value_at_x(row_of(law, cells),
-                           anhyst_spot_of_x(segments_of(law), place_of(law, x)));
-}
-
-/* The play of a cell that rests, as the field has left it at most. */
-static ANHYST_REAL at_rest(const cell_path *along, uint16_t cell)
-{
-  const ANHYST_REAL r = width(along, cell);
-  if (cell < along->moved) {
-    return along->x + r;
-  }
-  return anhyst_limited_x(facing(along->plays[cell - 1U], along->falling), along->x - r,
-                          along->x + r);
-}
-
-/* Whether a cell came to rest on a path of the opposite direction. */
-static int opposes(const cell_path *along, uint16_t cell)
-{
-  const uint32_t rises = along->falling ? 0U : 1U;
-  return ((along->risen >> cell) & 1U) != rises;
-}
-
-/* What a cell that rests gives, where the field had brought it: on the side on which it did. */
-static ANHYST_REAL alone(const cell_path *along, uint16_t cell)
-{
-  const int against = opposes(along, cell);
-  const ANHYST_REAL play = facing(at_rest(along, cell), against);
-  const ANHYST_REAL x = play + width(along, cell);
-  const ANHYST_REAL m = moving(along, (uint16_t)(cell + 1U), x) - moving(along, cell, x);
-  return facing(m, against);
-}
-
-/* Lets all cells rest but cell 0. */
-static void rest_all(cell_path *along)
-{
-  along->active = 1;
-  along->rest = R(0.0);
-  for (uint16_t cell = 1; cell <= along->law->cells; cell++) {
-    along->rest += alone(along, cell);
-  }
-}
-
-/* Leaves a path for the opposite one. */
-static void turn(cell_path *along)
-{
-  const uint32_t moved = ((uint32_t)1 << along->active) - 1U;
-  along->risen = along->falling ? (along->risen & ~moved) : (along->risen | moved);
-  along->falling = !along->falling;
-  along->x = -along->x;
-  along->moved = along->active;
-  rest_all(along);
-}
-
-/* A path that goes on from a memory, in the direction which that had. */
-static cell_path begin(const anhyst_cells_law_x *law, const anhyst_cells_memory_x *from,
-                       const ANHYST_REAL *plays)
-{
-  cell_path along;
-  const ANHYST_REAL count = anhyst_size_x(from->active);
-  along.law = law;
-  along.plays = plays;
-  along.moved = 0;
-  along.risen = from->risen & ALL_RISEN;
-  along.falling = from->active < R(0.0);
-  along.x = facing(anhyst_limited_x(from->x, -law->reach, law->reach), along.falling);
-  if (count >= R(1.0) && count <= (ANHYST_REAL)law->cells + R(1.0)) {
-    along.active = (uint16_t)count;
-    along.rest = facing(from->rest, along.falling);
-  } else { /* not known: as if they had risen */
-    along.risen = ALL_RISEN;
-    rest_all(&along);
-  }
-  return along;
-}
-
-/* What is missing of the target where the field is x. */
-static ANHYST_REAL missing_at(const cell_path *along, const equation *solve, ANHYST_REAL x)
-{
-  const ANHYST_REAL m = moving(along, along->active, x) + along->rest;
-  return solve->target - (solve->flux_arm * (m + along->law->air * x) + solve->field_arm * x);
+  return solve->target - left_side(solve, flux_at(solve, x, value_at(at) + along->rest), x);
 }
 
 /* The field at the lower end of a segment. */
-static ANHYST_REAL node(const cell_path *along, uint16_t segment)
+static number node(const cell_path *along, int segment)
 {
-  const anhyst_cells_law_x *law = along->law;
-  const ANHYST_REAL from_middle = (ANHYST_REAL)segment - (ANHYST_REAL)(law->narrow + law->wide);
-  const ANHYST_REAL beyond = anhyst_size_x(from_middle) - (ANHYST_REAL)law->narrow;
-  if (beyond <= R(0.0)) {
-    return from_middle * law->inner / (ANHYST_REAL)law->narrow;
+  const int from_centre = segment - along->centre;
+  const int zone = along->centre - along->outer;
+  if (from_centre >= zone) {
+    return field_at(from_centre - along->outer, along->wide);
   }
-  const ANHYST_REAL x = law->inner + beyond * (law->reach - law->inner) / (ANHYST_REAL)law->wide;
-  return from_middle < R(0.0) ? -x : x;
+  if (from_centre < -zone) {
+    return field_at(from_centre + along->outer, along->wide);
+  }
+  return field_at(from_centre, along->narrow);
 }
 
-static uint16_t segment_of(const cell_path *along, ANHYST_REAL x)
+/* The part of a segment where the equation is solved, given the residual at its lower end. 0: not
+   above the lower end; WHOLE_SEGMENT: beyond the segment. */
+static inline number part_with_target(const equation *solve, const entry *segment, grid width,
+                                      number missing)
 {
-  const anhyst_cells_law_x *law = along->law;
-  return anhyst_spot_of_x(segments_of(law), place_of(law, x)).index;
+  const number size = width_of(width);
+  const number m = level_of(segment[1]) - level_of(segment[0]);
+  const number rise = left_side(solve, flux_at(solve, size, m), size);
+  if (missing >= rise) {
+    return WHOLE_SEGMENT;
+  }
+  return missing > 0 ? ratio_part(missing, rise) : 0;
 }
 
-/* Goes to the target between two places, on the row of the cells that move. */
-static void go(cell_path *along, const equation *solve, ANHYST_REAL low, ANHYST_REAL high)
+/* The field where a cell joins a path that has reached low; after the last cell: the end of the
+   rows. */
+static number joins_at(const cell_path *along, int cell, number low)
 {
-  uint16_t first = segment_of(along, low);
-  uint16_t end = segment_of(along, high);
-  while (first < end) {
-    const uint16_t middle = (uint16_t)((first + end + 1U) / 2U);
-    if (missing_at(along, solve, node(along, middle)) > R(0.0)) {
-      first = middle;
+  if (cell > along->cells) {
+    return FIELD_MAX;
+  }
+  const number at = inside(sum(play_of(along, cell), half_width(along, cell)));
+  return at > low ? at : low;
+}
+
+/* Whether a cell came to rest on a path of this direction. */
+static int follows(const cell_path *along, int cell)
+{
+  const uint32_t risen = (uint32_t)along->risen ^ (uint32_t)(int32_t)along->mirror;
+  return ((risen >> ((unsigned)cell & 31U)) & 1U) != 0U;
+}
+
+/* Sets the reversal point of the next cell as that of the path, with all cells up to the last that
+   came to rest there on a path of the other direction. */
+static void find_left(cell_path *along, int last)
+{
+  int cell = along->active;
+  const number x = left_at(along, cell);
+  do {
+    cell++;
+  } while (cell <= last && !follows(along, cell) && left_at(along, cell) == x);
+  along->left = spot_on(along, along->rows, mirrored(x, -1));
+  along->x = x;
+  along->moved = cell;
+}
+
+/* The magnetisation with which the next cell, which joins here, was counted in the sum of the
+   resting cells. */
+static number rests_with(cell_path *along, spot here, int last)
+{
+  if (follows(along, along->active)) {
+    return beyond(along, here);
+  }
+  if (along->active >= along->moved) {
+    find_left(along, last);
+  }
+  const spot there = {along->left.at + rows_on(along, along->active - 1), along->left.part};
+  return -beyond(along, there);
+}
+
+/* Moves to the target on the row of the moving cells, between low, which is here, and high. After
+   the segment of low, the search selects the last segment whose lower end is below the target. */
+static void go(cell_path *along, const equation *solve, spot here, number low, number high)
+{
+  grid width = grid_on(along, low);
+  number begin = begin_of(low, width);
+  spot first = {here.at, 0};
+  number part = part_with_target(solve, here.at, width, missing_at(along, solve, begin, first));
+  if (part >= WHOLE_SEGMENT) {
+    int segment = (int)(here.at - along->row);
+    int end = (int)(spot_on(along, along->row, high).at - along->row);
+    number missing = FIELD_MAX;
+    while (segment < end) {
+      const int middle = (segment + end + 1) / 2;
+      const number place = node(along, middle);
+      first.at = along->row + middle;
+      const number left = missing_at(along, solve, place, first);
+      if (left <= 0) {
+        end = middle - 1;
+      } else {
+        segment = middle;
+        begin = place;
+        missing = left;
+      }
+    }
+    first.at = along->row + segment;
+    width = grid_on(along, begin);
+    part = part_with_target(solve, first.at, width, missing);
+  }
+  along->segment = first.at;
+  along->x = clamped(place_in(begin, width, inner_part(part)), low, high);
+}
+
+/* Sets the number of moving cells, among those that the reversal of this path has left. */
+static void let_move(cell_path *along, int cells)
+{
+  const spot now = {along->left.at + rows_on(along, along->active - 1), along->left.part};
+  const entry *then = along->left.at + rows_on(along, cells - 1);
+  along->rest = inside(along->rest + between(now, then));
+  along->active = cells;
+  along->row = row_of(along, cells);
+}
+
+/* Lets the cells that the reversal of this path has left join again, up to the target, by
+   bisection. Returns the field where the last of them joins. */
+static number rejoin(cell_path *along, const equation *solve, number low)
+{
+  int least = along->active;
+  int most = along->moved;
+  number place = low;
+  while (least < most) {
+    const int cells = (least + most + 1) / 2;
+    const number next = joins_at(along, cells - 1, low);
+    let_move(along, cells);
+    if (missing_at(along, solve, next, spot_on(along, along->row, next)) > 0) {
+      least = cells;
+      place = next;
     } else {
-      end = (uint16_t)(middle - 1U);
+      most = cells - 1;
     }
   }
-  const ANHYST_REAL begin = node(along, first);
-  const ANHYST_REAL beyond = node(along, (uint16_t)(first + 1U));
-  const ANHYST_REAL missing = missing_at(along, solve, begin);
-  const ANHYST_REAL rise = missing - missing_at(along, solve, beyond);
-  const ANHYST_REAL part = rise > R(0.0) ? missing / rise : R(0.0);
-  along->x = anhyst_limited_x(begin + part * (beyond - begin), low, high);
+  let_move(along, least);
+  return place;
 }
 
-/* Lets cells join till the target is met. */
-static void advance(cell_path *along, const equation *solve)
+/* Follows a path that begins below the target: lets the cells join up to the target, and moves to
+   it. Returns the field where the next cell joins. Cells left together are looked for up to the
+   given last one, and among all cells after one has joined: a short path ends before the second
+   cell joins. */
+static number pursue(cell_path *along, const equation *solve, spot here, int last)
 {
-  const anhyst_cells_law_x *law = along->law;
-  ANHYST_REAL low = along->x;
-  ANHYST_REAL high = law->reach;
-  while (along->active <= law->cells) {
-    const uint16_t cell = along->active;
-    const ANHYST_REAL joins =
-        anhyst_limited_x(at_rest(along, cell) + width(along, cell), low, law->reach);
-    if (!(missing_at(along, solve, joins) > R(0.0))) {
-      high = joins;
+  number low = along->x;
+  number next = joins_at(along, along->active, low);
+  int is_bounded = 0;
+  while (is_bounded == 0 && along->active <= along->cells) {
+    const spot there = spot_on(along, along->row, next);
+    if (next > low && missing_at(along, solve, next, there) <= 0) {
       break;
     }
-    along->rest -= alone(along, cell);
-    along->active = (uint16_t)(cell + 1U);
-    low = joins;
-  }
-  if (along->active > law->cells) {
-    along->rest = R(0.0); /* none rests */
-  }
-  go(along, solve, low, high);
-}
-
-/* Solves from a memory on; returns m. */
-static ANHYST_REAL meet(const anhyst_cells_law_x *law, const anhyst_cells_memory_x *from,
-                        const ANHYST_REAL *plays, equation solve, anhyst_cells_memory_x *to)
-{
-  cell_path along = begin(law, from, plays);
-  solve.target = facing(solve.target, along.falling);
-  const ANHYST_REAL missing = missing_at(&along, &solve, along.x);
-  const ANHYST_REAL size = anhyst_size_x(solve.target) + anhyst_size_x(solve.flux_arm) +
-                           anhyst_size_x(solve.field_arm * along.x);
-  /* Unless it is there already, or the target is no number. */
-  if (anhyst_size_x(missing) > anhyst_noise_x(size)) {
-    if (missing < R(0.0)) {
-      turn(&along);
-      solve.target = -solve.target;
+    low = next;
+    here = there;
+    do { /* all cells that join in one place */
+      along->rest = inside(along->rest - rests_with(along, here, last));
+      along->active++;
+      here.at += along->stride;
+      next = joins_at(along, along->active, low);
+    } while (next == low && along->active <= along->cells);
+    along->row = row_of(along, along->active);
+    last = along->cells;
+    if (along->active < along->moved) {
+      low = rejoin(along, solve, low);
+      here = spot_on(along, along->row, low);
+      next = joins_at(along, along->active, low);
+      is_bounded = along->active < along->moved; /* the next of them joins after the target */
     }
-    advance(&along, &solve);
   }
-  const ANHYST_REAL active = (ANHYST_REAL)along.active;
-  to->x = facing(along.x, along.falling);
-  to->rest = facing(along.rest, along.falling);
-  to->active = facing(active, along.falling);
-  to->risen = along.risen;
-  const ANHYST_REAL m = moving(&along, along.active, along.x) + along.rest;
-  return facing(m, along.falling);
+  if (along->active > along->cells) {
+    along->rest = 0; /* no cell rests */
+  }
+  along->low = low;
+  go(along, solve, here, low, next);
+  return next;
 }
 
-static ANHYST_REAL cells_field(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
-                               const ANHYST_REAL *plays, ANHYST_REAL flux, anhyst_memory_x *to)
+/* Reverses a path: all cells except cell 0 rest. */
+static void turn(cell_path *along, spot here)
 {
-  const equation solve = {R(1.0), R(0.0), flux};
-  (void)meet(parameters->cells, &from->cells, plays, solve, &to->cells);
-  return to->cells.x;
+  const spot first = {here.at - rows_on(along, along->active - 1), here.part};
+  const number left = between(first, here.at);
+  const uint32_t moved = ((uint32_t)1 << (unsigned)along->active) - 1U;
+  const uint32_t others = (uint32_t)along->risen & ~moved;
+  along->risen = (int32_t)(along->mirror == 0 ? others | moved : others);
+  along->rest = mirrored(inside(along->rest + left), -1);
+  along->x = mirrored(along->x, -1);
+  along->mirror = ~along->mirror;
+  along->moved = along->active;
+  along->left = first;
+  along->active = 1;
+  along->row = along->rows;
 }
 
-static ANHYST_REAL cells_flux(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
-                              const ANHYST_REAL *plays, const anhyst_at_gap_x *arms,
-                              ANHYST_REAL current, anhyst_memory_x *to)
+/* Describes the segment of a candidate, which begins there: its rise, and h*x + m at its lower
+   end, over 4. */
+static void describe(const entry *words, int segment, number begin, grid width, number rest,
+                     candidate *at)
 {
-  const equation solve = {arms->flux_arm, arms->field_arm, current - arms->bias};
-  const ANHYST_REAL m = meet(parameters->cells, &from->cells, plays, solve, &to->cells);
-  return m + parameters->cells->air * to->cells.x;
+  set_segment(at, words, segment, begin, width);
+  at->of.cells.flux =
+      quarter(level_of(words[segment]) + rest) + scaled(begin, words[ANHYST_WORD_CELLS_AIR]);
 }
 
-/* Whether more field needs more current at every gap, on the steepest segment of any row. */
-static int current_rises(const anhyst_parameters_x *parameters)
+/* The rise of h*x + m on the segment of a candidate, over 4. */
+static inline number rise_on(const candidate *at, entry air)
 {
-  const anhyst_cells_law_x *law = parameters->cells;
+  return quarter_rise(at) + scaled(width_of(grid_at(at)), air);
+}
+
+/* Makes a candidate of the end of a path; returns h*x + m there, over 4. */
+static number arrive(const cell_path *along, const entry *words, candidate *to)
+{
+  const grid width = grid_on(along, along->x);
+  const number begin = begin_of(along->x, width);
+  to->memory.cells.x = mirrored(along->x, along->mirror);
+  to->memory.cells.rest = mirrored(along->rest, along->mirror);
+  to->memory.cells.active = along->mirror == 0 ? along->active : -along->active;
+  to->memory.cells.risen = along->risen;
+  to->memory.cells.joined = along->low;
+  describe(words, (int)(along->segment - words), begin, width, along->rest, to);
+  const number rise = rise_on(to, words[ANHYST_WORD_CELLS_AIR]);
+  return mirrored(to->of.cells.flux + rise_share(rise, part_at(along->x, begin, width)),
+                  along->mirror);
+}
+
+/* Solves from a memory; returns h*x + m there, over 4. The field does not change if the target is
+   between the values of the rows of the two directions, which are not quite odd. */
+static number travel(const entry *words, const cells_memory *from, const number *plays,
+                     const arms_type *arms, number wanted, candidate *to)
+{
   cell_path along;
-  ANHYST_REAL steepest = R(0.0);
-  along.law = law;
-  for (uint16_t cells = 1; cells <= law->cells + 1U; cells++) {
-    const ANHYST_REAL *row = row_of(law, cells);
-    for (uint16_t i = 0; i < segments_of(law); i++) {
-      const ANHYST_REAL x = node(&along, (uint16_t)(i + 1U)) - node(&along, i);
-      const ANHYST_REAL slope = (row[i + 1U] - row[i]) / x;
-      steepest = slope > steepest ? slope : steepest;
+  equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
+  begin_path(&along, words, from, plays);
+  solve.target = mirrored(wanted, along.mirror);
+  spot here = spot_on(&along, along.row, along.x);
+  number missing = missing_at(&along, &solve, along.x, here);
+  along.segment = here.at;
+  if (missing < -RESIDUAL_DEADBAND) {
+    turn(&along, here);
+    solve.target = mirrored(solve.target, -1);
+    here = spot_on(&along, along.row, along.x);
+    missing = missing_at(&along, &solve, along.x, here);
+    if (missing <= RESIDUAL_DEADBAND) {
+      begin_path(&along, words, from, plays);
     }
   }
-  for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
-    const anhyst_at_gap_x *row = parameters->gaps + i;
-    if (!(row->field_arm + row->flux_arm * (law->air + steepest) > R(0.0))) {
-      return 0;
-    }
+  along.low = along.x;
+  if (missing > RESIDUAL_DEADBAND) {
+    to->of.cells.joins =
+        pursue(&along, &solve, here, missing > LONG_PATH_RESIDUAL ? along.cells : 0);
+  } else {
+    to->of.cells.joins = joins_at(&along, along.active, along.x);
   }
+  return arrive(&along, words, to);
+}
+
+/* Moves a candidate to the beginning of the next segment, unless a cell joins before; returns
+   whether it did. */
+static int step_segment(const entry *words, candidate *at)
+{
+  const int mirror = at->memory.cells.active < 0 ? -1 : 0;
+  grid width = grid_at(at);
+  const number end =
+      unsafe_sum(begin_at(at, mirrored(at->memory.cells.x, mirror)), width_of(width));
+  const int32_t next = (int32_t)at->of.cells.segment + 1;
+  if (!(end <= at->of.cells.joins) || next <= integer_of(words[ANHYST_WORD_CELLS_ROWS]) ||
+      next >= integer_of(words[ANHYST_WORD_LENGTH]) - 1) {
+    return 0;
+  }
+  const unsigned bits = (unsigned)integer_of(words[ANHYST_WORD_CELLS_SEGMENTS]);
+  const unsigned halvings = (unsigned)integer_of(words[ANHYST_WORD_CELLS_ZONE]);
+  const number inner = POWER_OF_HALF(halvings);
+  if (end == -inner) {
+    width = grid_of(bits + halvings);
+  } else if (end == inner) {
+    width = grid_of(bits);
+  }
+  at->memory.cells.x = mirrored(end, mirror);
+  describe(words, (int)next, end, width, mirrored(at->memory.cells.rest, mirror), at);
   return 1;
 }
 
-static int rows_rise(const anhyst_cells_law_x *law)
+/* Results of a search on the segment of a candidate. */
+enum { NOT_MET, MET, BEYOND };
+
+/* Moves a candidate to the target on its segment, not below the field where the step began or the
+   last cell joined, and not beyond the field where the next cell joins. Sets h*x + m there, over 4.
+   A target below by no more than rounding counts as met. BEYOND: the target is on one of the next
+   segments. */
+static inline int meet_on_segment(const entry *words, const arms_type *arms, number wanted,
+                                  candidate *at, number *flux)
 {
-  for (uint16_t cells = 1; cells <= law->cells + 1U; cells++) {
-    if (!anhyst_rises_x(row_of(law, cells), segments_of(law), R(-1.0), R(1.0))) {
-      return 0;
-    }
+  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
+  const int mirror = at->memory.cells.active < 0 ? -1 : 0;
+  const number low = at->memory.cells.joined;
+  const grid width = grid_at(at);
+  const number begin = begin_at(at, mirrored(at->memory.cells.x, mirror));
+  const number rise = rise_on(at, solve.air);
+  const number whole = left_side(&solve, rise, width_of(width));
+  const number missing =
+      unsafe_difference(mirrored(wanted, mirror), left_side(&solve, at->of.cells.flux, begin));
+  if (!(missing >= 0)) {
+    return NOT_MET;
   }
-  return 1;
-}
-
-static int cells_is_valid(const anhyst_parameters_x *parameters)
-{
-  const anhyst_cells_law_x *law = parameters->cells;
-  const ANHYST_REAL largest = R(1e12);
-  return law != 0 && law->thresholds != 0 && law->rows != 0 && law->reach > R(0.0) &&
-         law->reach <= largest && law->air > R(0.0) && law->air <= largest && law->cells >= 1U &&
-         law->cells <= ANHYST_CELLS && law->inner > R(0.0) && law->inner <= law->reach &&
-         law->narrow >= 4U && law->narrow <= 1024U && law->wide <= 1024U &&
-         law->thresholds[0] > R(0.0) &&
-         anhyst_rises_x(law->thresholds, (uint16_t)(law->cells - 1U), R(0.0), law->reach) &&
-         rows_rise(law) && current_rises(parameters);
-}
-
-static void cells_keep(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
-                       const anhyst_memory_x *to, ANHYST_REAL *plays)
-{
-  const cell_path along = begin(parameters->cells, &from->cells, plays);
-  if (from->cells.active * to->cells.active < R(0.0)) {
-    for (uint16_t cell = 1; cell < along.active; cell++) {
-      plays[cell - 1U] = facing(along.x - width(&along, cell), along.falling);
+  if (!(missing < whole)) {
+    return quarter(missing) < whole ? BEYOND : NOT_MET;
+  }
+  const number part = ratio_part(missing, whole);
+  number x = place_in(begin, width, part);
+  if (x < low) {
+    if (!is_rounding(low, x, width)) {
+      return NOT_MET;
     }
+    x = low;
+  }
+  at->memory.cells.x = mirrored(x, mirror);
+  *flux = mirrored(unsafe_sum(at->of.cells.flux, rise_share(rise, part)), mirror);
+  return is_flux(*flux) && x <= at->of.cells.joins ? MET : NOT_MET;
+}
+
+/* Moves on to a target after the segment of a candidate, or solves from the memory; returns
+   h*x + m there, over 4. */
+static number go_beyond(const entry *words, const cells_memory *from, const number *plays,
+                        const arms_type *arms, number wanted, candidate *at, int met)
+{
+  number flux = 0;
+  for (int more = MAX_SEGMENT_STEPS - 1; met == BEYOND && more > 0 && step_segment(words, at);
+       more--) {
+    met = meet_on_segment(words, arms, wanted, at, &flux);
+  }
+  return met == MET ? flux : travel(words, from, plays, arms, wanted, at);
+}
+
+/* Solves from a candidate if it is known, otherwise from the memory; returns h*x + m there, over
+   4. */
+static number reach(const entry *words, const cells_memory *from, const number *plays,
+                    const arms_type *arms, number wanted, candidate *at, int is_known)
+{
+  number flux = 0;
+  const int met =
+      is_known && is_placed(at) ? meet_on_segment(words, arms, wanted, at, &flux) : NOT_MET;
+  return met == MET ? flux : go_beyond(words, from, plays, arms, wanted, at, met);
+}
+
+static number cells_flux(compensator *c, number current)
+{
+  const arms_type *arms = &c->arms;
+  const number target = quarter(current) - quarter(arms->bias);
+  const number flux = reach(c->words, &c->memory.cells, c->plays, arms, target, &c->next,
+                            c->stage != ANHYST_STAGE_UNKNOWN);
+  return four_times(flux);
+}
+
+/* A flux that needs more than a current limit even with the present field, which moves in the same
+   direction, leads to that limit. The field is then the largest there is. */
+static number cells_field(compensator *c)
+{
+  const entry *words = c->words;
+  const arms_type *arms = &c->arms;
+  candidate *at = &c->next;
+  const number target = quarter(c->flux);
+  number flux;
+  int met = NOT_MET;
+  if (c->stage == ANHYST_STAGE_HERE && is_placed(at)) {
+    at->memory.cells.joined =
+        inside(mirrored(c->memory.cells.x, at->memory.cells.active < 0 ? -1 : 0));
+    met = meet_on_segment(words, 0, target, at, &flux);
+  }
+  if (met == MET) {
+    return at->memory.cells.x;
+  }
+  const int rises = c->flux > c->flux_applied;
+  const number limit =
+      inner_limit(words, rises ? ANHYST_WORD_CURRENT_HIGH : ANHYST_WORD_CURRENT_LOW);
+  const number least = arms->bias + scaled(c->flux, arms->flux_arm) +
+                       scaled(inside(c->memory.cells.x), arms->field_arm);
+  if (arms->flux_arm >= 0 && (rises ? least > limit : least < limit)) {
+    (void)cells_flux(c, limit);
+    return rises ? FIELD_MAX : FIELD_MIN;
+  }
+  (void)go_beyond(words, &c->memory.cells, c->plays, 0, target, at, met);
+  return at->memory.cells.x;
+}
+
+static void cells_keep(compensator *c)
+{
+  if (have_turned(&c->memory.cells, &c->next.memory.cells)) {
+    keep_plays(c->words, &c->memory.cells, c->plays);
   }
 }
 
-/* All cells come to rest where they are; under the other parameters they are clipped to widths of
-   those, and what they give is summed up by the next step. */
-static void cells_carry(const anhyst_parameters_x *before, anhyst_memory_x *memory,
-                        ANHYST_REAL *plays)
+static void cells_carry(compensator *c, const entry *words, number flux)
 {
-  const anhyst_memory_x back = {{R(0.0), R(0.0), -memory->cells.active, R(0.0), R(0.0)}};
-  cells_keep(before, memory, &back, plays);
-  memory->cells.active = R(0.0);
-  memory->cells.rest = R(0.0);
+  carry_memory(c->words, words, flux, &c->memory.cells, c->plays);
 }
 
-#if ANHYST_MEMORIES > 1
-ANHYST_REAL anhyst_cells_stand_x(const anhyst_parameters_x *parameters,
-                                 const anhyst_memory_x *memory, const ANHYST_REAL *plays,
-                                 ANHYST_REAL *slope)
-{
-  const anhyst_cells_law_x *law = parameters->cells;
-  const cell_path along = begin(law, &memory->cells, plays);
-  const uint16_t segment = segment_of(&along, along.x);
-  const ANHYST_REAL *row = row_of(law, along.active) + segment;
-  const ANHYST_REAL width = node(&along, (uint16_t)(segment + 1U)) - node(&along, segment);
-  *slope = width / (row[1] - row[0] + law->air * width);
-  const ANHYST_REAL m = moving(&along, along.active, along.x) + along.rest;
-  return facing(m + law->air * along.x, along.falling);
-}
-#endif
-
-const anhyst_kernel_x anhyst_kernel_cells_x = {cells_field, cells_flux, cells_is_valid, cells_carry,
-                                               cells_keep};
+static void cells_start(compensator *c) { start_memory(c->words, c->plays, &c->memory.cells); }

@@ -1,252 +1,203 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#if ANHYST_MEMORIES > 1
-#include "solid.h"
-#endif
+/* Template: the compensator, for every format. The few operations in which the formats differ come
+   before it: ../compensator.c for fixed point, compensator_real.h for floating point. The stages of
+   the candidate are those of stage.h. */
+#include "anhyst/numeric/port.h"
 
-/* State that changes: at most 224 bytes for thin iron, in either precision. */
-typedef char anhyst_state_is_small_x
-    [sizeof(anhyst_compensator_x) <= 224U + (ANHYST_MEMORIES - 1U) * 176U ? 1 : -1];
-
-/* The row of this gap, interpolated. */
-static anhyst_at_gap_x at_gap(const anhyst_parameters_x *parameters, ANHYST_REAL gap)
+/* The number of low..high nearest to a. Sets a flag if `a` is beyond a limit by more than `code`.
+ */
+static inline number limited(compensator *c, number a, number low, number high, number code,
+                             uint16_t flag)
 {
-  const anhyst_spot_x spot = anhyst_spot_of_x(parameters->gap_segments,
-                                              (gap - parameters->gap_low) * parameters->gap_rows);
-  const anhyst_at_gap_x *low = parameters->gaps + spot.index;
-  const anhyst_at_gap_x *high = low + 1;
-  anhyst_at_gap_x row;
-  row.gain = low->gain + spot.part * (high->gain - low->gain);
-  row.offset = low->offset + spot.part * (high->offset - low->offset);
-  row.bias = low->bias + spot.part * (high->bias - low->bias);
-  row.flux_arm = low->flux_arm + spot.part * (high->flux_arm - low->flux_arm);
-  row.field_arm = low->field_arm + spot.part * (high->field_arm - low->field_arm);
-  return row;
+  if (a >= low && a <= high) {
+    return a;
+  }
+  if (!(difference_of(a, high) <= code && difference_of(low, a) <= code)) {
+    c->flags |= flag;
+  }
+  return a > high ? high : low;
 }
 
-/* Root of a number that is not negative, meant for 0..1. Below the knee a straight line; from
-   there to 1 a relative error below one unit in the last place of a float and 1e-14 in double
-   precision. */
-static ANHYST_REAL root(ANHYST_REAL a, ANHYST_REAL knee)
+/* Marks a compensator as busy; an assertion fails if it is. Keeps these flags. */
+static inline void enter(compensator *c, uint16_t flags)
 {
-  if (a < knee * knee) {
-    return a / knee;
-  }
-  /* Into 1/4..1 by even powers of two, which are exact; the least knee is 2^-8. */
-  ANHYST_REAL scale = R(0.5);
-  if (a < R(0.00390625)) {
-    a *= R(256.0);
-    scale *= R(0.0625);
-  }
-  if (a < R(0.0625)) {
-    a *= R(16.0);
-    scale *= R(0.25);
-  }
-  if (a < R(0.25)) {
-    a *= R(4.0);
-    scale *= R(0.5);
-  }
-  /* A line within 3 % to begin with; each step doubles the digits. */
-  ANHYST_REAL r = R(0.686) * a + R(0.343);
-  r = R(0.5) * (r + a / r);
-  r = R(0.5) * (r + a / r);
-  return scale * (r + a / r);
+  ANHYST_ASSERT((c->flags & ANHYST_FLAG_BUSY) == 0U);
+  c->flags = (uint16_t)(flags | ANHYST_FLAG_BUSY);
 }
 
-/* The demand as a flux. */
-static ANHYST_REAL flux_of(anhyst_compensator_x *c, ANHYST_REAL demand, const anhyst_at_gap_x *row)
+static inline void leave(compensator *c) { c->flags &= (uint16_t)~ANHYST_FLAG_BUSY; }
+
+/* Where the gap falls in the tables; remembers the gap and flags one out of range. */
+static place take_gap(compensator *c, number gap)
 {
-  const anhyst_parameters_x *parameters = c->parameters;
-  const ANHYST_REAL wanted =
-      anhyst_limited_x(demand, parameters->demand_low, parameters->demand_high);
-  ANHYST_REAL part = (wanted - row->offset) / parameters->full_scale;
-  if (wanted != demand) {
+  const number fraction = gap_fraction(c, gap);
+  c->gap = gap;
+  if (!is_in_gap_range(fraction)) {
+    c->flags |= ANHYST_GAP_LIMITED;
+  }
+  return place_of(c->words, fraction);
+}
+
+static arms_type arms_at(const entry *words, place at)
+{
+  arms_type arms;
+  arms.bias = bias_of(over_gap(at, words[ANHYST_WORD_GAP_BIAS]));
+  arms.flux_arm = over_gap(at, words[ANHYST_WORD_GAP_FLUX_ARM]);
+  arms.field_arm = over_gap(at, words[ANHYST_WORD_GAP_FIELD_ARM]);
+  return arms;
+}
+
+/* The output at this gap without flux. */
+static number offset_at(const entry *words, place at)
+{
+  return signal_of(over_gap(at, words[ANHYST_WORD_GAP_OFFSET]));
+}
+
+/* The demand at this gap as a flux; at least 0 if it goes with a square. */
+static number flux_of(compensator *c, number demand, place at)
+{
+  const entry *words = c->words;
+  const number low = signal_of(words[ANHYST_WORD_DEMAND_LOW]);
+  const number high = signal_of(words[ANHYST_WORD_DEMAND_HIGH]);
+  const number accepted = limited(c, demand, low, high, DEMAND_CODE, ANHYST_DEMAND_LIMITED);
+  const number beyond = difference_of(accepted, offset_at(words, at));
+  const number limit = flux_limit(words);
+  if (beyond < 0 && words[ANHYST_WORD_POWER] == 2) {
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
-  if (parameters->power == 2U) {
-    if (part < R(0.0)) {
-      part = R(0.0);
-      c->flags |= ANHYST_DEMAND_LIMITED;
-    }
-    part = root(part, parameters->knee);
-  }
-  const ANHYST_REAL flux = part * row->gain;
-  const ANHYST_REAL reached =
-      anhyst_limited_x(flux, -parameters->flux_limit, parameters->flux_limit);
-  if (reached != flux) {
-    c->flags |= ANHYST_FLUX_LIMITED;
-  }
-  return reached;
+  const number flux =
+      limited(c, flux_for(words, beyond, at), -limit, limit, 0, ANHYST_FLUX_LIMITED);
+  return whole_flux(words, flux);
 }
 
-/* Whether limits are in order and finite. */
-static int is_range(ANHYST_REAL low, ANHYST_REAL high)
+static const kernel_type *kernel_for(const kernel_type *kernel, const entry *words)
 {
-  const ANHYST_REAL largest = R(1e30);
-  return low <= high && low >= -largest && high <= largest;
+  return kernel->for_block != 0 ? kernel->for_block(words) : kernel;
 }
 
-static int rows_is_valid(const anhyst_parameters_x *parameters)
+static void demagnetise(compensator *c)
 {
-  for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
-    const anhyst_at_gap_x *row = parameters->gaps + i;
-    if (!(row->gain > R(0.0) && row->field_arm > R(0.0) && is_range(row->gain, row->gain) &&
-          is_range(row->offset, row->offset) && is_range(row->bias, row->bias) &&
-          is_range(row->flux_arm, row->flux_arm) && is_range(row->field_arm, row->field_arm))) {
-      return 0;
-    }
+  const memory_type demagnetised = {{0, 0, 0, 0, 0}};
+  c->memory = demagnetised;
+  for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
+    c->plays[i] = 0;
   }
-  return 1;
+  c->stage = ANHYST_STAGE_UNKNOWN;
+  if (c->kernel->start != 0) {
+    c->kernel->start(c);
+  }
 }
 
-/* What stands for the field in the current: that of the law, unless the iron is solid. */
-static ANHYST_REAL field_for(anhyst_compensator_x *c, ANHYST_REAL flux)
+/* Starts with a valid block. */
+static void init(compensator *c, const kernel_type *kernel, const entry *words)
 {
-  const anhyst_parameters_x *parameters = c->parameters;
-#if ANHYST_MEMORIES > 1
-  if (parameters->solid != 0) {
-    return solid_field(c, flux);
-  }
-#endif
-  return parameters->kernel->field(parameters, &c->memory, c->plays, flux, &c->next);
-}
-
-/* The flux to which a current leads. */
-static ANHYST_REAL flux_under(anhyst_compensator_x *c, const anhyst_at_gap_x *row,
-                              ANHYST_REAL current)
-{
-  const anhyst_parameters_x *parameters = c->parameters;
-#if ANHYST_MEMORIES > 1
-  if (parameters->solid != 0) {
-    return solid_flux(c, row, current);
-  }
-#endif
-  return parameters->kernel->flux(parameters, &c->memory, c->plays, row, current, &c->next);
-}
-
-/* Goes on with the memory after a step. */
-static void keep(const anhyst_parameters_x *parameters, anhyst_memory_x *memory, ANHYST_REAL *plays,
-                 const anhyst_memory_x *next)
-{
-  if (parameters->kernel->keep != 0) {
-    parameters->kernel->keep(parameters, memory, next, plays);
-  }
-  *memory = *next;
-}
-
-anhyst_status anhyst_parameters_check_x(const anhyst_parameters_x *parameters)
-{
-  const int valid = parameters->kernel != 0 && parameters->gaps != 0 &&
-                    (parameters->power == 1U || parameters->power == 2U) &&
-                    is_range(parameters->demand_low, parameters->demand_high) &&
-                    is_range(parameters->current_low, parameters->current_high) &&
-                    is_range(parameters->gap_low, parameters->gap_low) &&
-                    is_range(R(0.0), parameters->gap_rows) && parameters->full_scale > R(0.0) &&
-                    parameters->knee >= R(0.00390625) && parameters->knee <= R(0.25) &&
-                    parameters->flux_limit > R(0.0) && parameters->flux_limit <= R(1e6) &&
-                    parameters->gap_segments >= 1U && parameters->gap_segments <= 64U &&
-                    parameters->condition_cycles <= 64U && parameters->condition_ticks >= 2U &&
-                    parameters->condition_ticks <= 32767U;
-  if (!valid || !rows_is_valid(parameters) || !parameters->kernel->valid(parameters)) {
-    return ANHYST_BAD_PARAMETER;
-  }
-#if ANHYST_MEMORIES > 1
-  if (parameters->solid != 0 && !solid_is_valid(parameters)) {
-    return ANHYST_BAD_PARAMETER;
-  }
-#endif
-  return ANHYST_OK;
-}
-
-anhyst_status anhyst_compensator_init_x(anhyst_compensator_x *c,
-                                        const anhyst_parameters_x *parameters)
-{
-  const anhyst_compensator_x fresh = {0};
-  const anhyst_status status = anhyst_parameters_check_x(parameters);
-  if (status != ANHYST_OK) {
-    return status;
-  }
-  *c = fresh;
-  c->parameters = parameters;
-  return ANHYST_OK;
-}
-
-void anhyst_compensator_swap_x(anhyst_compensator_x *c, const anhyst_parameters_x *parameters)
-{
-  parameters->kernel->carry(c->parameters, &c->memory, c->plays);
-#if ANHYST_MEMORIES > 1
-  for (int i = 0; c->parameters->solid != 0 && i < ANHYST_MEMORIES - 1; i++) {
-    parameters->kernel->carry(c->parameters, &c->deeper[i].memory, c->deeper[i].plays);
-  }
-#endif
-  c->parameters = parameters;
-  c->solved = 0;
-}
-
-ANHYST_REAL anhyst_compensator_solve_x(anhyst_compensator_x *c, ANHYST_REAL demand, ANHYST_REAL gap)
-{
-  const anhyst_parameters_x *parameters = c->parameters;
-  const anhyst_at_gap_x row = at_gap(parameters, gap);
+  c->kernel = kernel_for(kernel, words);
+  c->words = words;
+  take_scales(c);
+  c->current = 0;
+  c->flux = 0;
+  c->flux_applied = 0;
+  c->gap = 0;
   c->flags = 0;
-  c->gap = gap;
-  c->flux = flux_of(c, demand, &row);
-  const ANHYST_REAL field = field_for(c, c->flux);
-  const ANHYST_REAL wanted = row.bias + row.flux_arm * c->flux + row.field_arm * field;
-  c->current = anhyst_limited_x(wanted, parameters->current_low, parameters->current_high);
-  c->solved = 1;
-  if (c->current != wanted) {
-    c->flags |= ANHYST_CURRENT_LIMITED;
-    c->solved = 0;
-  }
-  return c->current;
+  demagnetise(c);
 }
 
-void anhyst_compensator_commit_x(anhyst_compensator_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
+/* A current at its limit is solved for twice: its flux is found here, so that its commit is a
+   copy. */
+static void solve(compensator *c, number demand, number gap)
 {
-  const anhyst_parameters_x *parameters = c->parameters;
-  if (c->solved != 0U && applied == c->current && gap == c->gap) {
-    c->flux_applied = c->flux;
-  } else {
-    const anhyst_at_gap_x row = at_gap(parameters, gap);
-    c->flux_applied = flux_under(c, &row, applied);
-    c->gap = gap;
+  const entry *words = c->words;
+  enter(c, 0);
+  const place at = take_gap(c, gap);
+  c->arms = arms_at(words, at);
+  c->flux = flux_of(c, demand, at);
+  if (c->stage == ANHYST_STAGE_AHEAD) { /* of a step that nobody took */
+    c->stage = ANHYST_STAGE_UNKNOWN;
   }
-  keep(parameters, &c->memory, c->plays, &c->next);
-#if ANHYST_MEMORIES > 1
-  for (int i = 0; parameters->solid != 0 && i < memories_of(parameters) - 1; i++) {
-    anhyst_deeper_x *deeper = &c->deeper[i];
-    keep(parameters, &deeper->memory, deeper->plays, &deeper->next);
+  const number field = c->kernel->field(c);
+  const number needed =
+      c->arms.bias + product(c->flux, c->arms.flux_arm) + product(field, c->arms.field_arm);
+  const number current =
+      limited(c, needed, current_limit(words, ANHYST_WORD_CURRENT_LOW),
+              current_limit(words, ANHYST_WORD_CURRENT_HIGH), 0, ANHYST_CURRENT_LIMITED);
+  c->stage = ANHYST_STAGE_AHEAD;
+  if (current != needed) {
+    c->flux = c->kernel->flux(c, current);
   }
-#endif
-  c->solved = 0;
+  c->current = outer_current(words, current);
+  leave(c);
 }
 
-ANHYST_REAL
-anhyst_compensator_output_x(const anhyst_compensator_x *c)
+/* Leaves the memory alone if the applied current is not a number. */
+static void commit(compensator *c, number applied, number gap)
 {
-  const anhyst_parameters_x *parameters = c->parameters;
-  const anhyst_at_gap_x row = at_gap(parameters, c->gap);
-  ANHYST_REAL part = c->flux_applied / row.gain;
-  if (parameters->power == 2U) {
-    const ANHYST_REAL magnitude = anhyst_size_x(part);
-    part = magnitude * (magnitude < parameters->knee ? parameters->knee : magnitude);
+  const entry *words = c->words;
+  const int is_ahead = c->stage == ANHYST_STAGE_AHEAD;
+  const int is_at_gap = is_ahead && gap == c->gap;
+  enter(c, is_ahead ? c->flags : 0U);
+  (void)limited(c, applied, signal_of(words[ANHYST_WORD_CURRENT_LOW]),
+                signal_of(words[ANHYST_WORD_CURRENT_HIGH]), CURRENT_CODE, ANHYST_CURRENT_LIMITED);
+  if (!is_at_gap) {
+    c->arms = arms_at(words, take_gap(c, gap));
   }
-  return part * parameters->full_scale + row.offset;
+  if (!is_finite(applied)) {
+    c->stage = ANHYST_STAGE_UNKNOWN;
+    leave(c);
+    return;
+  }
+  c->flux_applied = is_at_gap && applied == c->current
+                        ? c->flux
+                        : c->kernel->flux(c, inner_current(words, applied));
+  if (c->kernel->keep != 0) {
+    c->kernel->keep(c);
+  }
+  c->memory = c->next.memory;
+  c->stage = ANHYST_STAGE_HERE;
+  leave(c);
 }
 
-int32_t anhyst_conditioning_length_x(const anhyst_compensator_x *c)
+static number output(const compensator *c)
 {
-  return (int32_t)c->parameters->condition_cycles * 2 * c->parameters->condition_ticks;
+  const place at = place_of(c->words, gap_fraction(c, c->gap));
+  return sum_of(output_beyond(c->words, c->flux_applied, at), offset_at(c->words, at));
 }
 
-ANHYST_REAL anhyst_conditioning_x(const anhyst_compensator_x *c, int32_t tick)
+/* Both blocks state the same scales. */
+static void swap(compensator *c, const entry *words)
 {
-  const int32_t ramp = c->parameters->condition_ticks;
-  const ANHYST_REAL low = c->parameters->current_low;
-  const ANHYST_REAL span = c->parameters->current_high - low;
-  if (tick < 0 || tick >= anhyst_conditioning_length_x(c)) {
-    return R(0.0);
+  const number before = output(c);
+  const place at = place_of(words, gap_fraction(c, c->gap));
+  enter(c, 0);
+  number flux = whole_flux(words, flux_for(words, difference_of(before, offset_at(words, at)), at));
+  if (words[ANHYST_WORD_POWER] == 2 && c->flux_applied < 0) {
+    flux = -flux;
   }
-  const int32_t place = tick % (2 * ramp);
-  const int32_t way = place < ramp ? place : 2 * ramp - place;
-  return low + span * (ANHYST_REAL)way / (ANHYST_REAL)ramp;
+  flux = flux_within(flux);
+  c->kernel = kernel_for(c->kernel, words);
+  c->kernel->carry(c, words, flux);
+  c->flux_applied = flux;
+  c->words = words;
+  take_scales(c);
+  c->stage = ANHYST_STAGE_UNKNOWN;
+  leave(c);
+}
+
+static int32_t conditioning_length(const compensator *c)
+{
+  return (int32_t)c->words[ANHYST_WORD_CONDITION_CYCLES] * 2 *
+         (int32_t)c->words[ANHYST_WORD_CONDITION_TICKS];
+}
+
+/* The current of a tick of the start-up as a word of the block. */
+static entry conditioning(const compensator *c, int32_t tick)
+{
+  const int32_t ramp = (int32_t)c->words[ANHYST_WORD_CONDITION_TICKS];
+  const number low = c->words[ANHYST_WORD_CURRENT_LOW];
+  const number span = c->words[ANHYST_WORD_CURRENT_HIGH] - low;
+  if (tick < 0 || tick >= conditioning_length(c)) {
+    return 0;
+  }
+  const int32_t phase = tick % (2 * ramp);
+  const int32_t climbed = phase < ramp ? phase : 2 * ramp - phase;
+  return (entry)(low + (span * (number)climbed) / (number)ramp);
 }

@@ -20,6 +20,13 @@ static int32_t gap_code(const anhyst_coded_x *own, ANHYST_REAL gap)
   return found > 0 ? found : 0;
 }
 
+/* Whether a gap is within its codes; up to 2^-15 of the range beyond counts as within. */
+static int is_in_gap_range(const anhyst_coded_x *own, ANHYST_REAL gap)
+{
+  const ANHYST_REAL codes = (gap - own->gap_low) * own->gap;
+  return codes >= R(-65536.0) && codes <= ANHYST_CODES + R(65536.0);
+}
+
 static ANHYST_REAL solve(anhyst_force_controller_x *c, ANHYST_REAL demand, ANHYST_REAL gap,
                          ANHYST_REAL flux)
 {
@@ -29,6 +36,9 @@ static ANHYST_REAL solve(anhyst_force_controller_x *c, ANHYST_REAL demand, ANHYS
       own->inner, known ? code(demand * own->force) : ANHYST_Q31_MIN, gap_code(own, gap),
       code(flux * own->flux));
   c->flags = own->inner->flags;
+  if (!is_in_gap_range(own, gap)) {
+    c->flags |= ANHYST_GAP_LIMITED;
+  }
   c->current = (ANHYST_REAL)current * own->ampere;
   return c->current;
 }

@@ -156,15 +156,15 @@ static ANHYST_REAL solve_by_compensator(anhyst_force_controller_x *c, ANHYST_REA
 static ANHYST_REAL commit_by_compensator(anhyst_force_controller_x *c, ANHYST_REAL applied,
                                          ANHYST_REAL gap)
 {
+  const uint16_t limits = ANHYST_DEMAND_LIMITED | ANHYST_FLUX_LIMITED | ANHYST_CURRENT_LIMITED;
   anhyst_compensator_x *compensator = &c->compensator;
+  const int is_as_demanded = c->solved != 0U && (compensator->flags & limits) == 0U;
   compensator->flux_applied = compensator->flux;
   const ANHYST_REAL solved = anhyst_compensator_output_x(compensator);
   anhyst_compensator_commit_x(compensator, applied, gap);
   const ANHYST_REAL output = anhyst_compensator_output_x(compensator);
-  const uint16_t other = ANHYST_DEMAND_LIMITED | ANHYST_FLUX_LIMITED;
-  const int as_solved = c->solved != 0U && (c->flags & other) == 0U;
   c->solved = 0;
-  return as_solved ? anhyst_add_x(c->demand, anhyst_sub_x(output, solved)) : output;
+  return is_as_demanded ? anhyst_add_x(c->demand, anhyst_sub_x(output, solved)) : output;
 }
 
 static ANHYST_REAL expected_by_compensator(const anhyst_force_controller_x *c, ANHYST_REAL applied,

@@ -1,11 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
 anhyst_status anhyst_force_controller_init_compensator_x(anhyst_force_controller_x *c,
-                                                         const anhyst_parameters_x *parameters)
+                                                         const anhyst_kernel_x *kernel,
+                                                         const ANHYST_REAL *words,
+                                                         uint32_t capacity)
 {
   anhyst_force_controller_x found = {0};
   found.method = &anhyst_force_by_compensator_x;
-  const anhyst_status status = anhyst_compensator_init_x(&found.compensator, parameters);
+  const anhyst_status status =
+      anhyst_compensator_init_x(&found.compensator, kernel, words, capacity);
   if (status == ANHYST_OK) {
     *c = found;
   }
@@ -45,23 +48,12 @@ static int32_t conditioning_length(const anhyst_compensator_x *compensator)
 
 static void demagnetise(anhyst_force_controller_x *c)
 {
-  const anhyst_memory_x demagnetised = {{R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)}};
-  c->compensator.memory = demagnetised;
-  for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
-    c->compensator.plays[i] = R(0.0);
-  }
-#if ANHYST_MEMORIES > 1
-  static const anhyst_deeper_x none;
-  for (uint16_t i = 0; i < ANHYST_MEMORIES - 1U; i++) {
-    c->compensator.deeper[i] = none;
-  }
-#endif
-  c->compensator.solved = 0;
+  anhyst_compensator_demagnetise_x(&c->compensator);
 }
 
-static void swap(anhyst_compensator_x *compensator, const anhyst_parameters_x *parameters)
+static void swap(anhyst_compensator_x *compensator, const ANHYST_REAL *words)
 {
-  anhyst_compensator_swap_x(compensator, parameters);
+  anhyst_compensator_swap_x(compensator, words);
 }
 
 /* What the measured flux adds to the current. Compared is what should show by now, not what is

@@ -1,218 +1,160 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The law with a straight anhysteretic curve in its closed form, in floating point: exact for a
-   step of any size. Reduced to one state u in -1..1 that follows the flux; in the direction of
-   travel, with p = u and v = 1 - p,
+/* Template: the law with a straight anhysteretic curve (eqs. 19 and 20 of the paper), reduced to
+   one bounded state u of -1..1 that follows the flux. The arithmetic of a format comes before it
+   (../simplified_fixed.h, simplified_real.h), the step of a path after it (closed_form.h or
+   Euler's). On a rising path, with p = u and v = 1 - p,
 
      dp/dflux = hold = rate/(1-nu)          while p < 0
      dp/dflux = rate*v/(1 - nu*v)           after that
 
-   so that z = -ln v + nu*v - nu, the distance from p = 0, grows in proportion to the flux. A table
-   over z gives p back; its segments double from octave to octave, since the curve is sharp at z = 0
-   and flat far out. */
+   A path begins at the flux `turn` and has reached the flux `peak`. The state at the peak is
+   computed from the beginning of the path, so that small steps accumulate no rounding. Behind the
+   peak, within the dead band of the block, the state moves on a line with the slope `hold`, forward
+   and back. Beyond the dead band a new path begins in the other direction. Therefore, reversals
+   smaller than the dead band leave the state unchanged when the flux returns. Without the dead band
+   each of them would move the state towards 0. */
 
-/* p over z, z >= 0. */
-static ANHYST_REAL p_of(const anhyst_simplified_law_x *law, ANHYST_REAL z)
+#define UNKNOWN_START (-ONE - ONE) /* of a path that has not left its peak */
+
+/* What a path remembers of the bounded state where it begins. |state| <= 1. */
+static number start_of(const entry *words, number state);
+
+/* The bounded state of a rising path at a flux beyond its peak. */
+static number state_beyond(const entry *words, const simplified_memory *path, number flux);
+
+/* A memory in the direction of travel: mirrored if the flux falls. Limits damaged numbers. */
+static simplified_memory facing(const simplified_memory *memory, int falling)
 {
-  const uint16_t end = (uint16_t)((law->octaves + 1U) * law->segments);
-  ANHYST_REAL place = z / law->first; /* from 1 on in octaves */
-  uint16_t before = 0;
-  if (place >= (ANHYST_REAL)((uint32_t)1 << law->octaves)) {
-    return law->curve[end];
-  }
-  if (place >= R(1.0)) {
-    uint16_t octave = 0;
-    if (place >= R(256.0)) {
-      place *= R(0.00390625);
-      octave = 8;
-    }
-    if (place >= R(16.0)) {
-      place *= R(0.0625);
-      octave = (uint16_t)(octave + 4U);
-    }
-    if (place >= R(4.0)) {
-      place *= R(0.25);
-      octave = (uint16_t)(octave + 2U);
-    }
-    if (place >= R(2.0)) {
-      place *= R(0.5);
-      octave = (uint16_t)(octave + 1U);
-    }
-    place -= R(1.0);
-    before = (uint16_t)((octave + 1U) * law->segments);
-  }
-  const anhyst_spot_x spot = anhyst_spot_of_x(law->segments, place * (ANHYST_REAL)law->segments);
-  return anhyst_value_at_x(law->curve + before, spot);
+  const number flux = within(memory->flux, -ONE, ONE);
+  const number u = within(memory->u, -ONE, ONE);
+  const number turn = within(memory->turn, -ONE, ONE);
+  const number peak = within(memory->peak, -ONE, ONE);
+  const number start = within(memory->start, -ONE, DISTANCE_MAX);
+  const simplified_memory same = {flux, u, turn, peak, start};
+  const simplified_memory mirror = {-flux, -u, -turn, -peak, start};
+  return falling ? mirror : same;
 }
 
-/* z over p, 0 <= p <= 1: the same table searched, so that there and back agree. */
-static ANHYST_REAL z_of(const anhyst_simplified_law_x *law, ANHYST_REAL p)
+/* The bounded state at the flux of a memory. */
+static number state_at(const entry *words, const simplified_memory *at)
 {
-  const uint16_t end = (uint16_t)((law->octaves + 1U) * law->segments);
-  uint16_t index = 0;
-  for (uint16_t step = (uint16_t)(8U * law->segments); step > 0U; step = (uint16_t)(step >> 1)) {
-    if (index + step < end && law->curve[index + step] <= p) {
-      index = (uint16_t)(index + step);
-    }
-  }
-  const ANHYST_REAL rise = law->curve[index + 1U] - law->curve[index];
-  const ANHYST_REAL over = p - law->curve[index];
-  const ANHYST_REAL part = rise > R(0.0) ? anhyst_limited_x(over / rise, R(0.0), R(1.0)) : R(0.0);
-  const uint16_t octave = (uint16_t)(index / law->segments); /* 0: below the first */
-  const uint16_t inside = (uint16_t)(index % law->segments);
-  const ANHYST_REAL place = ((ANHYST_REAL)inside + part) / (ANHYST_REAL)law->segments;
-  if (octave == 0U) {
-    return place * law->first;
-  }
-  return (R(1.0) + place) * (law->first * (ANHYST_REAL)((uint32_t)1 << (octave - 1U)));
+  const number change = held_change(words, size_of(difference(at->flux, at->peak)));
+  const number state = at->flux < at->peak ? difference(at->u, change) : sum(at->u, change);
+  return within(state, -ONE, ONE);
 }
 
-/* On a rising path, the state where it is at the given flux, not below that of the start. */
-static void advance(const anhyst_simplified_law_x *law, const anhyst_simplified_memory_x *start,
-                    ANHYST_REAL flux, anhyst_simplified_memory_x *to)
+static number current_at(const entry *words, const simplified_memory *at, const arms_type *arms)
 {
-  const ANHYST_REAL way = flux - start->turn;
-  const ANHYST_REAL held = start->level + law->hold * way;
-  ANHYST_REAL p;
-  if (held < R(0.0)) {
-    p = held;
-  } else {
-    /* What of the way went on while held counts for less. */
-    const ANHYST_REAL before = start->level < R(0.0) ? start->level * (R(1.0) - law->nu) : start->z;
-    const ANHYST_REAL z = law->rate * way + before;
-    p = p_of(law, z > R(0.0) ? z : R(0.0));
+  return scaled(at->flux, arms->flux_arm) + scaled(state_at(words, at), arms->field_arm);
+}
+
+/* The rising path that the flux follows beyond `peak` of the result. */
+static simplified_memory path_up(const entry *words, const simplified_memory *from)
+{
+  simplified_memory path = *from;
+  if (from->peak > from->turn) {
+    return path;
   }
-  *to = *start;
+  if (from->peak < from->turn) { /* the flux reverses */
+    const number band = fraction_of(words[ANHYST_WORD_SIMPLE_BAND]);
+    path.peak = sum(from->peak, band);
+    path.u = within(sum(from->u, held_change(words, band)), -ONE, ONE);
+  }
+  path.turn = path.peak;
+  path.start = UNKNOWN_START;
+  return path;
+}
+
+/* Sets `to` to the memory at a flux not below that of `from`, whose path upwards is given. Finds
+   the start of the path when the flux first leaves its peak. */
+static void advance(const entry *words, const simplified_memory *from, simplified_memory *path,
+                    number flux, simplified_memory *to)
+{
+  *to = *from;
+  if (flux > path->peak) {
+    if (path->start < -ONE) {
+      path->start = start_of(words, path->u);
+    }
+    const number state = state_beyond(words, path, flux);
+    *to = *path;
+    to->u = state > path->u ? state : path->u;
+    to->peak = flux;
+  }
   to->flux = flux;
-  to->u = p > start->u ? p : start->u;
 }
 
-/* A memory as the start of a rising path: what set out the other way sets out again. */
-static anhyst_simplified_memory_x set_out(const anhyst_simplified_law_x *law,
-                                          anhyst_simplified_memory_x from)
+static number simplified_field(compensator *c)
 {
-  if (!(from.turn < from.flux)) {
-    from.turn = from.flux;
-    from.level = from.u;
-    from.z = from.u > R(0.0) ? z_of(law, from.u) : R(0.0);
-  }
-  return from;
+  const entry *words = c->words;
+  const int falling = c->flux < c->memory.simplified.flux;
+  const simplified_memory from = facing(&c->memory.simplified, falling);
+  simplified_memory path = path_up(words, &from);
+  simplified_memory to;
+  advance(words, &from, &path, falling ? -c->flux : c->flux, &to);
+  c->next.memory.simplified = facing(&to, falling);
+  return state_at(words, &c->next.memory.simplified);
 }
 
-/* The other way round if it falls: z counts in the direction of travel, whichever that is. */
-static anhyst_simplified_memory_x facing(anhyst_simplified_memory_x memory, int falling)
+/* Solves flux_arm*flux + field_arm*u = target upwards, from `to`, which is on the path. In the
+   direction of travel the left side is a concave function of the flux. Therefore, Newton steps from
+   before the solution never pass it, and a step from beyond leads before it. */
+static void reach(const entry *words, const simplified_memory *from, simplified_memory *path,
+                  const arms_type *arms, number target, simplified_memory *to)
 {
-  if (falling) {
-    memory.flux = -memory.flux;
-    memory.u = -memory.u;
-    memory.turn = -memory.turn;
-    memory.level = -memory.level;
-  }
-  return memory;
-}
-
-static ANHYST_REAL simplified_field(const anhyst_parameters_x *parameters,
-                                    const anhyst_memory_x *from, const ANHYST_REAL *plays,
-                                    ANHYST_REAL flux, anhyst_memory_x *to)
-{
-  (void)plays;
-  const anhyst_simplified_law_x *law = parameters->simplified;
-  const anhyst_simplified_memory_x *now = &from->simplified;
-  const int falling = flux < now->flux;
-  if (falling || flux > now->flux) {
-    const anhyst_simplified_memory_x start = set_out(law, facing(*now, falling));
-    anhyst_simplified_memory_x end;
-    advance(law, &start, falling ? -flux : flux, &end);
-    to->simplified = facing(end, falling);
-  } else {
-    to->simplified = *now;
-  }
-  return to->simplified.u;
-}
-
-/* dp/dflux on a rising path. */
-static ANHYST_REAL lag_slope(const anhyst_simplified_law_x *law, ANHYST_REAL p)
-{
-  const ANHYST_REAL v = R(1.0) - p;
-  return p < R(0.0) ? law->hold : law->rate * v / (R(1.0) - law->nu * v);
-}
-
-/* flux_arm*flux + field_arm*u = target on a rising path. In the direction of travel the sum is a
-   concave function of the flux, so Newton's steps from the start come nearer without ever passing
-   the solution. */
-static void reach(const anhyst_simplified_law_x *law, const anhyst_simplified_memory_x *start,
-                  const anhyst_at_gap_x *arms, ANHYST_REAL target, anhyst_simplified_memory_x *to)
-{
-  *to = *start;
-  for (uint16_t i = 0; i < law->iterations; i++) {
-    const ANHYST_REAL missing = target - arms->flux_arm * to->flux - arms->field_arm * to->u;
-    const ANHYST_REAL slope = arms->flux_arm + arms->field_arm * lag_slope(law, to->u);
-    if (missing <= R(0.0) || slope <= R(0.0)) {
-      continue; /* as near as the numbers allow; the remaining rounds change nothing */
+  for (int32_t i = (int32_t)words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
+    const number missing = difference(target, current_at(words, to, arms));
+    const number state = to->flux < path->peak ? -ONE : to->u; /* held, or beyond the peak */
+    const number slope = current_slope(arms, lag_slope(words, state));
+    if (!(size_of(missing) > RESIDUAL_DEADBAND) || !(slope > 0)) {
+      break;
     }
-    const ANHYST_REAL flux = to->flux + missing / slope;
-    advance(law, start, flux < R(1.0) ? flux : R(1.0), to);
+    const number flux = sum(to->flux, newton_step(missing, slope));
+    advance(words, from, path, within(flux, from->flux, ONE), to);
   }
 }
 
-static ANHYST_REAL simplified_flux(const anhyst_parameters_x *parameters,
-                                   const anhyst_memory_x *from, const ANHYST_REAL *plays,
-                                   const anhyst_at_gap_x *arms, ANHYST_REAL current,
-                                   anhyst_memory_x *to)
+static number simplified_flux(compensator *c, number current)
 {
-  (void)plays;
-  const anhyst_simplified_law_x *law = parameters->simplified;
-  const anhyst_simplified_memory_x *now = &from->simplified;
-  const ANHYST_REAL target = current - arms->bias;
-  const ANHYST_REAL of_flux = arms->flux_arm * now->flux;
-  const ANHYST_REAL of_state = arms->field_arm * now->u;
-  const ANHYST_REAL missing = target - of_flux - of_state;
-  const ANHYST_REAL size = anhyst_size_x(target) + anhyst_size_x(of_flux) + anhyst_size_x(of_state);
-  if (!(anhyst_size_x(missing) > anhyst_noise_x(size))) {
-    to->simplified = *now; /* there already, or the current is no number */
-  } else {
-    const int falling = missing < R(0.0);
-    const anhyst_simplified_memory_x start = set_out(law, facing(*now, falling));
-    anhyst_simplified_memory_x end;
-    reach(law, &start, arms, falling ? -target : target, &end);
-    to->simplified = facing(end, falling);
-  }
-  return to->simplified.flux;
-}
-
-/* Whether more flux needs no less current at any gap. */
-static int flux_arm_is_valid(const anhyst_parameters_x *parameters)
-{
-  for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
-    if (!(parameters->gaps[i].flux_arm >= R(0.0))) {
-      return 0;
+  const entry *words = c->words;
+  const arms_type *arms = &c->arms;
+  const simplified_memory now = facing(&c->memory.simplified, 0);
+  const number target = within(difference(current, arms->bias), -CURRENT_MAX, CURRENT_MAX);
+  const number missing = difference(target, current_at(words, &now, arms));
+  const int falling = missing < 0;
+  const simplified_memory from = facing(&now, falling);
+  const simplified_memory guess = facing(&c->next.memory.simplified, falling);
+  simplified_memory to = from;
+  if (size_of(missing) > RESIDUAL_DEADBAND) {
+    simplified_memory path = path_up(words, &from);
+    const number goal = falling ? -target : target;
+    if (c->stage == ANHYST_STAGE_AHEAD && guess.flux > from.flux &&
+        size_of(difference(goal, current_at(words, &guess, arms))) < size_of(missing)) {
+      to = guess; /* of the last solve, on the same path */
     }
+    reach(words, &from, &path, arms, goal, &to);
   }
-  return 1;
+  c->next.memory.simplified = facing(&to, falling);
+  return c->next.memory.simplified.flux;
 }
 
-static int simplified_is_valid(const anhyst_parameters_x *parameters)
+/* The bounded state is kept. The path begins again. */
+static void simplified_carry(compensator *c, const entry *words, number flux)
 {
-  const anhyst_simplified_law_x *law = parameters->simplified;
-  const ANHYST_REAL largest = R(1e6);
-  return law != 0 && parameters->flux_limit <= R(1.0) && law->curve != 0 && law->rate > R(0.0) &&
-         law->rate <= largest && law->hold > R(0.0) && law->hold <= largest && law->nu >= R(0.0) &&
-         law->nu < R(1.0) && law->first > R(0.0) && law->first <= largest &&
-         law->iterations >= 2U && law->iterations <= 16U && law->octaves >= 4U &&
-         law->octaves <= 15U && law->segments >= 4U && law->segments <= 64U &&
-         (law->segments & (law->segments - 1U)) == 0U &&
-         anhyst_rises_x(law->curve, (uint16_t)((law->octaves + 1U) * law->segments), R(0.0),
-                        R(1.0)) &&
-         flux_arm_is_valid(parameters);
+  const simplified_memory now = facing(&c->memory.simplified, 0);
+  const simplified_memory carried = {flux, state_at(c->words, &now), flux, flux, 0};
+  (void)words;
+  c->memory.simplified = carried;
 }
 
-static void simplified_carry(const anhyst_parameters_x *before, anhyst_memory_x *memory,
-                             ANHYST_REAL *plays)
+/* Whether the words of the simplified law and of Euler's form are valid. */
+static int path_is_valid(const entry *words)
 {
-  (void)before;
-  (void)plays;
-  memory->simplified.turn = memory->simplified.flux;
-  memory->simplified.level = memory->simplified.u;
+  return is_in_range(words[ANHYST_WORD_SIMPLE_RATE], ENTRY_LEAST, ENTRY_MOST) &&
+         is_integer(words[ANHYST_WORD_SIMPLE_RATE_SHIFT], 0, MAX_WEIGHT_SHIFT) &&
+         is_in_range(words[ANHYST_WORD_SIMPLE_HOLD], ENTRY_LEAST, ENTRY_MOST) &&
+         is_integer(words[ANHYST_WORD_SIMPLE_HOLD_SHIFT], 0, MAX_WEIGHT_SHIFT) &&
+         is_in_range(words[ANHYST_WORD_SIMPLE_REST], ENTRY_LEAST, ENTRY_ONE) &&
+         is_in_range(words[ANHYST_WORD_SIMPLE_BAND], 0, ENTRY_ONE) &&
+         is_integer(words[ANHYST_WORD_SIMPLE_ITERATIONS], 2, 16) &&
+         is_table_over_gap(words, ANHYST_WORD_GAP_FLUX_ARM, 0);
 }
-
-const anhyst_kernel_x anhyst_kernel_simplified_x = {simplified_field, simplified_flux,
-                                                    simplified_is_valid, simplified_carry, 0};

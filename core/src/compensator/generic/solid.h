@@ -1,266 +1,412 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Solid iron in floating point: layers of one law, from the surface to the middle, with diffusion
-   between them. Layer j of N has a share phi_j of the section, S_j is the flux in it and deeper:
+/* Solid iron: layers of the law of play cells, from the surface to the middle, with diffusion
+   between them. Template for one format; generic/cells.h is included before. Layer j of N has a
+   share phi_j of the section, and S_j is the flux in it and deeper:
 
      E_j = x_j + own*f_j,   E_{j-1} = E_j + hold*(S_j - S_j,before),   j = 2..N
      current = bias + flux_arm*F + field_arm*(l*E_l(F) + (1 - l)*E_1 - own*F),   F = S_1
 
-   A pass goes in and out again. Inwards all that lies further out is a straight line, by the
-   tangents of the layers where they were found last. Outwards each layer meets its line with its
-   own law, exactly, from the middle on. What a pass misses is what tangents differ from the law.
-   The flux of the whole section is met in any case, and as a tick begins with the fluxes that the
-   one before has left, what is missed does not add up. */
+   A pass goes inwards and outwards. Inwards, everything further out is a straight line, from the
+   tangents of the layers at their last positions. Outwards, each layer meets its line with its own
+   law, exactly, from the middle on. The error of a pass is the difference between tangents and law.
+   The residual of the last pass is owed to the next tick: a tick of a slow drive changes the flux by
+   less than the resolution of a row, and the fields between the layers would have many times that
+   error.
 
-/* Passes at most. One does where no layer leaves its segment; after two of them what is left is a
-   few 1e-5 of the force, against 1e-4 to 5e-4 after one. */
-#define PASSES 2
+   Slopes are of a field over a flux. They are approximate: a pass checks their result. */
 
-/* What may be left of the equations, in parts of the largest field in them. */
-#define CLOSE (R(64.0) * ANHYST_EPS)
+/* Maximum number of passes. One is enough if no layer leaves its segment. Two may alternate for
+   ever if a layer is softer on one side of its position than on the other; the third ends this. */
+#define MAX_PASSES 3
 
-/* The tangent of an iron that all but jumps. */
-#define SOFTEST R(1e-9)
+/* Residual of a flux above which the flux was not reached. */
+#define REACHED_FLUX POWER_OF_HALF(14)
 
-/* All memories at one tick: layers from the surface on, then what is laminated. */
+/* Largest flux that is owed to a layer. */
+#define MAX_OWED POWER_OF_HALF(8)
+
+/* All memories in one tick: layers from the surface on, then the laminated part. */
 typedef struct {
-  const anhyst_parameters_x *parameters;
-  anhyst_compensator_x *c;
-  int flux_given;                         /* whether the flux of the section is known */
-  ANHYST_REAL given;                      /* it, or the field that the drive gives */
-  ANHYST_REAL reluctance;                 /* of what is around the iron, field for a unit of flux */
-  ANHYST_REAL share[ANHYST_MEMORIES];     /* phi_j */
-  ANHYST_REAL before[ANHYST_MEMORIES];    /* S_j when the tick began */
-  ANHYST_REAL section[ANHYST_MEMORIES];   /* S_j */
-  ANHYST_REAL field[ANHYST_MEMORIES];     /* E_j, E_l */
-  ANHYST_REAL stiffness[ANHYST_MEMORIES]; /* their slopes over the flux in the layer */
+  compensator *c;
+  int is_flux_given;                 /* whether the flux of the section is known */
+  number given;                      /* this flux, or the current minus its bias */
+  number hold;                       /* field from layer to layer for a change of flux, a slope */
+  number own;                        /* field of a flux in its layer, a slope, <= 0 */
+  number reluctance;                 /* of the circuit around thin iron, a slope */
+  number arm;                        /* 1 over the field arm without the laminated part, a slope */
+  int layers;                        /* N */
+  entry laminated;                   /* l */
+  entry share[ANHYST_MEMORIES];      /* phi_j */
+  number before[ANHYST_MEMORIES];    /* S_j at the beginning of the tick */
+  number section[ANHYST_MEMORIES];   /* S_j */
+  number flux[ANHYST_MEMORIES];      /* in the layer itself */
+  number field[ANHYST_MEMORIES];     /* E_j, E_l */
+  number stiffness[ANHYST_MEMORIES]; /* their slopes over S_j, and over the flux for E_l */
+  number left[ANHYST_MEMORIES];      /* residual of the equation between a layer and the one before */
 } solid_tick;
 
-/* What lies further out, from one section on: a field, and by how much it falls as the flux of that
-   section rises. */
+/* The circuit outside of a section: a field, and how much it falls as the flux of that section
+   rises. */
 typedef struct {
-  ANHYST_REAL field;
-  ANHYST_REAL falls;
+  number field;
+  number falls; /* a slope, >= 0 */
 } solid_line;
 
-static anhyst_memory_x *memory_of(anhyst_compensator_x *c, int at)
+static const cells_memory *memory_of(const compensator *c, int at)
 {
-  return at == 0 ? &c->memory : &c->deeper[at - 1].memory;
+  return at > 0 ? &c->deeper[at - 1].memory.cells : &c->memory.cells;
 }
 
-static anhyst_memory_x *next_of(anhyst_compensator_x *c, int at)
+static candidate *next_of(compensator *c, int at)
 {
-  return at == 0 ? &c->next : &c->deeper[at - 1].next;
+  return at > 0 ? &c->deeper[at - 1].next : &c->next;
 }
 
-static ANHYST_REAL *plays_of(anhyst_compensator_x *c, int at)
+static const number *plays_of(const compensator *c, int at)
 {
-  return at == 0 ? c->plays : c->deeper[at - 1].plays;
+  return at > 0 ? c->deeper[at - 1].plays : c->plays;
 }
 
-static int memories_of(const anhyst_parameters_x *parameters)
+/* Number of layers of a block; 0: thin iron. */
+static int layers_of(const entry *words) { return integer_of(words[ANHYST_WORD_SOLID_LAYERS]); }
+
+/* Number of memories that a block needs. */
+static int memories_of(const entry *words)
 {
-  return (int)parameters->solid->layers + (parameters->solid->laminated > R(0.0) ? 1 : 0);
+  return layers_of(words) + (words[ANHYST_WORD_SOLID_LAMINATED] > 0 ? 1 : 0);
 }
 
-/* Takes up field and tangent of a memory; gives its flux. */
-static ANHYST_REAL take_up(solid_tick *tick, int at, const anhyst_memory_x *memory)
+/* The flux of h*x + m at a candidate. */
+static number flux_of_candidate(const entry *words, const candidate *at)
 {
-  const anhyst_parameters_x *parameters = tick->parameters;
-  const ANHYST_REAL own = parameters->solid->own;
-  ANHYST_REAL slope;
-  const ANHYST_REAL flux =
-      parameters->solid->stand(parameters, memory, plays_of(tick->c, at), &slope);
-  tick->field[at] = memory->cells.x + own * flux;
-  tick->stiffness[at] = slope + own > SOFTEST * slope ? slope + own : SOFTEST * slope;
-  return flux;
+  const int mirror = at->memory.cells.active < 0 ? -1 : 0;
+  const number x = mirrored(at->memory.cells.x, mirror);
+  const number share = rise_share(rise_on(at, words[ANHYST_WORD_CELLS_AIR]),
+                                  part_at(x, begin_at(at, x), grid_at(at)));
+  return four_times(mirrored(at->of.cells.flux + share, mirror));
 }
 
-/* Sections of the state, and where the search sets out: what was solved, or the state. */
-static void begin_tick(solid_tick *tick, int from_solved)
+/* Makes a candidate of a memory; returns the flux there. */
+static number stand(const entry *words, const cells_memory *memory, const number *plays,
+                    candidate *at)
 {
-  anhyst_compensator_x *c = tick->c;
-  const anhyst_solid_x *solid = tick->parameters->solid;
-  const int layers = (int)solid->layers;
-  ANHYST_REAL before = R(0.0);
-  ANHYST_REAL now = R(0.0);
-  for (int j = layers - 1; j >= 0; j--) {
-    tick->share[j] =
-        j == 0 ? solid->surface : (R(1.0) - solid->surface) / (ANHYST_REAL)(layers - 1);
-    before += tick->share[j] * take_up(tick, j, memory_of(c, j));
-    tick->before[j] = before;
-    if (from_solved) {
-      now += tick->share[j] * take_up(tick, j, next_of(c, j));
-    } else {
-      now = before;
-    }
+  cell_path along;
+  begin_path(&along, words, memory, plays);
+  along.low = along.x;
+  along.segment = spot_on(&along, along.row, along.x).at;
+  at->of.cells.joins = joins_at(&along, along.active, along.x);
+  return four_times(arrive(&along, words, at));
+}
+
+/* Reads flux and field at the candidate of a memory. */
+static void read_candidate(solid_tick *tick, int at, number flux)
+{
+  tick->flux[at] = flux;
+  tick->field[at] = sum(next_of(tick->c, at)->memory.cells.x, own_field(flux, tick->own));
+}
+
+/* The slope of the segment of its candidate. */
+static number stiffness_of(const solid_tick *tick, int at)
+{
+  const candidate *there = next_of(tick->c, at);
+  const number rise = rise_on(there, tick->c->words[ANHYST_WORD_CELLS_AIR]);
+  const number stiff = law_stiffness(width_of(grid_at(there)), rise, tick->own);
+  return at == tick->layers ? stiff : per_share(stiff, tick->share[at]);
+}
+
+/* The flux in a layer and deeper. */
+static number section_with(const solid_tick *tick, int layer, number deeper)
+{
+  return sum(deeper, shared(tick->flux[layer], tick->share[layer]));
+}
+
+/* Sets where the search of a memory begins: at the memory, or at its candidate if that is known. */
+static void set_out(solid_tick *tick, int at)
+{
+  compensator *c = tick->c;
+  candidate *there = next_of(c, at);
+  if (c->stage == ANHYST_STAGE_UNKNOWN || !is_placed(there)) {
+    read_candidate(tick, at, stand(c->words, memory_of(c, at), plays_of(c, at), there));
+    tick->stiffness[at] = stiffness_of(tick, at);
+    return;
+  }
+  if (c->stage == ANHYST_STAGE_HERE) { /* the path can reverse here */
+    const int mirror = there->memory.cells.active < 0 ? -1 : 0;
+    there->memory.cells.joined = inside(mirrored(there->memory.cells.x, mirror));
+  }
+  read_candidate(tick, at, flux_of_candidate(c->words, there));
+  tick->stiffness[at] = at > 0 ? c->deeper[at - 1].stiffness : stiffness_of(tick, at);
+}
+
+/* Sets the sections of the state, and where the search begins. */
+static void begin_tick(solid_tick *tick, compensator *c)
+{
+  const entry *words = c->words;
+  const entry surface = words[ANHYST_WORD_SOLID_SURFACE];
+  const int layers = layers_of(words);
+  number now = 0;
+  tick->c = c;
+  tick->layers = layers;
+  tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
+  tick->hold = hold_of(words);
+  tick->own = own_of(words);
+  for (int j = layers - 1; j > 0; j--) {
+    tick->share[j] = inner_share(surface, layers - 1);
+    set_out(tick, j);
+    now = section_with(tick, j, now);
     tick->section[j] = now;
+    if (c->stage != ANHYST_STAGE_AHEAD) {
+      c->deeper[j - 1].before = sum(now, c->deeper[j - 1].owed);
+    }
+    tick->before[j] = c->deeper[j - 1].before;
   }
-  if (tick->parameters->solid->laminated > R(0.0)) {
-    (void)take_up(tick, layers, from_solved ? next_of(c, layers) : memory_of(c, layers));
+  tick->share[0] = surface;
+  set_out(tick, 0);
+  tick->section[0] = section_with(tick, 0, now);
+  if (tick->laminated > 0) {
+    set_out(tick, layers);
   }
 }
 
-/* The line that the circuit, and what is laminated, put before the surface. */
+/* The field that takes the place of that of thin iron in the current. */
+static number field_in_current(const solid_tick *tick)
+{
+  number field = tick->field[0];
+  if (tick->laminated > 0) {
+    field = sum(field, shared(difference(tick->field[tick->layers], field), tick->laminated));
+  }
+  return difference(field, own_field(tick->section[0], tick->own));
+}
+
+/* Sets the slopes of the circuit from the arms of a current. */
+static void set_circuit(solid_tick *tick)
+{
+  const arms_type *arms = &tick->c->arms;
+  tick->arm = slope_of_arm(arms->field_arm, tick->laminated);
+  tick->reluctance = -tick->own;
+  if (arms->flux_arm > 0) {
+    tick->reluctance = sum(tick->reluctance, ratio(arms->flux_arm, arms->field_arm));
+  } else if (arms->flux_arm < 0) {
+    tick->reluctance = difference(tick->reluctance, ratio(-arms->flux_arm, arms->field_arm));
+  }
+}
+
+/* The line of the circuit and the laminated part at the surface. */
 static solid_line outside(const solid_tick *tick)
 {
-  const ANHYST_REAL l = tick->parameters->solid->laminated;
-  const int sheets = (int)tick->parameters->solid->layers;
-  solid_line line;
-  line.field = tick->given - tick->reluctance * tick->section[0];
-  line.falls = tick->reluctance;
-  if (l > R(0.0)) {
-    line.field = (line.field - l * tick->field[sheets]) / (R(1.0) - l);
-    line.falls = (line.falls + l * tick->stiffness[sheets]) / (R(1.0) - l);
+  const arms_type *arms = &tick->c->arms;
+  const number made = sum(scaled(tick->section[0], arms->flux_arm),
+                          scaled(field_in_current(tick), arms->field_arm));
+  const number missing = difference(tick->given, made);
+  number reluctance = tick->reluctance;
+  if (tick->laminated > 0) {
+    reluctance = sum(reluctance, shared(tick->stiffness[tick->layers], tick->laminated));
   }
+  solid_line line;
+  line.field = sum(tick->field[0], sloped(missing, tick->arm));
+  line.falls = reluctance > 0 ? per_solid(reluctance, tick->laminated) : 0;
   return line;
 }
 
-/* The line behind a layer, of which the one before it is given; that of the surface where its flux
-   is known. */
+/* The line after a layer, given the line before it; after the surface if its flux is known. */
 static solid_line behind(const solid_tick *tick, int layer, solid_line line)
 {
-  const ANHYST_REAL stiff = tick->stiffness[layer] / tick->share[layer];
+  const number stiff = tick->stiffness[layer];
   solid_line found = {tick->field[layer], stiff};
-  if (layer == 0 && tick->flux_given) {
-    found.field += stiff * (tick->given - tick->section[0]);
+  if (layer == 0 && tick->is_flux_given) {
+    const number change = difference(tick->given, tick->section[0]);
+    found.field = sum(found.field, sloped(change, stiff));
   } else {
-    const ANHYST_REAL part = stiff / (line.falls + stiff);
-    found.field += part * (line.field - tick->field[layer]);
-    found.falls = part * line.falls;
+    const entry part = part_of_slopes(stiff, line.falls);
+    found.field = sum(found.field, shared(difference(line.field, tick->field[layer]), part));
+    found.falls = shared(line.falls, part);
   }
-  const ANHYST_REAL hold = tick->parameters->solid->hold;
-  const int next = layer + 1;
-  found.field -= hold * (tick->section[next] - tick->before[next]);
-  found.falls += hold;
+  const number change = difference(tick->section[layer + 1], tick->before[layer + 1]);
+  found.field = difference(found.field, sloped(change, tick->hold));
+  found.falls = sum(found.falls, tick->hold);
   return found;
 }
 
-/* Lets a layer meet its line; the sections below it are new, its own still that of before. */
-static void meet_line(solid_tick *tick, int layer, solid_line line, ANHYST_REAL deeper)
+/* Solves a memory for a target of its arms, over 4. */
+static void meet(solid_tick *tick, int at, const arms_type *arms, number target)
 {
-  const anhyst_parameters_x *parameters = tick->parameters;
-  const ANHYST_REAL share = tick->share[layer];
-  const anhyst_at_gap_x arms = {R(1.0), R(0.0), R(0.0), parameters->solid->own + line.falls * share,
-                                R(1.0)};
-  const anhyst_memory_x *from = memory_of(tick->c, layer);
-  const ANHYST_REAL *plays = plays_of(tick->c, layer);
-  anhyst_memory_x *to = next_of(tick->c, layer);
-  (void)parameters->kernel->flux(parameters, from, plays, &arms,
-                                 line.field + line.falls * (tick->section[layer] - deeper), to);
-  tick->section[layer] = deeper + share * take_up(tick, layer, to);
+  compensator *c = tick->c;
+  candidate *to = next_of(c, at);
+  const int segment = to->of.cells.segment;
+  (void)reach(c->words, memory_of(c, at), plays_of(c, at), arms, target, to, 1);
+  read_candidate(tick, at, flux_of_candidate(c->words, to));
+  if (to->of.cells.segment != segment) {
+    tick->stiffness[at] = stiffness_of(tick, at);
+  }
 }
 
-/* Lets a memory meet a flux. */
-static void meet_flux(solid_tick *tick, int at, ANHYST_REAL flux)
+static void meet_flux(solid_tick *tick, int at, number flux)
 {
-  const anhyst_parameters_x *parameters = tick->parameters;
-  anhyst_memory_x *to = next_of(tick->c, at);
-  (void)parameters->kernel->field(parameters, memory_of(tick->c, at), plays_of(tick->c, at), flux,
-                                  to);
-  (void)take_up(tick, at, to);
+  const arms_type arms = {0, QUARTER_WEIGHT, 0};
+  meet(tick, at, &arms, quarter(quarter(flux)));
 }
 
-/* Once in and out. */
+/* Solves a layer for its line, which is that at its previous section; the change of the section
+   below is subtracted. */
+static void meet_line(solid_tick *tick, int layer, solid_line line, number changed)
+{
+  const number falls = shared(line.falls, tick->share[layer]);
+  const number field = difference(line.field, sloped(changed, line.falls));
+  arms_type arms;
+  const number target = set_line(&arms, field, falls, tick->own, tick->flux[layer]);
+  meet(tick, layer, &arms, target);
+}
+
+/* Once inwards and outwards. */
 static void pass(solid_tick *tick)
 {
-  const int layers = (int)tick->parameters->solid->layers;
+  const int layers = tick->layers;
   solid_line line[ANHYST_MEMORIES];
-  ANHYST_REAL deeper = R(0.0);
-  line[0] = outside(tick);
+  number deeper = 0;
+  number changed = 0;
+  line[0].field = 0;
+  line[0].falls = 0;
+  if (!tick->is_flux_given) {
+    line[0] = outside(tick);
+  }
   for (int j = 1; j < layers; j++) {
     line[j] = behind(tick, j - 1, line[j - 1]);
   }
   for (int j = layers - 1; j > 0; j--) {
-    meet_line(tick, j, line[j], deeper);
-    deeper = tick->section[j];
+    meet_line(tick, j, line[j], changed);
+    deeper = section_with(tick, j, deeper);
+    changed = difference(deeper, tick->section[j]);
+    tick->section[j] = deeper;
   }
-  if (tick->flux_given) {
-    meet_flux(tick, 0, (tick->given - deeper) / tick->share[0]);
-    tick->section[0] = tick->given;
+  if (tick->is_flux_given) {
+    meet_flux(tick, 0, whole_of(difference(tick->given, deeper), tick->share[0]));
   } else {
-    meet_line(tick, 0, line[0], deeper);
+    meet_line(tick, 0, line[0], changed);
   }
-  if (tick->parameters->solid->laminated > R(0.0)) {
+  tick->section[0] = section_with(tick, 0, deeper);
+  if (tick->laminated > 0) {
     meet_flux(tick, layers, tick->section[0]);
   }
 }
 
-/* Whether the equations are met. */
-static int is_met(const solid_tick *tick)
+/* Whether the equations are solved, except for rounding. Sets their residuals. */
+static int is_met(solid_tick *tick)
 {
-  const int layers = (int)tick->parameters->solid->layers;
-  ANHYST_REAL most = R(0.0);
-  ANHYST_REAL largest = R(0.0);
-  for (int j = 1; j < layers; j++) {
-    const ANHYST_REAL left = tick->field[j - 1] - tick->field[j] -
-                             tick->parameters->solid->hold * (tick->section[j] - tick->before[j]);
-    const ANHYST_REAL size =
-        anhyst_size_x(tick->field[j - 1]) +
-        anhyst_size_x(tick->section[j]) *
-            (tick->stiffness[j - 1] / tick->share[j - 1] + tick->parameters->solid->hold);
-    largest = size > largest ? size : largest;
-    most = anhyst_size_x(left) > most ? anhyst_size_x(left) : most;
+  int met = 1;
+  for (int j = 1; j < tick->layers; j++) {
+    const number change = difference(tick->section[j], tick->before[j]);
+    const number falls = difference(tick->field[j - 1], tick->field[j]);
+    tick->left[j] = difference(falls, sloped(change, tick->hold));
+    if (!is_residual_small(tick->left[j], sum(tick->stiffness[j - 1], tick->hold))) {
+      met = 0;
+    }
   }
-  if (!tick->flux_given) {
-    const ANHYST_REAL left = outside(tick).field - tick->field[0];
-    most = anhyst_size_x(left) > most ? anhyst_size_x(left) : most;
+  if (met && !tick->is_flux_given) {
+    const solid_line line = outside(tick);
+    return is_residual_small(difference(line.field, tick->field[0]), line.falls);
   }
-  return most <= CLOSE * largest;
+  return met;
 }
 
 static void solve_tick(solid_tick *tick)
 {
-  for (int i = 0; i < PASSES; i++) {
+  for (int i = 0; i < MAX_PASSES; i++) {
     pass(tick);
     if (is_met(tick)) {
-      return;
+      break;
     }
   }
-}
-
-/* What stands for the field of thin iron in the current, for a flux of the section. */
-static ANHYST_REAL solid_field(anhyst_compensator_x *c, ANHYST_REAL flux)
-{
-  const anhyst_solid_x *solid = c->parameters->solid;
-  solid_tick tick;
-  tick.parameters = c->parameters;
-  tick.c = c;
-  tick.flux_given = 1;
-  tick.given = flux;
-  tick.reluctance = R(0.0);
-  begin_tick(&tick, 0);
-  solve_tick(&tick);
-  ANHYST_REAL field = tick.field[0];
-  if (solid->laminated > R(0.0)) {
-    field += solid->laminated * (tick.field[solid->layers] - field);
+  for (int j = 1; j < tick->layers; j++) {
+    tick->c->deeper[j - 1].next_owed = owed_flux(tick->c->words, tick->left[j], MAX_OWED);
   }
-  return field - solid->own * flux;
+  for (int j = 1; j < memories_of(tick->c->words); j++) {
+    tick->c->deeper[j - 1].stiffness = tick->stiffness[j];
+  }
 }
 
-/* The flux of the section that a current leads to. */
-static ANHYST_REAL solid_flux(anhyst_compensator_x *c, const anhyst_at_gap_x *row,
-                              ANHYST_REAL current)
+/* The field that takes the place of that of thin iron in the current. The flux that is solved for
+   is reduced if the surface saturates before it is reached. */
+static number solid_field(compensator *c)
 {
   solid_tick tick;
-  tick.parameters = c->parameters;
-  tick.c = c;
-  tick.flux_given = 0;
-  tick.given = (current - row->bias) / row->field_arm;
-  tick.reluctance = row->flux_arm / row->field_arm - c->parameters->solid->own;
-  begin_tick(&tick, c->solved != 0U);
+  begin_tick(&tick, c);
+  tick.is_flux_given = 1;
+  tick.given = c->flux;
+  solve_tick(&tick);
+  const number missing = difference(tick.section[0], c->flux);
+  if (missing > REACHED_FLUX || missing < -REACHED_FLUX) {
+    c->flux = inside(tick.section[0]);
+    c->flags |= ANHYST_FLUX_LIMITED;
+  }
+  return inside(field_in_current(&tick));
+}
+
+/* The flux of the section to which a current leads. */
+static number solid_flux(compensator *c, number current)
+{
+  solid_tick tick;
+  begin_tick(&tick, c);
+  set_circuit(&tick);
+  tick.is_flux_given = 0;
+  tick.given = difference(current, c->arms.bias);
   solve_tick(&tick);
   return tick.section[0];
 }
 
-static int solid_is_valid(const anhyst_parameters_x *parameters)
+/* All layers begin as the surface does. */
+static void solid_start(compensator *c)
 {
-  const anhyst_solid_x *solid = parameters->solid;
-  return solid->stand != 0 && solid->layers >= 2U && memories_of(parameters) <= ANHYST_MEMORIES &&
-         solid->surface > R(0.0) && solid->surface < R(1.0) && solid->laminated >= R(0.0) &&
-         solid->laminated < R(1.0) && solid->hold >= R(0.0) && solid->hold <= R(1e12) &&
-         solid->own <= R(0.0) && solid->own >= R(-1e12);
+  cells_start(c);
+  for (int i = 0; i < ANHYST_MEMORIES - 1; i++) {
+    c->deeper[i].memory = c->memory;
+    c->deeper[i].next = c->next;
+    c->deeper[i].owed = 0;
+    c->deeper[i].next_owed = 0;
+    for (int cell = 0; cell < ANHYST_CELLS; cell++) {
+      c->deeper[i].plays[cell] = c->plays[cell];
+    }
+  }
 }
 
-#undef PASSES
-#undef CLOSE
-#undef SOFTEST
+static void solid_keep(compensator *c)
+{
+  for (int at = memories_of(c->words) - 1; at >= 0; at--) {
+    number *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
+    if (have_turned(memory_of(c, at), &next_of(c, at)->memory.cells)) {
+      keep_plays(c->words, memory_of(c, at), plays);
+    }
+    if (at > 0) {
+      c->deeper[at - 1].memory = c->deeper[at - 1].next.memory;
+      c->deeper[at - 1].owed = c->deeper[at - 1].next_owed;
+    }
+  }
+}
+
+/* Transfers each layer to its own flux plus the change of the section. A layer that the block
+   before did not have begins as the surface does. */
+static void solid_carry(compensator *c, const entry *words, number flux)
+{
+  const int known = memories_of(c->words);
+  const number change = difference(flux, c->flux_applied);
+  for (int at = memories_of(words) - 1; at >= 0; at--) {
+    const int from = at < known ? at : 0;
+    cells_memory *memory = at > 0 ? &c->deeper[at - 1].memory.cells : &c->memory.cells;
+    number *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
+    candidate there;
+    const number before = stand(c->words, memory_of(c, from), plays_of(c, from), &there);
+    for (int cell = 0; cell < ANHYST_CELLS; cell++) {
+      plays[cell] = plays_of(c, from)[cell];
+    }
+    *memory = there.memory.cells;
+    carry_memory(c->words, words, inside(sum(before, change)), memory, plays);
+    if (at > from) {
+      c->deeper[at - 1].owed = 0;
+    }
+  }
+}
+
+static int solid_is_valid(const entry *words)
+{
+  return is_integer(words[ANHYST_WORD_SOLID_LAYERS], 2, ANHYST_MEMORIES) &&
+         memories_of(words) <= ANHYST_MEMORIES && are_solid_words_valid(words);
+}

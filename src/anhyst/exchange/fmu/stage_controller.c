@@ -14,49 +14,45 @@
 /* What calibration found of each; nothing: {1, 0, 1, 0}. */
 static const anhyst_correction_f64 corrections[STAGE_DRIVES] = STAGE_CORRECTIONS;
 
-#ifdef STAGE_WORDS
-
-/* Compensators in fixed point: the blocks of all magnets that differ, where that of each drive
-   stands, and what its codes are of. */
-static const int16_t words[] = STAGE_WORDS;
+/* The parameter blocks of all magnets that differ, and where that of each drive is. */
+static const STAGE_WORD words[] = STAGE_WORDS;
 static const struct {
-  uint16_t first;
+  uint32_t first;
   uint16_t count;
 } blocks[STAGE_DRIVES] = STAGE_BLOCKS;
+
+#ifdef STAGE_CODES
+
+/* Compensators in fixed point, and what 1.0 of their codes is. */
 static const anhyst_code_scales_f64 codes = STAGE_CODES;
 
 typedef anhyst_force_controller_q31 force_of;
 
-static anhyst_status start_force(force_of *force, int i)
-{
-  return anhyst_force_controller_init_compensator_q31(force, &STAGE_KERNEL, words + blocks[i].first,
-                                                      blocks[i].count);
-}
-
-/* Finds again what a force controller points to, and puts it behind SI units. */
-static void relink_force(force_of *force, int i, anhyst_coded_f64 *coded,
-                         anhyst_force_controller_f64 *in_si)
-{
-  force->method = &anhyst_force_by_compensator_q31;
-  force->compensator.kernel = &STAGE_KERNEL;
-  force->compensator.words = words + blocks[i].first;
-  (void)anhyst_force_controller_init_coded_f64(in_si, coded, &codes, force);
-}
+#define INIT_FORCE anhyst_force_controller_init_compensator_q31
+#define BY_COMPENSATOR anhyst_force_by_compensator_q31
 
 #else
 
 /* Compensators in double precision. */
-STAGE_DECLARED;
-static const anhyst_parameters_f64 *const parameters[STAGE_DRIVES] = STAGE_PARAMETERS;
-
 typedef anhyst_force_controller_f64 force_of;
+
+#define INIT_FORCE anhyst_force_controller_init_compensator_f64
+#define BY_COMPENSATOR anhyst_force_by_compensator_f64
+
+#endif
 
 static anhyst_status start_force(force_of *force, int i)
 {
-  return anhyst_force_controller_init_compensator_f64(force, parameters[i]);
+  return INIT_FORCE(force, &STAGE_KERNEL, words + blocks[i].first, blocks[i].count);
 }
 
-#endif
+/* Finds again what a force controller points to. */
+static void relink_force(force_of *force, int i)
+{
+  force->method = &BY_COMPENSATOR;
+  force->compensator.kernel = &STAGE_KERNEL;
+  force->compensator.words = words + blocks[i].first;
+}
 
 #if STAGE_HEADS > 0
 
@@ -128,7 +124,7 @@ typedef struct {
   law_of law;
   /* Made again at every tick. */
   anhyst_force_controller_f64 behind[STAGE_DRIVES];
-#ifdef STAGE_WORDS
+#ifdef STAGE_CODES
   anhyst_coded_f64 coded[STAGE_DRIVES];
   anhyst_force_controller_f64 in_si[STAGE_DRIVES];
 #endif
@@ -154,7 +150,7 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
                                   anhyst_loop_answer *answer)
 {
   controller_of *now = (controller_of *)self;
-#ifdef STAGE_WORDS
+#ifdef STAGE_CODES
   anhyst_force_controller_f64 *in_si = now->in_si;
 #else
   anhyst_force_controller_f64 *in_si = now->force;
@@ -164,11 +160,9 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
   for (i = 0; i < STAGE_DRIVES; i++) {
     const double root = now->corrected[i].root;
     const double before = now->corrected[i].before;
-#ifdef STAGE_WORDS
-    relink_force(&now->force[i], i, &now->coded[i], &in_si[i]);
-#else
-    now->force[i].method = &anhyst_force_by_compensator_f64;
-    now->force[i].compensator.parameters = parameters[i];
+    relink_force(&now->force[i], i);
+#ifdef STAGE_CODES
+    (void)anhyst_force_controller_init_coded_f64(&in_si[i], &now->coded[i], &codes, &now->force[i]);
 #endif
     (void)anhyst_force_controller_init_corrected_f64(&now->behind[i], &now->corrected[i],
                                                      &corrections[i], &in_si[i]);

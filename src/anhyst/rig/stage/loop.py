@@ -450,14 +450,13 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
 
 
 def blocks_of(setup: StageSetup) -> list[Block]:
-    """Return for each magnet the parameter block of its compensator of a law in fixed point."""
+    """Return for each magnet the parameter block of its compensator of a law."""
     return [block_of(compensator) for compensator in setup.each]
 
 
 def block_of(compensator: ForceController) -> Block:
-    """Return the parameter block of a compensator of a law in fixed point."""
+    """Return the parameter block of a compensator of a law."""
     assert isinstance(compensator.parameters, HysteresisInverse)
-    assert isinstance(compensator.parameters.block, Block)
     return compensator.parameters.block
 
 

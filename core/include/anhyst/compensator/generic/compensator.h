@@ -9,97 +9,18 @@
      field   = law(memory, flux)
      current = bias(gap) + flux_arm(gap)*flux + field_arm(gap)*field
 
-   The laws, their tables and the number of evaluations are those of the fixed-point compensator:
-   what differs between the two is rounding. Nothing here allocates, waits, or loops a number of
-   times that depends on data.
+   The laws, the parameter block and the algorithm are those of the fixed-point compensator
+   (compensator.h): one text serves every format. A word of a block here is the number that the word
+   of a fixed-point block stands for, without its rounding: a q15 of 16384 is 0.5, a weight of 16384
+   is 0.25, an exponent that goes with a weight is 0, a "single" stands in the first of its two
+   words. Inside, field, flux, demand and current are fractions as there.
 
    Made of + - * / and comparisons, without a library: the same bits on every target that rounds to
-   nearest as IEEE 754 says and does not fuse products into sums (-ffp-contract=off); neither
-   -ffast-math nor flushing to zero. A signal that is not a number counts as its lowest value; an
-   applied current that is not finite leaves the memory alone. */
+   nearest as IEEE 754 says and does not fuse products into sums (-ffp-contract=off). -ffast-math
+   is refused. A signal that is not a number counts as its lowest value; an applied current that is
+   not finite leaves the memory alone. */
 
-/* How flux and current are made up at one gap. Flux is in units of that of saturated iron without
-   the air around it; field in a (the law's own scale); output and current in the model's units. */
-typedef struct {
-  ANHYST_REAL gain;      /* flux for the root of a full-scale output (power 2) or for it (1), > 0 */
-  ANHYST_REAL offset;    /* output at zero flux, taken off the demand */
-  ANHYST_REAL bias;      /* current at zero flux and field */
-  ANHYST_REAL flux_arm;  /* current for a unit of flux; below 0 in the full law alone */
-  ANHYST_REAL field_arm; /* current for a unit of field (full) or of u (simplified), > 0 */
-} anhyst_at_gap_x;
-
-/* Full: the exact step. Its tables have equal segments, one entry more than segments, and never
-   fall. */
-typedef struct {
-  ANHYST_REAL air;            /* h: flux of the air for a unit of field, > 0 */
-  ANHYST_REAL reversible;     /* c, 0..1 */
-  ANHYST_REAL play;           /* half-width of the play, field, >= 0 */
-  ANHYST_REAL octaves;        /* 1/(kappa*ln 2): halvings of the memory in a unit of field */
-  ANHYST_REAL reach;          /* largest field of the tables */
-  uint16_t iterations;        /* evaluations of a solve, 2..16 */
-  uint16_t curve_segments;    /* 8..4096; the branch has twice as many */
-  uint16_t inverse_segments;  /* 8..4096 */
-  const ANHYST_REAL *curve;   /* anhysteretic curve over a field of 0..reach, 0..1 */
-  const ANHYST_REAL *branch;  /* ascending branch over -reach..reach, -1..1 */
-  const ANHYST_REAL *inverse; /* field over the anhysteretic, 0..1 */
-} anhyst_full_law_x;
-
-/* Simplified: the closed form. */
-typedef struct {
-  ANHYST_REAL rate;         /* distance z of a unit of flux, > 0 */
-  ANHYST_REAL hold;         /* change of u of a unit of flux while held, rate/(1-nu) */
-  ANHYST_REAL nu;           /* 0 <= .. < 1 */
-  ANHYST_REAL first;        /* z at the end of the first octave */
-  uint16_t iterations;      /* evaluations of a commit, 2..16 */
-  uint16_t octaves;         /* 4..15: the table ends at first*2^octaves */
-  uint16_t segments;        /* 4, 8 .. 64 up to first, and as many in each octave */
-  const ANHYST_REAL *curve; /* p over z, 0..1: (octaves + 1)*segments + 1 entries, rising */
-} anhyst_simplified_law_x;
-
-/* Cells: plays in the effective field, which is in A/m here. The rows reach over fields of
-   -reach..reach, have one entry more than segments, and never fall. */
-typedef struct {
-  ANHYST_REAL air;               /* h: flux of the air for a unit of field, > 0 */
-  ANHYST_REAL reach;             /* largest field of the rows */
-  ANHYST_REAL inner;             /* field up to which segments are narrow; reach if wide is 0 */
-  uint16_t cells;                /* plays with a width, 1..12 */
-  uint16_t narrow;               /* equal segments on each side of zero up to inner, 4..1024 */
-  uint16_t wide;                 /* and from there to reach, 0..1024 */
-  const ANHYST_REAL *thresholds; /* half-widths of the plays, rising from above 0 to reach */
-  const ANHYST_REAL *rows;       /* magnetisation of the first 1, 2, .. cells + 1 plays, -1..1 */
-} anhyst_cells_law_x;
-
-typedef struct anhyst_kernel_x anhyst_kernel_x;
-#if ANHYST_MEMORIES > 1
-typedef struct anhyst_solid_x anhyst_solid_x;
-#endif
-
-/* What a compensator knows of its actuator; constant. */
-typedef struct {
-  const anhyst_kernel_x *kernel; /* anhyst_kernel_full_.., .._simplified_.., .._cells_.. */
-  const anhyst_full_law_x *full; /* of the kernel full, otherwise 0 */
-  const anhyst_simplified_law_x *simplified; /* of the kernel simplified */
-  const anhyst_cells_law_x *cells;           /* of the kernel cells */
-  ANHYST_REAL demand_low;                    /* limits of the demand */
-  ANHYST_REAL demand_high;
-  ANHYST_REAL current_low; /* limits of the current */
-  ANHYST_REAL current_high;
-  ANHYST_REAL full_scale;      /* output that counts as 1 under the root, > 0 */
-  ANHYST_REAL knee;            /* root below which it is a straight line, 2^-8..1/4 */
-  ANHYST_REAL flux_limit;      /* largest |flux| solved for */
-  ANHYST_REAL gap_low;         /* gap of the first row */
-  ANHYST_REAL gap_rows;        /* rows for a unit of the gap; 0: nothing runs over it */
-  const anhyst_at_gap_x *gaps; /* gap_segments + 1 rows, interpolated */
-  uint16_t gap_segments;       /* 1..64 */
-  uint16_t power;              /* 2: output is a force, flux its root; 1: linear */
-  uint16_t condition_cycles;   /* ramps up and down that make the state known, 0..64 */
-  uint16_t condition_ticks;    /* ticks of one ramp, 2..32767 */
-#if ANHYST_MEMORIES > 1
-  const anhyst_solid_x *solid; /* 0: thin iron */
-#endif
-} anhyst_parameters_x;
-
-/* Of the full law. */
+/* Of the law of Jiles and Atherton, fractions. */
 typedef struct {
   ANHYST_REAL x;     /* field */
   ANHYST_REAL y;     /* irreversible magnetisation */
@@ -108,121 +29,158 @@ typedef struct {
   ANHYST_REAL level; /* y there */
 } anhyst_full_memory_x;
 
-/* Of the closed form. */
+/* State of the closed form. The path that the iron remembers begins at `turn` and reaches to `peak`;
+   no path is known if both are equal. */
 typedef struct {
   ANHYST_REAL flux;
-  ANHYST_REAL u;     /* bounded state */
-  ANHYST_REAL z;     /* distance where the path turned */
-  ANHYST_REAL turn;  /* flux there; where it is now: not known, it turns now */
-  ANHYST_REAL level; /* u there */
+  ANHYST_REAL u;     /* bounded state at the peak */
+  ANHYST_REAL turn;  /* flux where the path begins */
+  ANHYST_REAL peak;  /* farthest flux of the path */
+  ANHYST_REAL start; /* where the path begins, in its direction: the bounded state if it is below 0,
+                        otherwise the distance */
 } anhyst_simplified_memory_x;
 
-/* Of the law of cells. */
+/* Of play cells. */
 typedef struct {
   ANHYST_REAL x;      /* field */
   ANHYST_REAL rest;   /* magnetisation of the plays that rest */
-  ANHYST_REAL active; /* how many of the plays move, below 0 where the field falls; 0: rest is not
+  int32_t active;     /* how many of the plays move, below 0 where the field falls; 0: rest is not
                          known */
-  uint32_t risen;     /* bit i: play i came to rest while the field rose */
+  int32_t risen;      /* bit i: play i came to rest while the field rose */
+  ANHYST_REAL joined; /* field, in its direction, where the last one joined */
 } anhyst_cells_memory_x;
 
-/* What the iron remembers. All zero is the demagnetised state. Beside where it is, it keeps where
-   the path now followed turned, and a step is computed from there: ticks of any number and size add
-   no rounding. */
+/* What the iron remembers. All zero is the demagnetised state. */
 typedef union {
-  ANHYST_REAL number[5]; /* of the laws full and simplified; the first three of any */
   anhyst_full_memory_x full;
   anhyst_simplified_memory_x simplified;
   anhyst_cells_memory_x cells;
 } anhyst_memory_x;
 
-/* A law. The first two functions leave *from and the plays alone and fill *to, which may not be
- *from. plays: where the plays of the law of cells rest; nothing to the other laws. */
-struct anhyst_kernel_x {
-  /* The field that belongs to a flux. */
-  ANHYST_REAL (*field)(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
-                       const ANHYST_REAL *plays, ANHYST_REAL flux, anhyst_memory_x *to);
-  /* The flux to which a current leads: bias + flux_arm*flux + field_arm*field = current. */
-  ANHYST_REAL (*flux)(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
-                      const ANHYST_REAL *plays, const anhyst_at_gap_x *arms, ANHYST_REAL current,
-                      anhyst_memory_x *to);
-  /* Whether the law's own parameters are valid. */
-  int (*valid)(const anhyst_parameters_x *parameters);
-  /* Brings a memory from these to other parameters of the same law: it turns where it is. */
-  void (*carry)(const anhyst_parameters_x *before, anhyst_memory_x *memory, ANHYST_REAL *plays);
-  /* Takes over into the plays what a step between two memories leaves in them; 0: nothing. */
-  void (*keep)(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
-               const anhyst_memory_x *to, ANHYST_REAL *plays);
-};
+/* What a law knows of a place beside the memory there. */
+typedef struct {
+  ANHYST_REAL m;       /* magnetisation */
+  ANHYST_REAL y_slope; /* of the irreversible part over the field */
+  ANHYST_REAL m_slope; /* of the magnetisation */
+  int16_t direction;   /* 1: the field rises, -1: it falls, 0: it stays */
+} anhyst_full_candidate_x;
+
+typedef struct {
+  ANHYST_REAL joins; /* field where the next play joins, in the direction */
+  ANHYST_REAL flux;  /* air*x + m where the segment of the row begins, over 4 */
+  ANHYST_REAL rise;  /* rise of the row on the segment */
+  ANHYST_REAL begin; /* field where the segment begins, in the direction */
+  ANHYST_REAL width; /* width of the segment */
+  int32_t segment;   /* word of the block with which the segment begins; 0: nothing is known */
+} anhyst_cells_candidate_x;
+
+typedef union {
+  anhyst_full_candidate_x full;
+  anhyst_cells_candidate_x cells;
+} anhyst_candidate_of_x;
+
+/* A place on the path, and what a search near it needs. */
+typedef struct {
+  anhyst_memory_x memory;
+  anhyst_candidate_of_x of;
+} anhyst_candidate_x;
+
+/* How the current is made up at the gap of this tick. */
+typedef struct {
+  ANHYST_REAL bias;
+  ANHYST_REAL flux_arm;  /* below 0 in full and cells alone */
+  ANHYST_REAL field_arm; /* > 0 */
+} anhyst_arms_x;
+
+struct anhyst_compensator_x;
+
+/* A law: all that a compensator asks of one. As anhyst_kernel of compensator.h says. */
+typedef struct anhyst_kernel_x {
+  uint16_t kind;
+  ANHYST_REAL (*field)(struct anhyst_compensator_x *c);
+  ANHYST_REAL (*flux)(struct anhyst_compensator_x *c, ANHYST_REAL current);
+  int (*valid)(const ANHYST_REAL *words);
+  void (*carry)(struct anhyst_compensator_x *c, const ANHYST_REAL *words, ANHYST_REAL flux);
+  void (*keep)(struct anhyst_compensator_x *c);
+  void (*start)(struct anhyst_compensator_x *c);
+  const struct anhyst_kernel_x *(*for_block)(const ANHYST_REAL *words);
+} anhyst_kernel_x;
 
 extern const anhyst_kernel_x anhyst_kernel_full_x;
 extern const anhyst_kernel_x anhyst_kernel_simplified_x;
 extern const anhyst_kernel_x anhyst_kernel_cells_x;
 
 #if ANHYST_MEMORIES > 1
-/* Solid iron: layers of the law, the first at the surface; N of them, with a tick of T. */
-struct anhyst_solid_x {
-  /* The flux under which a memory stands, and how the field rises with it, the way it came:
-     anhyst_cells_stand_... */
-  ANHYST_REAL (*stand)(const anhyst_parameters_x *parameters, const anhyst_memory_x *memory,
-                       const ANHYST_REAL *plays, ANHYST_REAL *slope);
-  ANHYST_REAL hold;      /* field from layer to layer where a flux of 1 is more than a tick before,
-                            gamma/((N - 1)*T) in units of field over flux, >= 0 */
-  ANHYST_REAL own;       /* field for a unit of flux in a layer, beside that of the law, <= 0 */
-  ANHYST_REAL surface;   /* share of the first layer in the section, 0..1 */
-  ANHYST_REAL laminated; /* share of the path in which the field is the same throughout, 0..1 */
-  uint16_t layers;       /* N, 2 to ANHYST_MEMORIES; one less if there is something laminated */
-};
-
-/* Of the law of cells. */
-ANHYST_REAL anhyst_cells_stand_x(const anhyst_parameters_x *parameters,
-                                 const anhyst_memory_x *memory, const ANHYST_REAL *plays,
-                                 ANHYST_REAL *slope);
-
-/* A layer below the surface, or what is laminated. */
+/* A layer of solid iron below the surface, or what is laminated; as in compensator.h. */
 typedef struct {
   anhyst_memory_x memory;
   ANHYST_REAL plays[ANHYST_CELLS];
-  anhyst_memory_x next;
+  anhyst_candidate_x next;
+  ANHYST_REAL owed;
+  ANHYST_REAL next_owed;
+  ANHYST_REAL before;
+  ANHYST_REAL stiffness;
 } anhyst_deeper_x;
 #endif
 
-/* One compensator: 112 bytes in single precision on targets with 32-bit pointers. */
-typedef struct {
-  const anhyst_parameters_x *parameters;
+/* One compensator. */
+typedef struct anhyst_compensator_x {
+  const anhyst_kernel_x *kernel;
+  const ANHYST_REAL *words;        /* the parameter block in use; read only */
   anhyst_memory_x memory;          /* of what was applied */
   ANHYST_REAL plays[ANHYST_CELLS]; /* law of cells: where they rest */
-  anhyst_memory_x next;            /* where the solved current would lead */
-  ANHYST_REAL current;             /* solved */
+  anhyst_candidate_x next;         /* what it is: see stage */
+  anhyst_arms_x arms;              /* at the gap for which was solved */
+  ANHYST_REAL per_demand;          /* 1 over full scale of the demand */
+  ANHYST_REAL per_current;         /* 1 over full scale of the current */
+  ANHYST_REAL per_gap;             /* 1 over the range of the gap; 0: nothing depends on it */
+  ANHYST_REAL current;             /* solved, a fraction */
   ANHYST_REAL flux;                /* solved */
   ANHYST_REAL flux_applied;        /* after the last commit */
-  ANHYST_REAL gap;                 /* for which was solved */
-  uint16_t flags;                  /* of the last solve, see flags.h */
-  uint16_t solved;                 /* whether next belongs to memory */
+  ANHYST_REAL gap;                 /* for which was solved, as it was given */
+  uint16_t flags;                  /* of the last solve and its commit, see flags.h */
+  uint16_t stage;                  /* of next, see stage.h; arms belong to gap unless UNKNOWN */
 #if ANHYST_MEMORIES > 1
   anhyst_deeper_x deeper[ANHYST_MEMORIES - 1];
 #endif
 } anhyst_compensator_x;
 
-/* Whether parameters are valid: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads every entry of the
-   tables; not for an interrupt. */
-anhyst_status anhyst_parameters_check_x(const anhyst_parameters_x *parameters);
+/* As anhyst_compensator_init_sized and anhyst_compensator_init of compensator.h. */
+anhyst_status anhyst_compensator_init_sized_x(anhyst_compensator_x *c, size_t size,
+                                              const anhyst_kernel_x *kernel,
+                                              const ANHYST_REAL *words, uint32_t capacity);
 
-/* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the parameters are
-   not valid; nothing is changed then. */
-anhyst_status anhyst_compensator_init_x(anhyst_compensator_x *c,
-                                        const anhyst_parameters_x *parameters);
+static inline anhyst_status anhyst_compensator_init_x(anhyst_compensator_x *c,
+                                                      const anhyst_kernel_x *kernel,
+                                                      const ANHYST_REAL *words, uint32_t capacity)
+{
+  return anhyst_compensator_init_sized_x(c, sizeof *c, kernel, words, capacity);
+}
 
-/* Goes on with other parameters of the same kernel, which must have passed the check. The memory is
-   kept: it means the same under both. Between two ticks. */
-void anhyst_compensator_swap_x(anhyst_compensator_x *c, const anhyst_parameters_x *parameters);
+/* Takes the iron for demagnetised from now on. */
+void anhyst_compensator_demagnetise_x(anhyst_compensator_x *c);
 
-/* The current that gives the demanded output now. */
+/* Whether a block is valid and of this kind: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads at most
+   capacity words. Not for an interrupt. */
+anhyst_status anhyst_block_check_x(const anhyst_kernel_x *kernel, const ANHYST_REAL *words,
+                                   uint32_t capacity);
+
+/* As anhyst_block_misfit. */
+uint16_t anhyst_block_misfit_x(const ANHYST_REAL *words, const ANHYST_REAL *scales);
+
+/* As anhyst_compensator_swap. */
+void anhyst_compensator_swap_x(anhyst_compensator_x *c, const ANHYST_REAL *words);
+
+/* Returns the current that gives the demanded output now. Flags and cost are those of
+   anhyst_compensator_solve_q31. A gap that is not a number or out of the range of the block by more
+   than 2^-15 of the range sets ANHYST_GAP_LIMITED. A demand that is not a number sets
+   ANHYST_DEMAND_LIMITED. */
 ANHYST_REAL anhyst_compensator_solve_x(anhyst_compensator_x *c, ANHYST_REAL demand,
                                        ANHYST_REAL gap);
 
-/* Advances the memory with the current that was applied, at the gap there was. If both are what
-   was solved for, this costs a copy; otherwise as much as a solve. */
+/* Advances the memory with the current that was applied, at the gap there was. Flags and cost are
+   those of anhyst_compensator_commit_q31. A current beyond twice full scale counts as that. A
+   current that is not finite sets ANHYST_CURRENT_LIMITED and leaves the memory alone. */
 void anhyst_compensator_commit_x(anhyst_compensator_x *c, ANHYST_REAL applied, ANHYST_REAL gap);
 
 /* The output that the model expects after the last commit. */

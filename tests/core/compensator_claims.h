@@ -1,0 +1,299 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims of the compensator and of the check of a block, for a format that is defined before:
+   entry, signal, FORMAT(name), word_of(value, one), HALF_WIDTH. The law is a straight line that
+   records how it is called. */
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "check.h"
+
+#define WORDS 80 /* of the block: a head and five tables of two entries */
+
+typedef FORMAT(anhyst_compensator) compensator_type;
+typedef FORMAT(anhyst_kernel) law_type;
+
+/* ---- a law: field = flux ---- */
+
+static int field_calls;
+static int flux_calls;
+static int worst_stage; /* the highest that `field` saw */
+
+static number straight_field(compensator_type *c)
+{
+  field_calls++;
+  worst_stage = c->stage == ANHYST_STAGE_AHEAD ? ANHYST_STAGE_AHEAD : worst_stage;
+  c->next.memory.full.x = c->flux;
+  return c->flux;
+}
+
+/* Arms are 1/4 for the flux and 1/4 for the field. */
+static number straight_flux(compensator_type *c, number current)
+{
+  flux_calls++;
+  c->next.memory.full.x = 2 * current;
+  return 2 * current;
+}
+
+static int straight_valid(const entry *words)
+{
+  (void)words;
+  return 1;
+}
+
+static void straight_carry(compensator_type *c, const entry *words, number flux)
+{
+  (void)words;
+  c->memory.full.x = flux;
+}
+
+static const law_type straight = {.kind = ANHYST_KIND_FULL,
+                                  .field = straight_field,
+                                  .flux = straight_flux,
+                                  .valid = straight_valid,
+                                  .carry = straight_carry};
+
+/* ---- its block ---- */
+
+/* CRC-32 of bytes, by the division of polynomials from the textbook. */
+static uint32_t crc_of(const entry *words)
+{
+  uint32_t crc = 0xFFFFFFFFU;
+  for (size_t i = 0; i < WORDS; i++) {
+    uint64_t bits = 0;
+    if (i == ANHYST_WORD_CRC || i == ANHYST_WORD_CRC + 1) {
+      continue;
+    }
+    memcpy(&bits, &words[i], sizeof(entry)); /* this machine is little-endian */
+    for (size_t bit = 0; bit < 8 * sizeof(entry); bit++) {
+      const uint32_t top = (crc ^ (uint32_t)(bits >> bit)) & 1U;
+      crc = (crc >> 1) ^ (top != 0U ? 0xEDB88320U : 0U);
+    }
+  }
+  return ~crc;
+}
+
+static void seal(entry *words)
+{
+  const uint32_t crc = crc_of(words);
+  words[ANHYST_WORD_CRC] = integer_word(crc & 0xFFFFU);
+  words[ANHYST_WORD_CRC + 1] = integer_word(crc >> 16);
+}
+
+static void table(entry *words, int word, int at, double low, double high, double one)
+{
+  words[word] = integer_word((uint32_t)at);
+  words[at] = word_of(low, one);
+  words[at + 1] = word_of(high, one);
+}
+
+/* Demand, current and flux are 0.9 at most, twice the current is the flux. */
+static void make_block(entry *words)
+{
+  memset(words, 0, WORDS * sizeof *words);
+  words[ANHYST_WORD_MAGIC] = integer_word(ANHYST_BLOCK_MAGIC_LOW);
+  words[ANHYST_WORD_MAGIC + 1] = integer_word(ANHYST_BLOCK_MAGIC_HIGH);
+  words[ANHYST_WORD_LAYOUT] = ANHYST_BLOCK_LAYOUT;
+  words[ANHYST_WORD_KIND] = ANHYST_KIND_FULL;
+  words[ANHYST_WORD_LENGTH] = WORDS;
+  words[ANHYST_WORD_POWER] = 1;
+  words[ANHYST_WORD_DEMAND_LOW] = word_of(-0.9, 32768.0);
+  words[ANHYST_WORD_DEMAND_HIGH] = word_of(0.9, 32768.0);
+  words[ANHYST_WORD_CURRENT_LOW] = word_of(-0.125, 32768.0);
+  words[ANHYST_WORD_CURRENT_HIGH] = word_of(0.125, 32768.0);
+  words[ANHYST_WORD_FLUX_LIMIT] = word_of(1.0, 16384.0);
+  words[ANHYST_WORD_ROOT_KNEE] = 5;
+  words[ANHYST_WORD_CONDITION_CYCLES] = 2;
+  words[ANHYST_WORD_CONDITION_TICKS] = 5;
+  table(words, ANHYST_WORD_GAP_GAIN, 64, 0.49, 0.4, 65536.0);
+  table(words, ANHYST_WORD_GAP_OFFSET, 66, 0.0, 0.0, 32768.0);
+  table(words, ANHYST_WORD_GAP_BIAS, 68, 0.0, 0.0, 65536.0);
+  table(words, ANHYST_WORD_GAP_FLUX_ARM, 70, 0.25, 0.25, 65536.0);
+  table(words, ANHYST_WORD_GAP_FIELD_ARM, 72, 0.25, 0.25, 65536.0);
+  make_scales(words);
+  seal(words);
+}
+
+static void flip(entry *word, unsigned bit)
+{
+  uint64_t bits = 0;
+  memcpy(&bits, word, sizeof *word);
+  bits ^= (uint64_t)1 << bit;
+  memcpy(word, &bits, sizeof *word);
+}
+
+/* ---- claims ---- */
+
+static void every_damaged_bit_is_refused(void)
+{
+  entry *words = malloc(WORDS * sizeof *words); /* so that a sanitizer sees a read beyond */
+  compensator_type c;
+  int accepted = 0;
+  make_block(words);
+  CHECK(FORMAT(anhyst_block_check)(&straight, words, WORDS) == ANHYST_OK);
+  CHECK(FORMAT(anhyst_block_check)(&straight, words, WORDS - 1) == ANHYST_BAD_PARAMETER);
+  CHECK(FORMAT(anhyst_block_check)(&straight, words, 0) == ANHYST_BAD_PARAMETER);
+  for (unsigned i = 0; i < WORDS; i++) {
+    for (unsigned bit = 0; bit < 8 * sizeof(entry); bit++) {
+      flip(&words[i], bit);
+      accepted += FORMAT(anhyst_block_check)(&straight, words, WORDS) == ANHYST_OK;
+      flip(&words[i], bit);
+    }
+  }
+  CHECK_BELOW("damaged blocks accepted", accepted, 0);
+  CHECK(FORMAT(anhyst_compensator_init_sized)(&c, sizeof c + 4U, &straight, words, WORDS) ==
+        ANHYST_BAD_SIZE);
+  CHECK(FORMAT(anhyst_compensator_init)(&c, &straight, words, WORDS) == ANHYST_OK);
+  free(words);
+}
+
+static entry block[WORDS];
+
+static compensator_type started(void)
+{
+  compensator_type c;
+  make_block(block);
+  CHECK(FORMAT(anhyst_compensator_init)(&c, &straight, block, WORDS) == ANHYST_OK);
+  return c;
+}
+
+/* What the law is called for, in a solve and the commit of its current. */
+static void what_was_solved_is_committed_by_a_copy(void)
+{
+  compensator_type c = started();
+  for (int limited = 0; limited <= 1; limited++) {
+    const signal demand = limited ? FULL_DEMAND : FULL_DEMAND / 8;
+    field_calls = flux_calls = 0;
+    const signal current = SOLVE(&c, demand, GAP);
+    CHECK(field_calls == 1 && flux_calls == limited);
+    CHECK(((c.flags & ANHYST_CURRENT_LIMITED) != 0U) == limited);
+    CHECK(c.stage == ANHYST_STAGE_AHEAD);
+    COMMIT(&c, current, GAP);
+    CHECK(field_calls == 1 && flux_calls == limited);
+    CHECK(c.stage == ANHYST_STAGE_HERE && c.memory.full.x == c.flux_applied);
+  }
+  (void)SOLVE(&c, FULL_DEMAND / 8, GAP);
+  flux_calls = 0;
+  COMMIT(&c, FULL_CURRENT / 100, GAP); /* another current */
+  CHECK(flux_calls == 1);
+  const signal current = SOLVE(&c, FULL_DEMAND / 8, GAP);
+  COMMIT(&c, current, GAP + GAP / 2); /* another gap */
+  CHECK(flux_calls == 2);
+}
+
+/* Calls in any order against the table of stage.h. */
+static void stages_are_those_of_the_table(void)
+{
+  compensator_type c = started();
+  int stage = ANHYST_STAGE_UNKNOWN;
+  uint32_t random = 1;
+  int wrong = 0;
+  worst_stage = 0;
+  for (int i = 0; i < 20000; i++) {
+    random = random * 1664525U + 1013904223U;
+    const signal part = (signal)((double)(FULL_DEMAND) * ((double)(random >> 8) / 8388608.0 - 1.0));
+    switch (random >> 29) {
+    case 0:
+    case 1:
+    case 2:
+      (void)SOLVE(&c, part, GAP);
+      stage = ANHYST_STAGE_AHEAD;
+      break;
+    case 3:
+    case 4:
+      COMMIT(&c, CONDITIONING(&c, (int32_t)(random >> 20) % 25), GAP);
+      stage = ANHYST_STAGE_HERE;
+      break;
+    case 5:
+      COMMIT(&c, SOLVE(&c, part, GAP), GAP);
+      stage = ANHYST_STAGE_HERE;
+      break;
+    case 6:
+      FORMAT(anhyst_compensator_swap)(&c, block);
+      stage = ANHYST_STAGE_UNKNOWN;
+      break;
+    default:
+      FORMAT(anhyst_compensator_demagnetise)(&c);
+      stage = ANHYST_STAGE_UNKNOWN;
+      break;
+    }
+    wrong += c.stage != stage || (c.flags & ANHYST_FLAG_BUSY) != 0U;
+  }
+  CHECK_BELOW("wrong stages", wrong, 0);
+  CHECK(worst_stage == 0); /* no search of a field begins at a step that nobody took */
+}
+
+static uint16_t flags_of_solve(compensator_type *c, signal demand, signal gap)
+{
+  (void)SOLVE(c, demand, gap);
+  return c->flags;
+}
+
+static uint16_t flags_of_commit(compensator_type *c, signal applied, signal gap)
+{
+  (void)SOLVE(c, FULL_DEMAND / 8, GAP);
+  COMMIT(c, applied, gap);
+  return c->flags;
+}
+
+static void signals_out_of_range_raise_flags(void)
+{
+  compensator_type c = started();
+  CHECK(flags_of_solve(&c, FULL_DEMAND / 8, GAP) == 0U);
+  CHECK(flags_of_solve(&c, FULL_DEMAND / 8, GAP_LOW) == 0U);
+  CHECK(flags_of_solve(&c, FULL_DEMAND / 8, GAP_HIGH) == 0U);
+  CHECK(flags_of_solve(&c, FULL_DEMAND / 8, GAP_BELOW) == ANHYST_GAP_LIMITED);
+  CHECK((flags_of_solve(&c, FULL_DEMAND, GAP) & ANHYST_DEMAND_LIMITED) != 0U);
+  CHECK(flags_of_commit(&c, FULL_CURRENT / 9, GAP) == 0U);
+  CHECK(flags_of_commit(&c, CURRENT_LIMIT, GAP) == 0U); /* the limit itself */
+  CHECK(flags_of_commit(&c, FULL_CURRENT / 7, GAP) == ANHYST_CURRENT_LIMITED);
+  CHECK(flags_of_commit(&c, -(FULL_CURRENT / 7), GAP) == ANHYST_CURRENT_LIMITED);
+  CHECK(flags_of_commit(&c, FULL_CURRENT / 9, GAP_BELOW) == ANHYST_GAP_LIMITED);
+  COMMIT(&c, FULL_CURRENT / 9, GAP); /* without a solve: its own flags alone */
+  CHECK(c.flags == 0U);
+  format_claims(&c);
+}
+
+static void conditioning_keeps_the_limits(void)
+{
+  compensator_type c = started();
+  const int32_t length = FORMAT(anhyst_conditioning_length)(&c);
+  int wrong = 0;
+  CHECK(length == 20);
+  for (int32_t tick = 0; tick < length; tick++) {
+    const signal current = CONDITIONING(&c, tick);
+    wrong += current > CURRENT_LIMIT || current < -(CURRENT_LIMIT);
+  }
+  CHECK_BELOW("ticks beyond the limits", wrong, 0);
+  CHECK(CONDITIONING(&c, 5) == CURRENT_LIMIT);
+  CHECK(!(CONDITIONING(&c, -1) > 0) && !(CONDITIONING(&c, length) > 0));
+}
+
+/* The output that is expected after a commit is the demand. */
+static void output_is_the_demand(void)
+{
+  compensator_type c = started();
+  double worst = 0.0;
+  for (int i = -20; i <= 20; i++) {
+    const signal demand = (signal)((double)(FULL_DEMAND) * 0.02 * i);
+    const signal current = SOLVE(&c, demand, GAP);
+    if (c.flags == 0U) {
+      COMMIT(&c, current, GAP);
+      keep_worst(&worst, fabs((double)(OUTPUT(&c) - demand)) / (double)(FULL_DEMAND));
+      FORMAT(anhyst_compensator_swap)(&c, block);
+      keep_worst(&worst, fabs((double)(OUTPUT(&c) - demand)) / (double)(FULL_DEMAND));
+    }
+  }
+  CHECK_BELOW("output minus demand, of full scale", worst, 1e-4);
+}
+
+int main(void)
+{
+  every_damaged_bit_is_refused();
+  what_was_solved_is_committed_by_a_copy();
+  stages_are_those_of_the_table();
+  signals_out_of_range_raise_flags();
+  conditioning_keeps_the_limits();
+  output_is_the_demand();
+  return verdict();
+}
