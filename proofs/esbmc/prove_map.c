@@ -15,7 +15,7 @@ int main(void)
   SHOW(at.index < columns_of(&map));
   SHOW(at.part >= 0);
   SHOW(force_of(&map, at) == (force > 0 ? force : 0));
-  const place end = {(uint16_t)(columns_of(&map) - 1U), ONE};
+  const place end = {columns_of(&map) - 1U, ONE};
   SHOW(force_of(&map, end) == ANHYST_Q31_MAX);
 #else
   const int32_t whole = any_within(2, ANHYST_Q31_MAX);

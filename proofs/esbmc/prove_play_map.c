@@ -7,7 +7,7 @@
 int main(void)
 {
 #if defined(SHARE)
-  const int32_t found = share_of(any_within(0, ANHYST_Q31_MAX), nondet_i32());
+  const int32_t found = share_of(any_within(1, ANHYST_Q31_MAX), nondet_i32());
   SHOW(found >= 0);
 #else
   const int16_t entries[2] = {nondet_i16(), nondet_i16()};

@@ -93,6 +93,7 @@ static inline void set_head(any_play *play, uint16_t n, uint16_t m, int entries)
   set_word(play, ANHYST_WORD_PLAY_CURRENT, FIRST);
   set_word(play, ANHYST_WORD_PLAY_HALF, FIRST + entries);
   play->real[ANHYST_WORD_SCALE_DEMAND] = 1.0;
+  play->real[ANHYST_WORD_SCALE_CURRENT] = 1.0;
   play->real[ANHYST_WORD_SCALE_GAP_HIGH] = 1.0;
 }
 

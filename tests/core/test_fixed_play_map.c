@@ -82,7 +82,8 @@ static void what_was_solved_gives_the_demand_to_the_bit(void)
     const int32_t demand = any_code();
     const int32_t gap = any_code();
     const int32_t current = anhyst_play_map_solve_q31(&c, demand, gap);
-    CHECK((c.flags != 0U) == (demand < 0));
+    CHECK(c.flags ==
+          (demand < 0 ? ANHYST_DEMAND_LIMITED : 0U) + (gap < 0 ? ANHYST_GAP_LIMITED : 0U));
     CHECK(anhyst_play_map_commit_q31(&c, current, gap) == (demand > 0 ? demand : 0));
   }
 }
@@ -102,6 +103,27 @@ static void limits_hold_and_show(void)
     CHECK(((c.flags & ANHYST_CURRENT_LIMITED) != 0U) == (c.at.current != current));
     anhyst_play_map_commit_q31(&c, at % 3 == 0 ? edge(at) : current, edge((7 * at) % EDGE_COUNT));
   }
+}
+
+static void a_commit_adds_what_was_beyond_a_range(void)
+{
+  const int32_t most = 1000 * 65536;
+  make_play(&made, 5, 2, 2000);
+  made.fixed[ANHYST_WORD_PLAY_CURRENT_HIGH] = 1000;
+  close_play(&made);
+  anhyst_play_map_q31 c;
+  CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_OK);
+  anhyst_play_map_commit_q31(&c, most + 65536, 0); /* a converter may round it up to there */
+  CHECK(c.flags == 0U);
+  anhyst_play_map_commit_q31(&c, most + 65537, 0);
+  CHECK(c.flags == ANHYST_CURRENT_LIMITED);
+  anhyst_play_map_solve_q31(&c, -1, 5);
+  CHECK((c.flags & ~(unsigned)ANHYST_CURRENT_LIMITED) == ANHYST_DEMAND_LIMITED);
+  anhyst_play_map_commit_q31(&c, 0, -5);
+  CHECK((c.flags & ~(unsigned)ANHYST_CURRENT_LIMITED) ==
+        (ANHYST_DEMAND_LIMITED | ANHYST_GAP_LIMITED));
+  anhyst_play_map_commit_q31(&c, 0, 5);
+  CHECK(c.flags == 0U);
 }
 
 static void every_damaged_bit_is_refused(void)
@@ -182,6 +204,7 @@ int main(void)
   a_commit_finds_the_force_of_any_current();
   what_was_solved_gives_the_demand_to_the_bit();
   limits_hold_and_show();
+  a_commit_adds_what_was_beyond_a_range();
   every_damaged_bit_is_refused();
   invalid_blocks_are_refused();
   invalid_tables_are_refused();

@@ -171,11 +171,13 @@ static void no_signal_leads_beyond_the_limits(void)
     const float current = anhyst_play_map_solve_f32(&c, demand, gap);
     CHECK(current >= -0.01F && current <= 0.1F);
     CHECK(!isnan(demand) || (c.flags & ANHYST_DEMAND_LIMITED) != 0U);
+    CHECK((gap >= 0.0F && gap <= 1.0F) || (c.flags & ANHYST_GAP_LIMITED) != 0U || gap == 1e-45F);
     const float before = c.play;
     const float force = anhyst_play_map_commit_f32(&c, applied, applied_gap);
     CHECK(force >= 0.0F && force <= 1.0F);
     CHECK(c.play >= -2.0F && c.play <= 2.0F);
     CHECK(fabsf(applied) <= 1e30F || c.play == before);
+    CHECK(fabsf(applied) <= 0.1F || applied == current || (c.flags & ANHYST_CURRENT_LIMITED) != 0U);
   }
 }
 

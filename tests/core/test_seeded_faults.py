@@ -177,8 +177,8 @@ FAULTS = [
     Fault(
         "the inverse of a map a step of its search short",
         "src/compensator/generic/map.h",
-        "while (above - at.index > 1) {",
-        "while (above - at.index > 2) {",
+        "while (above - at.index > 1U) {",
+        "while (above - at.index > 2U) {",
         "test_fixed_map",
     ),
     Fault(

@@ -17,14 +17,14 @@ typedef anhyst_map_q31 map_type;
 
 /* A signal among 2^n equal segments. */
 typedef struct {
-  uint16_t index; /* of the segment */
-  number part;    /* of the segment, 0..1 */
+  size_t index; /* of the segment */
+  number part;  /* of the segment, 0..1 */
 } place;
 
 static inline place place_of(number signal, uint16_t n)
 {
   const uint32_t code = signal > 0 ? (uint32_t)signal : 0U;
-  const place at = {(uint16_t)(code >> (31U - n)), (number)((code << n) & 0x7FFFFFFFUL)};
+  const place at = {code >> (31U - n), (number)((code << n) & 0x7FFFFFFFUL)};
   return at;
 }
 
@@ -38,15 +38,9 @@ static inline place force_place(const map_type *map, number force)
   return place_of(force, map->force_segments);
 }
 
-static inline uint16_t columns_of(const map_type *map)
-{
-  return (uint16_t)((uint32_t)1U << map->force_segments);
-}
+static inline size_t columns_of(const map_type *map) { return (size_t)1U << map->force_segments; }
 
-static inline uint16_t rows_of(const map_type *map)
-{
-  return (uint16_t)((uint32_t)1U << map->gap_segments);
-}
+static inline size_t rows_of(const map_type *map) { return (size_t)1U << map->gap_segments; }
 
 /* The force at a part of a segment. */
 static inline number force_of(const map_type *map, place at)

@@ -31,6 +31,12 @@ static number pulling(const map_type *map, number demand)
   return demand > 0 ? demand : 0;
 }
 
+static int is_gap(const map_type *map, number gap)
+{
+  (void)map;
+  return gap >= 0;
+}
+
 /* distance/radius; |distance| is less than the radius, so that no product leaves the format. */
 static number side_of(const law_type *law, number distance)
 {
@@ -41,27 +47,26 @@ static number side_of(const law_type *law, number distance)
    others of its kind. */
 static number difference(number a, number b) { return (a >> 2) - (b >> 2); }
 
-/* numerator/denominator to 14 bits, at most 1, never too large; the numerator is not negative. */
+/* numerator/denominator to 14 bits, at most 1, never too large; the numerator is above 0. */
 static number share_of(number numerator, number denominator)
 {
   if (numerator >= denominator) {
     return ONE;
   }
-  if (numerator == 0) {
-    return 0;
-  }
   const uint16_t up = anhyst_headroom(numerator);
   const uint16_t down = anhyst_headroom(denominator);
   const int32_t top = (int32_t)((uint32_t)numerator << up);
   const int32_t bottom = ((int32_t)((uint32_t)denominator << down) >> 16) + 1;
-  const int32_t ratio = top / bottom; /* below 2^16, or below 2^17 where up is more than down */
-  const uint16_t shift = (uint16_t)(up - down);
-  return shift < 15U ? ratio << (15U - shift) : ratio >> (shift - 15U);
+  const uint32_t ratio = (uint32_t)(top / bottom); /* below 2^17; below 2^16 if up is down */
+  return (int32_t)((ratio << 15) >> (up - down));
 }
 
 /* The same to 28 bits: a second digit comes from the rest. The numerator is not negative. */
 static number fraction_of(number numerator, number denominator)
 {
+  if (numerator == 0) {
+    return 0;
+  }
   const number first = share_of(numerator, denominator);
   const number rest = numerator - times(denominator, first);
   return rest > 0 ? add(first, share_of(rest, denominator)) : first;
@@ -83,6 +88,13 @@ static uint32_t add_bits(uint32_t sum, entry word)
 }
 
 static number current_of(entry word) { return (number)word * 65536; }
+
+/* 2^-15 of full scale: what a converter may add to a limit of the current. */
+static number room_of(const entry *words)
+{
+  (void)words;
+  return 65536;
+}
 
 /* Reads sizes and play; the range of forces begins at 0. */
 static int read_scales(law_type *law, const entry *words)

@@ -109,7 +109,7 @@ def cycle_errors(
 
 KIND: Literal["play"] = "play"
 SOURCES = ("compensator/play_map.c",)
-STATE_BYTES = 20 + 5 * 4 + 5 * 4 + 8
+STATE_BYTES = 20 + 7 * 4 + 5 * 4 + 8
 """Of ``anhyst_play_map_q31`` where a pointer has 32 bits."""
 
 

@@ -9,8 +9,8 @@ static inline int is_map(const map_type *map)
     return 0;
   }
   const entry *now = map->entries;
-  const size_t length = (size_t)columns_of(map) + 1U;
-  for (uint16_t row = 0; row <= rows_of(map); row++) {
+  const size_t length = columns_of(map) + 1U;
+  for (size_t row = 0; row <= rows_of(map); row++) {
     for (size_t column = 0; column < length; column++, now++) {
       const number value = now[0];
       const number rise = column > 0U ? value - now[-1] : 0;
@@ -34,7 +34,7 @@ typedef struct {
 static inline table_row row_at(const map_type *map, number gap)
 {
   const place at = gap_place(map, gap);
-  const size_t length = (size_t)columns_of(map) + 1U;
+  const size_t length = columns_of(map) + 1U;
   const table_row row = {map->entries + at.index * length, length, at.part};
   return row;
 }
@@ -57,10 +57,10 @@ static inline number map_value(const map_type *map, number force, number gap)
 static inline number map_force(const map_type *map, number value, number gap)
 {
   const table_row row = row_at(map, gap);
-  uint16_t above = columns_of(map);
+  size_t above = columns_of(map);
   place at = {0, 0};
-  while (above - at.index > 1) {
-    const uint16_t middle = (uint16_t)((at.index + above) / 2);
+  while (above - at.index > 1U) {
+    const size_t middle = (at.index + above) / 2U;
     if (at_column(&row, middle) <= value) {
       at.index = middle;
     } else {

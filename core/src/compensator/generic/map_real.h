@@ -9,8 +9,8 @@ typedef number entry;
 
 /* A signal among equal segments. */
 typedef struct {
-  uint16_t index; /* of the segment */
-  number part;    /* of the segment, 0..1 */
+  size_t index; /* of the segment */
+  number part;  /* of the segment, 0..1 */
 } place;
 
 /* The place of a signal, counted in segments. Outside the table it is the nearest end; for what is
@@ -19,7 +19,7 @@ static inline place place_of(uint16_t segments, number signal)
 {
   place at = {0, 0};
   if (signal >= (number)segments) {
-    at.index = (uint16_t)(segments - 1U);
+    at.index = segments - 1U;
     at.part = ONE;
   } else if (signal > 0) {
     at.index = (uint16_t)signal;
@@ -41,9 +41,9 @@ static inline place force_place(const map_type *map, number force)
                                            (number)map->force_segments);
 }
 
-static inline uint16_t columns_of(const map_type *map) { return map->force_segments; }
+static inline size_t columns_of(const map_type *map) { return map->force_segments; }
 
-static inline uint16_t rows_of(const map_type *map) { return map->gap_segments; }
+static inline size_t rows_of(const map_type *map) { return map->gap_segments; }
 
 /* The force at a part of a segment. */
 static inline number force_of(const map_type *map, place at)

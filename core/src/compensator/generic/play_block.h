@@ -56,7 +56,7 @@ static uint16_t read_frame(const entry *words, uint16_t capacity)
    the format. */
 static int has_branches(const law_type *law, uint16_t entries)
 {
-  const uint16_t length = (uint16_t)(columns_of(&law->map) + 1U);
+  const size_t length = columns_of(&law->map) + 1U;
   for (uint16_t i = 0; i < entries; i++) {
     const number value = law->map.entries[i];
     const number half = law->half[i];
@@ -85,6 +85,8 @@ static anhyst_status init(play_type *c, const entry *words, uint16_t capacity)
   fresh.law.half = fresh.law.map.entries + entries;
   fresh.low = current_of(words[ANHYST_WORD_PLAY_CURRENT_LOW]);
   fresh.high = current_of(words[ANHYST_WORD_PLAY_CURRENT_HIGH]);
+  fresh.least = subtract(fresh.low, room_of(words));
+  fresh.most = add(fresh.high, room_of(words));
   if (!read_scales(&fresh.law, words) || !is_map(&fresh.law.map) ||
       !has_branches(&fresh.law, entries) || !is_known(fresh.low) || !is_known(fresh.high) ||
       fresh.low > fresh.high) {

@@ -52,14 +52,19 @@ static void set_column(point *at, const play_type *c, const section *of, size_t 
 /* The number at a part of the way between two. */
 static number between(number from, number to, number part) { return from + times(to - from, part); }
 
+static uint16_t gap_flag(const play_type *c, number gap)
+{
+  return is_gap(&c->law.map, gap) ? 0U : ANHYST_GAP_LIMITED;
+}
+
 static number solve(play_type *c, number demand, number gap)
 {
   const section of = section_at(c, gap);
   c->demand = pulling(&c->law.map, demand);
   c->gap = gap;
   const place at = force_place(&c->law.map, c->demand);
-  const size_t next = (size_t)at.index + 1U;
-  c->column = at.index;
+  const size_t next = at.index + 1U;
+  c->column = (uint16_t)at.index;
   c->at.part = at.part;
   c->at.value = between(at_column(&of.map, at.index), at_column(&of.map, next), at.part);
   c->at.half = between(at_column(&of.half, at.index), at_column(&of.half, next), at.part);
@@ -67,10 +72,14 @@ static number solve(play_type *c, number demand, number gap)
   c->at.current = current_at(c->at.value, c->at.half, c->at.side);
   const number current = limited(c->at.current, c->low, c->high);
   c->solved = 1;
-  c->flags = c->demand != demand ? ANHYST_DEMAND_LIMITED : 0U;
-  if (current != c->at.current) {
-    c->flags |= ANHYST_CURRENT_LIMITED;
+  uint16_t flags = gap_flag(c, gap);
+  if (c->demand != demand) {
+    flags |= ANHYST_DEMAND_LIMITED;
   }
+  if (current != c->at.current) {
+    flags |= ANHYST_CURRENT_LIMITED;
+  }
+  c->flags = flags;
   return current;
 }
 
@@ -178,8 +187,8 @@ static void find_segment(const play_type *c, const section *of, int is_solved, n
   in->column = c->column;
   if (is_solved && current > c->at.current) {
     below = (size_t)c->column + 1U;
-    probe = below + 1U;
-    second = above - 1U;
+    probe = above - 1U;
+    second = below + 1U;
     in->far = &in->high;
     set_column(&in->high, c, of, below, ONE);
     if (below == above || in->high.current >= current) {
@@ -187,7 +196,8 @@ static void find_segment(const play_type *c, const section *of, int is_solved, n
     }
   } else if (is_solved) {
     above = c->column;
-    probe = above - 1U;
+    probe = 1U;
+    second = above - 1U;
     in->far = &in->low;
     set_column(&in->low, c, of, above, 0);
     if (above == 0U || in->low.current <= current) {
@@ -216,22 +226,28 @@ static void follow(play_type *c, int is_solved, number current, number gap)
     }
   }
   const number x = part_of(&in, current);
-  const number part = limited(between(in.near->part, in.far->part, x), 0, ONE);
-  const place at = {(uint16_t)in.column, part};
-  c->demand = force_of(&c->law.map, at);
+  const place at = {in.column, between(in.near->part, in.far->part, x)};
+  c->demand = pulling(&c->law.map, force_of(&c->law.map, at));
   c->at.value = between(in.near->value, in.far->value, x);
 }
 
 static number commit(play_type *c, number applied, number gap)
 {
-  if (is_known(applied)) {
-    const int is_solved = c->solved != 0U && gap == c->gap;
-    if (!is_solved || applied != c->at.current) {
-      follow(c, is_solved, applied, gap);
-    }
-    const number radius = c->law.radius;
-    c->play = limited(c->play, subtract(c->at.value, radius), add(c->at.value, radius));
+  const int is_solved = c->solved != 0U && gap == c->gap;
+  if (!is_solved) {
+    c->flags = (uint16_t)((c->solved != 0U ? c->flags : 0U) | gap_flag(c, gap));
   }
   c->solved = 0;
+  if (!is_solved || applied != c->at.current) {
+    if (!(applied >= c->least && applied <= c->most)) {
+      c->flags |= ANHYST_CURRENT_LIMITED;
+    }
+    if (!is_known(applied)) {
+      return c->demand;
+    }
+    follow(c, is_solved, applied, gap);
+  }
+  const number radius = c->law.radius;
+  c->play = limited(c->play, subtract(c->at.value, radius), add(c->at.value, radius));
   return c->demand;
 }

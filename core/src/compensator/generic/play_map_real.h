@@ -30,6 +30,13 @@ static number pulling(const map_type *map, number demand)
   return demand < map->force_low ? map->force_low : limited(0, map->force_low, map->force_high);
 }
 
+/* Whether a gap is in the range, or beyond it by no more than 2^-15 of the range. */
+static int is_gap(const map_type *map, number gap)
+{
+  const number room = (map->gap_high - map->gap_low) / 32768;
+  return gap >= map->gap_low - room && gap <= map->gap_high + room;
+}
+
 /* distance/radius; |distance| is less than the radius. */
 static number side_of(const law_type *law, number distance) { return distance * law->per_radius; }
 
@@ -67,6 +74,8 @@ static uint32_t add_bits(uint32_t sum, number word)
   return sum;
 }
 
+static number room_of(const number *words) { return words[ANHYST_WORD_SCALE_CURRENT] / 32768; }
+
 /* Reads sizes, the ranges of force and gap, and the play. */
 static int read_scales(law_type *law, const number *words)
 {
@@ -81,6 +90,7 @@ static int read_scales(law_type *law, const number *words)
   law->per_radius = 4 * words[ANHYST_WORD_PLAY_STEEPNESS];
   law->radius = 1 / law->per_radius;
   return is_word(words[ANHYST_WORD_PLAY_SHIFT], 0) && law->radius > 0 && law->radius <= LARGEST &&
+         words[ANHYST_WORD_SCALE_CURRENT] > 0 && words[ANHYST_WORD_SCALE_CURRENT] <= LARGEST &&
          law->per_radius <= LARGEST;
 }
 
