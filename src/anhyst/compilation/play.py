@@ -15,6 +15,7 @@ from anhyst.compensate.block import DemandLimits
 from anhyst.compensate.current_map import PlayMap, one_play
 from anhyst.compensate.force_controller import Compensator, ForceController
 from anhyst.compensate.plan import CompileRequest
+from anhyst.compensate.play_block import Words
 from anhyst.compensate.sources import (
     Operating,
     Sources,
@@ -38,9 +39,10 @@ from anhyst.model.actuator import Model, read_model
 from anhyst.model.predict import slow_times
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike
+from anhyst.support.block_layout import PLACES
 from anhyst.support.errors import InputError
 from anhyst.support.kept import c_name
-from anhyst.support.numeric import FloatArray, rms
+from anhyst.support.numeric import FloatArray, q31, rms
 from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
@@ -255,6 +257,11 @@ def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> 
     }
 
 
+def _limits(words: Words) -> list[int]:
+    """Return the limits of the current as codes."""
+    return [int(words[PLACES[f"PLAY_CURRENT_{end}"]]) * 2**16 for end in ("LOW", "HIGH")]
+
+
 def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, str]:
     """Return the C files and what helps to build them."""
     scales, name = play.scales, head.name
@@ -280,6 +287,8 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "core": sorted(f"{SRC}/{file}" for file in SOURCES),
         "own": [f"{name}_parameters.c"],
         "scales": scales,
+        "limits": _limits(words),
+        "demand_high": q31(head.operating.force_max / scales.demand),
         "current_high": play.map.limits[1],
         "force_max": head.operating.force_max,
         "rows": play_source(words),
