@@ -21,7 +21,7 @@ enum { RAMP = 64, SETTLED = 20000 };
     anhyst_play_map_##format c;                                                                    \
     CHECK(anhyst_play_map_init_##format(&c, play->words, play->count) == ANHYST_OK);               \
     for (int at = 0; at <= RAMP; at++) {                                                           \
-      const double way = (is_descent ? 2 * RAMP - at : at) / (2.0 * RAMP) * 0.999;                 \
+      const double way = (double)(is_descent ? 2 * RAMP - at : at) / (2.0 * (double)RAMP) * 0.999; \
       const number current = anhyst_play_map_solve_##format(&c, (number)(way * unit), rest);       \
       anhyst_play_map_commit_##format(&c, current, rest);                                          \
     }                                                                                              \

@@ -133,7 +133,7 @@ static void invalid_blocks_are_refused(void)
                                 ANHYST_WORD_SCALE_GAP_LOW,
                                 FIRST,
                                 FIRST + 45};
-  static const double wrong[] = {NAN, INFINITY, -INFINITY, -1e31, 1e31};
+  static const double wrong[] = {(double)NAN, (double)INFINITY, -(double)INFINITY, -1e31, 1e31};
   make_play(&made, 3, 2, 1000);
   anhyst_play_map_f32 c;
   CHECK(anhyst_play_map_init_f32(&c, made.single, made.count) == ANHYST_OK);

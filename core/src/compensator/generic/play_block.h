@@ -56,20 +56,22 @@ static uint16_t read_frame(const entry *words, uint16_t capacity)
    the format. */
 static int has_branches(const law_type *law, uint16_t entries)
 {
-  const size_t length = columns_of(&law->map) + 1U;
+  const size_t last = columns_of(&law->map);
+  size_t column = 0;
   for (uint16_t i = 0; i < entries; i++) {
     const number value = law->map.entries[i];
     const number half = law->half[i];
     if (!(half >= 0 && value + half <= LARGEST && value - half >= -LARGEST)) {
       return 0;
     }
-    if (i % length != 0U) {
+    if (column > 0U) {
       const number rise = value - law->map.entries[i - 1U];
       const number wider = half - law->half[i - 1U];
       if (wider > rise || -wider > rise) {
         return 0;
       }
     }
+    column = column < last ? column + 1U : 0U;
   }
   return 1;
 }

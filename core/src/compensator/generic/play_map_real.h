@@ -68,8 +68,8 @@ static uint32_t add_bits(uint32_t sum, number word)
     pattern bits;
   } as;
   as.word = word;
-  for (uint16_t shift = 0; shift < 8U * sizeof word; shift = (uint16_t)(shift + 16U)) {
-    sum = anhyst_checksum_add(sum, (uint16_t)(as.bits >> shift));
+  for (size_t half = 0; half < sizeof word / 2U; half++) {
+    sum = anhyst_checksum_add(sum, (uint16_t)(as.bits >> (16U * half)));
   }
   return sum;
 }
