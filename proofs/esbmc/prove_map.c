@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The map in fixed point: where a signal falls in a table of any size, and the digits of the
-   inverse. */
+/* The map in fixed point: the place of a signal in a table of any size and the force at a place,
+   and the digits of the inverse. */
 #include "any.h"
 
 #include "compensator/map.c"
@@ -8,11 +8,15 @@
 int main(void)
 {
 #ifdef PLACE
-  const uint16_t n = nondet_u16();
-  ASSUME(n <= ANHYST_MAP_FORCE_SEGMENTS);
-  const segment at = segment_of(nondet_i32(), n);
-  SHOW(at.index < (1U << n));
+  const map_type map = {0, nondet_u16(), 0};
+  ASSUME(map.force_segments <= ANHYST_MAP_FORCE_SEGMENTS);
+  const int32_t force = nondet_i32();
+  const place at = force_place(&map, force);
+  SHOW(at.index < columns_of(&map));
   SHOW(at.part >= 0);
+  SHOW(force_of(&map, at) == (force > 0 ? force : 0));
+  const place end = {columns_of(&map) - 1U, ONE};
+  SHOW(force_of(&map, end) == ANHYST_Q31_MAX);
 #else
   const int32_t whole = any_within(2, ANHYST_Q31_MAX);
   SHOW(anhyst_ratio(any_within(1, whole - 1), whole) >= 0);

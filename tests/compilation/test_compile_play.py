@@ -47,6 +47,25 @@ def test_the_example_builds_without_a_warning_and_gives_the_golden_currents(
     assert (run.returncode, run.stdout) == (0, "1000 rows, 0 differ\n")
 
 
+def test_the_folder_refuses_a_damaged_block(compiled: CompiledPlay, tmp_path: Path) -> None:
+    written = (compiled.out / "upper_parameters.c").read_text(encoding="utf-8")
+    words = compiled.play.block("fixed", int(compiled.manifest["model"]["sha256"][:8], 16))
+    head, table = written.rsplit("*/", 1)
+    damaged = tmp_path / "upper_parameters.c"
+    last = str(int(words[-1]))
+    at = table.rindex(last)
+    damaged.write_text(
+        f"{head}*/{table[:at]}{int(words[-1]) ^ 1}{table[at + len(last) :]}", encoding="utf-8"
+    )
+    program = tmp_path / "example"
+    sources = ["main.c", str(damaged), *map(str, compiled.out.glob("src/*/*.c"))]
+    command = [tool("cc"), "-std=c99", "-Iinclude", "-I.", *sources, "-o", str(program)]
+    subprocess.run(command, cwd=compiled.out, check=True)
+    run = subprocess.run([program], input="", capture_output=True, text=True, check=False)
+    assert run.returncode != 0
+    assert "0 differ" not in run.stdout
+
+
 @pytest.mark.slow
 @pytest.mark.needs("gcc")
 def test_every_target_gives_the_bits_of_the_host(

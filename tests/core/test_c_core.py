@@ -79,7 +79,7 @@ def build_tests(build: Path, way: str) -> None:
 
 
 # Every pair of numbers of 16 bits, and millions of drawn ones: seconds each.
-SWEEPS = {"test_branch", "test_fixed_q15", "test_operator", "test_round_trip"}
+SWEEPS = {"test_branch", "test_fixed_q15", "test_operator", "test_play_at_rest", "test_round_trip"}
 
 
 @pytest.mark.parametrize(
@@ -93,6 +93,19 @@ def test_claims_of_the_core_hold(programs: Path, name: str) -> None:
     lines = (done.stdout + done.stderr).splitlines()
     broken = [line for line in lines if not line.lstrip().startswith("ok ")]
     assert done.returncode == 0, "\n".join(broken[:40])
+
+
+@pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only"])
+def test_single_precision_refuses_to_be_compiled_without_nan(flag: str, tmp_path: Path) -> None:
+    core = ROOT / "core"
+    reads = [f"-I{core / part}" for part in ("include", "src")]
+    for source in sorted((core / "src").glob("*/*_f32.c")):
+        command = [tool("cc", "gcc"), "-std=c99", "-O1", flag, *reads, "-c", str(source)]
+        done = subprocess.run(
+            [*command, "-o", str(tmp_path / "o")], capture_output=True, text=True, check=False
+        )
+        assert done.returncode != 0, source.name
+        assert "-ffast-math and -ffinite-math-only" in done.stderr, source.name
 
 
 # What core and plant may take from a C library: no heap, no input or output, no clock, and only

@@ -1,70 +1,43 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the map with one play, in fixed point. The oracle is the same law in double, its tables
    read by the map that test_fixed_map.c holds against exact arithmetic. */
-#include "anhyst/compensator/play_map.h"
-
 #include "check.h"
 #include "edges.h"
-#include "maps.h"
-
-static int16_t entries[MOST_COLUMNS * MOST_ROWS];
-static int16_t halves[MOST_COLUMNS * MOST_ROWS];
+#include "plays.h"
 
 static const double FULL = 2147483648.0;
+static any_play made;
 
-/* Half-widths of any kind that a map allows: no steeper than it, and within the format. */
-static void fill_halves(const anhyst_map_q31 *map)
+/* Starts with a block of any kind. */
+static anhyst_play_map_q31 any_start(uint16_t n, uint16_t m, int32_t step)
 {
-  const int columns = (1 << map->force_segments) + 1;
-  const int count = columns * ((1 << map->gap_segments) + 1);
-  for (int i = 0; i < count; i++) {
-    const int32_t at = map->entries[i];
-    const int32_t room = 32767 - (at < 0 ? -at : at);
-    const int32_t rise = i % columns == 0 ? 0 : at - map->entries[i - 1];
-    int32_t half = i % columns == 0 ? any_within(0, room) : halves[i - 1] + any_within(-rise, rise);
-    half = half > room ? room : half;
-    halves[i] = (int16_t)(half < 0 ? 0 : half);
-  }
+  anhyst_play_map_q31 c = {0};
+  make_play(&made, n, m, step);
+  CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_OK);
+  return c;
 }
 
-static anhyst_play_law_q31 any_law(uint16_t n, uint16_t m, int32_t step)
+static anhyst_play_map_q31 drawn(int i)
 {
-  anhyst_play_law_q31 law;
-  law.map = any_map(entries, n, m, step);
-  fill_halves(&law.map);
-  law.half.entries = halves;
-  law.half.force_segments = n;
-  law.half.gap_segments = m;
-  /* 1/(4*radius) to 16 bits, and the radius that goes with it. */
-  law.steepness.mantissa = (int16_t)any_within(16384, 32767);
-  law.steepness.shift = (int16_t)any_within(1, 8);
-  const double steepness = ldexp((double)law.steepness.mantissa, law.steepness.shift - 16);
-  law.radius = (int32_t)fmin(FULL - 1.0, floor(FULL / (4.0 * steepness)));
-  return law;
-}
-
-static double half_share(const anhyst_play_law_q31 *law, double over)
-{
-  return fmin(fmax(over / (double)law->radius, -1.0), 1.0);
+  return any_start((uint16_t)(i % 9), (uint16_t)(i % 5), 65536 >> (i % 9));
 }
 
 static void a_solve_is_the_law(void)
 {
   double worst = 0.0;
   for (int i = 0; i < 200; i++) {
-    const anhyst_play_law_q31 law = any_law((uint16_t)(i % 9), (uint16_t)(i % 5), 65536 >> (i % 9));
-    anhyst_play_map_q31 c;
-    CHECK(anhyst_play_map_init_q31(&c, &law, ANHYST_Q31_MIN, ANHYST_Q31_MAX) == ANHYST_OK);
+    anhyst_play_map_q31 c = drawn(i);
     for (int at = 0; at < SIGNALS; at++) {
       const int32_t force = at < EDGE_COUNT && at % 2 == 0 ? edge(at) : any_code();
       const int32_t gap = any_code();
-      const int32_t value = anhyst_map_value_q31(&law.map, force, gap);
-      const int32_t half = anhyst_map_value_q31(&law.half, force, gap);
+      const int32_t value = anhyst_map_value_q31(&made.map, force, gap);
+      const int32_t half = anhyst_map_value_q31(&made.half, force, gap);
       c.play = at % 3 == 0 ? any_code() : any_within(value / 2, value / 2 + ANHYST_Q31_MAX / 2);
       const int32_t before = c.play;
-      const double right = value + half * half_share(&law, (double)value - before);
-      const double got = anhyst_play_map_solve_q31(&c, force, gap);
-      keep_worst(&worst, fabs(got - right) - half * ldexp(1.0, -15));
+      const double side = ((double)value - before) / (made.radius * FULL);
+      const double right = value + half * fmin(fmax(side, -1.0), 1.0);
+      const double current = anhyst_play_map_solve_q31(&c, force, gap);
+      keep_worst(&worst, fabs(current - right) - half * ldexp(1.0, -15));
       CHECK(c.play == before);
     }
   }
@@ -77,9 +50,7 @@ static void a_commit_finds_the_force_of_any_current(void)
   double worst = 0.0;
   double beyond = 0.0;
   for (int i = 0; i < 200; i++) {
-    const anhyst_play_law_q31 law = any_law((uint16_t)(i % 9), (uint16_t)(i % 5), 65536 >> (i % 9));
-    anhyst_play_map_q31 c;
-    CHECK(anhyst_play_map_init_q31(&c, &law, ANHYST_Q31_MIN, ANHYST_Q31_MAX) == ANHYST_OK);
+    anhyst_play_map_q31 c = drawn(i);
     for (int at = 0; at < SIGNALS; at++) {
       c.play = at % 7 == 0 ? any_code() : c.play;
       const int32_t gap = any_code();
@@ -96,68 +67,135 @@ static void a_commit_finds_the_force_of_any_current(void)
           anhyst_play_map_solve_q31(&again, force < ANHYST_Q31_MAX - 64 ? force + 64 : force, gap);
       const double last = anhyst_play_map_solve_q31(&again, force > 64 ? force - 64 : 0, gap);
       keep_worst(&worst, fmax(last - reached, reached - next));
-      const double value = anhyst_map_value_q31(&law.map, force, gap);
-      keep_worst(&beyond, fabs(c.play - value) - law.radius);
+      const double value = anhyst_map_value_q31(&made.map, force, gap);
+      keep_worst(&beyond, fabs(c.play - value) - c.law.radius);
     }
   }
-  CHECK_BELOW("current at the force that was found", worst, 262144.0);
-  CHECK_BELOW("play beyond its radius", beyond, 0.0);
+  CHECK_BELOW("current at the force that was found", worst, 2048.0);
+  CHECK_BELOW("play beyond its radius, units in the last place", beyond, 16.0);
 }
 
 static void what_was_solved_gives_the_demand_to_the_bit(void)
 {
-  const anhyst_play_law_q31 law = any_law(6, 3, 900);
-  anhyst_play_map_q31 c;
-  CHECK(anhyst_play_map_init_q31(&c, &law, ANHYST_Q31_MIN, ANHYST_Q31_MAX) == ANHYST_OK);
+  anhyst_play_map_q31 c = any_start(6, 3, 900);
   for (int at = 0; at < SIGNALS; at++) {
     const int32_t demand = any_code();
     const int32_t gap = any_code();
     const int32_t current = anhyst_play_map_solve_q31(&c, demand, gap);
-    CHECK((c.flags != 0U) == (demand < 0));
+    CHECK(c.flags ==
+          (demand < 0 ? ANHYST_DEMAND_LIMITED : 0U) + (gap < 0 ? ANHYST_GAP_LIMITED : 0U));
     CHECK(anhyst_play_map_commit_q31(&c, current, gap) == (demand > 0 ? demand : 0));
   }
 }
 
 static void limits_hold_and_show(void)
 {
-  const anhyst_play_law_q31 law = any_law(5, 2, 2000);
+  make_play(&made, 5, 2, 2000);
+  made.fixed[ANHYST_WORD_PLAY_CURRENT_LOW] = -10;
+  made.fixed[ANHYST_WORD_PLAY_CURRENT_HIGH] = 1000;
+  close_play(&made);
   anhyst_play_map_q31 c;
-  CHECK(anhyst_play_map_init_q31(&c, &law, -1000, 1000) == ANHYST_OK);
+  CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_OK);
   for (int at = 0; at < SIGNALS; at++) {
-    const int32_t current = anhyst_play_map_solve_q31(&c, any_code(), any_code());
-    CHECK(current >= -1000 && current <= 1000);
-    CHECK(((c.flags & ANHYST_CURRENT_LIMITED) != 0U) == (c.wanted != c.current));
+    const int32_t demand = at < EDGE_COUNT ? edge(at) : any_code();
+    const int32_t current = anhyst_play_map_solve_q31(&c, demand, any_code());
+    CHECK(current >= -10 * 65536 && current <= 1000 * 65536);
+    CHECK(((c.flags & ANHYST_CURRENT_LIMITED) != 0U) == (c.at.current != current));
+    anhyst_play_map_commit_q31(&c, at % 3 == 0 ? edge(at) : current, edge((7 * at) % EDGE_COUNT));
   }
 }
 
-static void invalid_laws_are_refused(void)
+static void a_commit_adds_what_was_beyond_a_range(void)
 {
-  const anhyst_play_law_q31 valid = any_law(3, 2, 1000);
+  const int32_t most = 1000 * 65536;
+  make_play(&made, 5, 2, 2000);
+  made.fixed[ANHYST_WORD_PLAY_CURRENT_HIGH] = 1000;
+  close_play(&made);
   anhyst_play_map_q31 c;
-  CHECK(anhyst_play_map_init_q31(&c, &valid, 0, 1) == ANHYST_OK);
-  CHECK(anhyst_play_map_init_q31(&c, &valid, 1, 0) == ANHYST_BAD_PARAMETER);
-  anhyst_play_law_q31 law = valid;
-  law.radius = ANHYST_PLAY_LEAST_RADIUS - 1;
-  CHECK(anhyst_play_law_check_q31(&law) == ANHYST_BAD_PARAMETER);
-  law = valid;
-  law.half.entries = 0;
-  CHECK(anhyst_play_law_check_q31(&law) == ANHYST_BAD_PARAMETER);
-  law = valid;
-  law.half.force_segments = 2;
-  CHECK(anhyst_play_law_check_q31(&law) == ANHYST_BAD_PARAMETER);
-  law = valid;
-  law.steepness.shift = 17;
-  CHECK(anhyst_play_law_check_q31(&law) == ANHYST_BAD_PARAMETER);
-  const int16_t map[] = {0, 5, 0, 5};
-  const int16_t below_zero[] = {-1, 0, 0, 0};
-  const int16_t steeper[] = {0, 6, 0, 0};
-  const int16_t falling[] = {6, 0, 0, 0};
-  const int16_t beyond[] = {32767, 32763, 0, 0};
-  const int16_t *const wrong[] = {below_zero, steeper, falling, beyond};
-  for (int i = 0; i < 4; i++) {
-    const anhyst_play_law_q31 bad = {{map, 0, 0}, {wrong[i], 0, 0}, 1000, {16384, 1}};
-    CHECK(anhyst_play_law_check_q31(&bad) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_OK);
+  anhyst_play_map_commit_q31(&c, most + 65536, 0); /* a converter may round it up to there */
+  CHECK(c.flags == 0U);
+  anhyst_play_map_commit_q31(&c, most + 65537, 0);
+  CHECK(c.flags == ANHYST_CURRENT_LIMITED);
+  anhyst_play_map_solve_q31(&c, -1, 5);
+  CHECK((c.flags & ~(unsigned)ANHYST_CURRENT_LIMITED) == ANHYST_DEMAND_LIMITED);
+  anhyst_play_map_commit_q31(&c, 0, -5);
+  CHECK((c.flags & ~(unsigned)ANHYST_CURRENT_LIMITED) ==
+        (ANHYST_DEMAND_LIMITED | ANHYST_GAP_LIMITED));
+  anhyst_play_map_commit_q31(&c, 0, 5);
+  CHECK(c.flags == 0U);
+}
+
+static void every_damaged_bit_is_refused(void)
+{
+  any_start(3, 2, 1000);
+  for (int word = 0; word < made.count; word++) {
+    for (int bit = 0; bit < 16; bit++) {
+      anhyst_play_map_q31 c;
+      const int16_t right = made.fixed[word];
+      made.fixed[word] = (int16_t)(uint16_t)((uint16_t)right ^ (1U << bit));
+      CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_BAD_PARAMETER);
+      made.fixed[word] = right;
+    }
   }
+}
+
+/* Sets a word, closes the block and returns whether it is refused, with nothing changed. */
+static int is_refused(int word, int16_t value)
+{
+  anhyst_play_map_q31 c;
+  anhyst_play_map_q31 untouched;
+  const int16_t right = made.fixed[word];
+  memset(&c, 0x5A, sizeof c);
+  untouched = c;
+  made.fixed[word] = value;
+  close_play(&made);
+  const int refused = anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_BAD_PARAMETER;
+  made.fixed[word] = right;
+  close_play(&made);
+  return refused && memcmp(&c, &untouched, sizeof c) == 0;
+}
+
+static void invalid_blocks_are_refused(void)
+{
+  anhyst_play_map_q31 c = any_start(3, 2, 1000);
+  CHECK(anhyst_play_map_init_q31(&c, made.fixed, (uint16_t)(made.count - 1U)) ==
+        ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_play_map_init_q31(&c, made.fixed, 0) == ANHYST_BAD_PARAMETER);
+  CHECK(is_refused(ANHYST_WORD_KIND, ANHYST_KIND_CELLS));
+  CHECK(is_refused(ANHYST_WORD_LAYOUT, ANHYST_BLOCK_LAYOUT + 1));
+  CHECK(is_refused(ANHYST_WORD_LENGTH, (int16_t)(made.count - 1)));
+  CHECK(is_refused(ANHYST_WORD_PLAY_FORCE_SEGMENTS, 4));
+  CHECK(is_refused(ANHYST_WORD_PLAY_FORCE_SEGMENTS, 9));
+  CHECK(is_refused(ANHYST_WORD_PLAY_GAP_SEGMENTS, -1));
+  CHECK(is_refused(ANHYST_WORD_PLAY_CURRENT, FIRST + 1));
+  CHECK(is_refused(ANHYST_WORD_PLAY_HALF, FIRST));
+  CHECK(is_refused(ANHYST_WORD_PLAY_STEEPNESS, 16383));
+  CHECK(is_refused(ANHYST_WORD_PLAY_SHIFT, 10));
+  CHECK(is_refused(ANHYST_WORD_PLAY_SHIFT, -1));
+  CHECK(is_refused(ANHYST_WORD_PLAY_DEMAND_LOW, -1));
+  made.fixed[ANHYST_WORD_PLAY_CURRENT_LOW] = 5;
+  CHECK(is_refused(ANHYST_WORD_PLAY_CURRENT_HIGH, 4));
+}
+
+static void invalid_tables_are_refused(void)
+{
+  any_start(0, 0, 1000);
+  const int16_t valid[] = {0, 5, 0, 5, 0, 0, 0, 0};
+  const int16_t wrong[] = {6, -32767 - 1, 6, -1, -1, 6, -1, 6};
+  memcpy(made.fixed + FIRST, valid, sizeof valid);
+  close_play(&made);
+  anhyst_play_map_q31 c;
+  CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_OK);
+  for (int i = 0; i < 8; i++) {
+    CHECK(is_refused(FIRST + i, wrong[i]));
+  }
+  CHECK(is_refused(FIRST + 4, 6)); /* a half-width that falls more than the map rises */
+  const int16_t high[] = {32762, 32767, 32762, 32767, 5, 0, 5, 0};
+  memcpy(made.fixed + FIRST, high, sizeof high);
+  close_play(&made);
+  CHECK(anhyst_play_map_init_q31(&c, made.fixed, made.count) == ANHYST_OK);
+  CHECK(is_refused(FIRST + 5, 1)); /* a branch beyond the format */
 }
 
 int main(void)
@@ -166,6 +204,9 @@ int main(void)
   a_commit_finds_the_force_of_any_current();
   what_was_solved_gives_the_demand_to_the_bit();
   limits_hold_and_show();
-  invalid_laws_are_refused();
+  a_commit_adds_what_was_beyond_a_range();
+  every_damaged_bit_is_refused();
+  invalid_blocks_are_refused();
+  invalid_tables_are_refused();
   return verdict();
 }

@@ -176,9 +176,9 @@ FAULTS = [
     ),
     Fault(
         "the inverse of a map a step of its search short",
-        "src/compensator/map.c",
-        "for (uint16_t step = n; step > 0U; step--) {",
-        "for (uint16_t step = n; step > 1U; step--) {",
+        "src/compensator/generic/map.h",
+        "while (above - at.index > 1U) {",
+        "while (above - at.index > 2U) {",
         "test_fixed_map",
     ),
     Fault(
@@ -190,10 +190,45 @@ FAULTS = [
     ),
     Fault(
         "a map that may fall",
-        "src/compensator/map.c",
-        "rise < 0 ||",
-        "rise < -100 ||",
+        "src/compensator/generic/map.h",
+        "rise >= 0 &&",
+        "rise >= -100 &&",
         "test_fixed_map",
+    ),
+    Fault(
+        "a loop steeper than its map",
+        "src/compensator/generic/play_block.h",
+        "if (wider > rise || -wider > rise) {",
+        "if (wider > rise) {",
+        "test_fixed_play_map",
+    ),
+    Fault(
+        "a checksum of half of each word",
+        "src/compensator/checksum.h",
+        "bit < 16U",
+        "bit < 8U",
+        "test_fixed_play_map",
+    ),
+    Fault(
+        "a corner of the play left out",
+        "src/compensator/generic/play_map.h",
+        "if (in.near->side == -ONE || in.far->side == -ONE) {",
+        "if (0) {",
+        "test_fixed_play_map",
+    ),
+    Fault(
+        "one step of Newton too few",
+        "src/compensator/play_map.c",
+        "#define PLAY_STEPS ANHYST_PLAY_STEPS",
+        "#define PLAY_STEPS 1",
+        "test_fixed_play_map",
+    ),
+    Fault(
+        "an applied current that is not a number",
+        "src/compensator/generic/play_map_real.h",
+        "return a >= -LARGEST && a <= LARGEST;",
+        "return a > -LARGEST || a <= LARGEST;",
+        "test_play_map_real",
     ),
     Fault(
         "a turn that forgets what moved",
@@ -329,6 +364,12 @@ BESIDE = {
         *(f"control/{name}_f64" for name in ("tracking", "allocation", "biquad")),
         *(f"compensator/{name}" for name in ("force_controller", "force_controller_f64", "map")),
         *(f"compensator/{name}" for name in ("map_f64", "compensator", "compensator_f64", "block")),
+    ),
+    "test_fixed_map": ("compensator/map",),
+    "test_fixed_play_map": ("compensator/map", "compensator/play_map"),
+    "test_play_map_real": (
+        *(f"compensator/map{of}" for of in ("", "_f32", "_f64")),
+        *(f"compensator/play_map{of}" for of in ("", "_f32", "_f64")),
     ),
     "test_fixed_force_controller": tuple(
         f"compensator/{name}" for name in ("force_controller", "map", "compensator", "block")

@@ -3,7 +3,24 @@
 
 #include <stddef.h>
 
-#include "lookup_f64.h"
+typedef double number;
+typedef anhyst_map_f64 map_type;
 
-#include "anhyst/numeric/f64.h"
+#include "generic/map_real.h"
+
 #include "generic/map.h"
+
+anhyst_status anhyst_map_check_f64(const anhyst_map_f64 *map)
+{
+  return is_map(map) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+}
+
+double anhyst_map_value_f64(const anhyst_map_f64 *map, double force, double gap)
+{
+  return map_value(map, force, gap);
+}
+
+double anhyst_map_force_f64(const anhyst_map_f64 *map, double value, double gap)
+{
+  return map_force(map, value, gap);
+}

@@ -1,109 +1,134 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst/compensator/play_map.h"
 
-#include "anhyst/numeric/q31.h"
+#include "checksum.h"
+#include "map_fixed.h"
 
-#include <stddef.h>
+typedef anhyst_play_law_q31 law_type;
+typedef anhyst_play_point_q31 point;
+typedef anhyst_play_map_q31 play_type;
 
-#include "lookup.h"
+#define PLAY_STEPS ANHYST_PLAY_STEPS
 
-/* Whether a row with its half-widths never falls and stays within the format. */
-static int row_is_valid(const int16_t *entries, const int16_t *half, uint16_t columns)
-{
-  for (uint16_t i = 0; i < columns; i++) {
-    if (half[i] < 0 || (int32_t)entries[i] + half[i] > ANHYST_Q15_MAX ||
-        (int32_t)entries[i] - half[i] < -ANHYST_Q15_MAX) {
-      return 0;
-    }
-    if (i > 0U) {
-      const int32_t rise = (int32_t)entries[i] - entries[i - 1U];
-      const int32_t wider = (int32_t)half[i] - half[i - 1U];
-      if (wider > rise || -wider > rise) {
-        return 0;
-      }
-    }
-  }
-  return 1;
-}
-
-anhyst_status anhyst_play_law_check_q31(const anhyst_play_law_q31 *law)
-{
-  const anhyst_map_q31 *map = &law->map;
-  if (anhyst_map_check_q31(map) != ANHYST_OK || law->half.entries == NULL ||
-      law->half.force_segments != map->force_segments ||
-      law->half.gap_segments != map->gap_segments || law->radius < ANHYST_PLAY_LEAST_RADIUS ||
-      !anhyst_factor_is_valid(law->steepness) || law->steepness.mantissa <= 0) {
-    return ANHYST_BAD_PARAMETER;
-  }
-  const uint16_t columns = (uint16_t)(((uint32_t)1U << map->force_segments) + 1U);
-  const uint16_t rows = (uint16_t)(((uint32_t)1U << map->gap_segments) + 1U);
-  for (uint16_t row = 0; row < rows; row++) {
-    const size_t first = (size_t)row * columns;
-    if (!row_is_valid(map->entries + first, law->half.entries + first, columns)) {
-      return ANHYST_BAD_PARAMETER;
-    }
-  }
-  return ANHYST_OK;
-}
-
-static int is_known(int32_t a)
+static int is_known(number a)
 {
   (void)a;
   return 1; /* every code is a number */
 }
 
-static int32_t limited(int32_t a, int32_t low, int32_t high) { return anhyst_clamp(a, low, high); }
+static number size_of(number a) { return anhyst_abs_q31(a); }
+
+static number add(number a, number b) { return anhyst_add_q31(a, b); }
+
+static number subtract(number a, number b) { return anhyst_sub_q31(a, b); }
+
+static number limited(number a, number low, number high) { return anhyst_clamp(a, low, high); }
 
 /* The nearest force of the map, which only pulls; the largest code is its last column. */
-static int32_t pulling(const anhyst_map_q31 *map, int32_t demand)
+static number pulling(const map_type *map, number demand)
 {
   (void)map;
   return demand > 0 ? demand : 0;
 }
 
-/* half*bounded(over/radius); exact from radius on. */
-static int32_t pull(const anhyst_play_law_q31 *law, int32_t half, int32_t over)
+static int is_gap(const map_type *map, number gap)
 {
-  const int32_t size = anhyst_abs_q31(over);
-  int32_t part = half;
-  if (size < law->radius) {
-    part = anhyst_share(half, anhyst_shl_q31(anhyst_factor_product(size, law->steepness), 2));
+  (void)map;
+  return gap >= 0;
+}
+
+/* distance/radius; |distance| is less than the radius, so that no product leaves the format. */
+static number side_of(const law_type *law, number distance)
+{
+  return 4 * anhyst_scale(distance * ((int32_t)1 << law->shift), law->steepness);
+}
+
+/* The difference of two currents over 4, so that it stays within the format; to be compared with
+   others of its kind. */
+static number difference(number a, number b) { return (a >> 2) - (b >> 2); }
+
+/* numerator/denominator to 14 bits, at most 1, never too large; the numerator is above 0. */
+static number share_of(number numerator, number denominator)
+{
+  if (numerator >= denominator) {
+    return ONE;
   }
-  return over < 0 ? -part : part;
+  const uint16_t up = anhyst_headroom(numerator);
+  const uint16_t down = anhyst_headroom(denominator);
+  const int32_t top = (int32_t)((uint32_t)numerator << up);
+  const int32_t bottom = ((int32_t)((uint32_t)denominator << down) >> 16) + 1;
+  const uint32_t ratio = (uint32_t)(top / bottom); /* below 2^17; below 2^16 if up is down */
+  /* up >= down, as the numerator is smaller. NOLINTNEXTLINE(clang-analyzer-core.BitwiseShift) */
+  return (int32_t)((ratio << 15) >> (up - down));
 }
 
-static uint16_t columns_of(const anhyst_map_q31 *map)
+/* The same to 28 bits: a second digit comes from the rest. The numerator is not negative. */
+static number fraction_of(number numerator, number denominator)
 {
-  return (uint16_t)((uint32_t)1U << map->force_segments);
+  if (numerator == 0) {
+    return 0;
+  }
+  const number first = share_of(numerator, denominator);
+  const number rest = numerator - times(denominator, first);
+  return rest > 0 ? add(first, share_of(rest, denominator)) : first;
 }
 
-/* The column at or below a force. */
-static uint16_t column_of(const anhyst_map_q31 *map, int32_t force)
+/* Whether a difference of currents is rounding. */
+static int is_rounding(number left, number near, number far)
 {
-  return (uint16_t)((uint32_t)force >> (31U - map->force_segments));
+  (void)near;
+  (void)far;
+  return left <= ANHYST_PLAY_NEAR / 4 && left >= -(ANHYST_PLAY_NEAR / 4);
 }
 
-/* The largest code is the last column. */
-static int32_t force_of(const anhyst_map_q31 *map, uint16_t column)
+static int is_word(entry word, uint16_t value) { return (uint16_t)word == value; }
+
+static uint32_t add_bits(uint32_t sum, entry word)
 {
-  const uint32_t force = (uint32_t)column << (31U - map->force_segments);
-  return force > (uint32_t)ANHYST_Q31_MAX ? ANHYST_Q31_MAX : (int32_t)force;
+  return anhyst_checksum_add(sum, (uint16_t)word);
 }
 
-/* Where a straight line between two forces is as far above the one as below the other, to 14 bits;
-   both parts above 0. */
-static int32_t between(int32_t low, int32_t high, int32_t below, int32_t above)
+static number current_of(entry word) { return (number)word * 65536; }
+
+/* 2^-15 of full scale: what a converter may add to a limit of the current. */
+static number room_of(const entry *words)
 {
-  const int32_t whole = (below >> 1) + (above >> 1) + 1;
-  const int32_t share = anhyst_quotient((below >> 1) + (below & 1), whole);
-  return low + anhyst_share(high - low, anhyst_shl_q31(share, 15));
+  (void)words;
+  return 65536;
 }
 
-/* Whether so much of a current is rounding. */
-static int is_nothing(const anhyst_play_map_q31 *c, int32_t current)
+/* Reads sizes and play; the range of forces begins at 0. */
+static int read_scales(law_type *law, const entry *words)
 {
-  (void)c;
-  return current <= ANHYST_PLAY_NEAR && current >= -ANHYST_PLAY_NEAR;
+  const entry steepness = words[ANHYST_WORD_PLAY_STEEPNESS];
+  const entry shift = words[ANHYST_WORD_PLAY_SHIFT];
+  if (steepness < 16384 || shift < 0 || shift > 9 || words[ANHYST_WORD_PLAY_DEMAND_LOW] != 0) {
+    return 0;
+  }
+  law->map.force_segments = (uint16_t)words[ANHYST_WORD_PLAY_FORCE_SEGMENTS];
+  law->map.gap_segments = (uint16_t)words[ANHYST_WORD_PLAY_GAP_SEGMENTS];
+  law->steepness = steepness;
+  law->shift = (uint16_t)shift;
+  law->radius = (steepness > 16384 ? anhyst_ratio(16384, steepness) : ANHYST_Q31_MAX) >> shift;
+  return 1;
 }
 
+#include "generic/map.h"
+#include "generic/play_block.h"
 #include "generic/play_map.h"
+
+anhyst_status anhyst_play_map_init_q31(anhyst_play_map_q31 *c, const int16_t *words,
+                                       uint16_t capacity)
+{
+  return init(c, words, capacity);
+}
+
+int32_t anhyst_play_map_solve_q31(anhyst_play_map_q31 *c, int32_t demand, int32_t gap)
+{
+  return solve(c, demand, gap);
+}
+
+int32_t anhyst_play_map_commit_q31(anhyst_play_map_q31 *c, int32_t applied, int32_t gap)
+{
+  return commit(c, applied, gap);
+}

@@ -1,12 +1,39 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst/compensator/play_map_real.h"
 
-#include "anhyst/numeric/real.h"
-
 #include <stddef.h>
 
-#include "lookup_f64.h"
+#include "anhyst/compensator/map.h"
+#include "checksum.h"
 
-#include "anhyst/numeric/f64.h"
+typedef double number;
+typedef uint64_t pattern; /* as wide as a number */
+typedef anhyst_map_f64 map_type;
+typedef anhyst_play_law_f64 law_type;
+typedef anhyst_play_point_f64 point;
+typedef anhyst_play_map_f64 play_type;
+
+#define EPSILON 2.220446049250313e-16 /* distance from 1 to the next number */
+
+#include "generic/map_real.h"
 #include "generic/play_map_real.h"
+/* Their templates. */
+#include "generic/map.h"
+#include "generic/play_block.h"
 #include "generic/play_map.h"
+
+anhyst_status anhyst_play_map_init_f64(anhyst_play_map_f64 *c, const double *words,
+                                       uint16_t capacity)
+{
+  return init(c, words, capacity);
+}
+
+double anhyst_play_map_solve_f64(anhyst_play_map_f64 *c, double demand, double gap)
+{
+  return solve(c, demand, gap);
+}
+
+double anhyst_play_map_commit_f64(anhyst_play_map_f64 *c, double applied, double gap)
+{
+  return commit(c, applied, gap);
+}

@@ -265,11 +265,6 @@ class _RealForceController:
         gap_high: float, low: float, high: float,
     ) -> Self: ...  # fmt: skip
     @classmethod
-    def play(
-        cls, entries: _Array, half: _Array, radius: float, force_low: float, force_high: float,
-        gap_low: float, gap_high: float, low: float, high: float,
-    ) -> Self: ...  # fmt: skip
-    @classmethod
     def flux(
         cls, entries: _Array, wanted: _Array, loop: _Array, force_low: float, force_high: float,
         gap_low: float, gap_high: float, low: float, high: float,
@@ -291,10 +286,14 @@ class _RealForceController:
 class ForceController(_RealForceController):
     @staticmethod
     def compensator(kind: str, words: _Array) -> ForceController: ...
+    @staticmethod
+    def play(words: _Array) -> ForceController: ...
 
 class ForceControllerF32(_RealForceController):
     @staticmethod
     def compensator(kind: str, words: NDArray[np.float32]) -> ForceControllerF32: ...
+    @staticmethod
+    def play(words: NDArray[np.float32]) -> ForceControllerF32: ...
 
 _Words = NDArray[np.int16]
 
@@ -304,9 +303,7 @@ class FixedForceController:
     @staticmethod
     def map(entries: _Words, low: int, high: int) -> FixedForceController: ...
     @staticmethod
-    def play(
-        entries: _Words, half: _Words, radius: int, steepness: _Words, low: int, high: int
-    ) -> FixedForceController: ...
+    def play(words: _Words) -> FixedForceController: ...
     @staticmethod
     def compensator(kind: str, words: _Words) -> FixedForceController: ...
     @staticmethod

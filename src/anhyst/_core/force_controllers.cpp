@@ -25,8 +25,7 @@ template <class F> void bind_real(nb::module_ &m, const char *name)
   nb::class_<Bound>(m, name)
       .def_static("map", &Bound::map, "entries"_a.noconvert(), "force_low"_a, "force_high"_a,
                   "gap_low"_a, "gap_high"_a, "low"_a, "high"_a)
-      .def_static("play", &Bound::play, "entries"_a.noconvert(), "half"_a.noconvert(), "radius"_a,
-                  "force_low"_a, "force_high"_a, "gap_low"_a, "gap_high"_a, "low"_a, "high"_a)
+      .def_static("play", &Bound::play, "words"_a.noconvert())
       .def_static("compensator", &Bound::compensator, "kind"_a, "words"_a.noconvert())
       .def_static("flux", &Bound::flux, "entries"_a.noconvert(), "wanted"_a.noconvert(),
                   "loop"_a.noconvert(), "force_low"_a, "force_high"_a, "gap_low"_a, "gap_high"_a,
@@ -58,16 +57,12 @@ FixedForceController::Made FixedForceController::map(const Entries &entries, int
   return made;
 }
 
-FixedForceController::Made FixedForceController::play(const Entries &entries, const Entries &half,
-                                                      int32_t radius, const Words<Fixed> &steepness,
-                                                      int32_t low, int32_t high)
+FixedForceController::Made FixedForceController::play(const Words<Fixed> &words)
 {
-  same_length(entries.shape(0), half.shape(0), "half");
-  same_length(entries.shape(1), half.shape(1), "a row of half");
-  same_length(2, steepness.shape(0), "steepness");
   Made made(new FixedForceController);
-  made->law_ = {made->table(entries), made->table(half), radius, {steepness(0), steepness(1)}};
-  check_controller(anhyst_play_map_init_q31(&made->play_, &made->law_, low, high));
+  made->tables_.emplace_back(words.data(), words.data() + words.size());
+  check_controller(anhyst_play_map_init_q31(&made->play_, made->tables_.back().data(),
+                                            static_cast<uint16_t>(words.size())));
   anhyst_force_controller_init_play_q31(&made->state_, &made->play_);
   return made;
 }
@@ -116,8 +111,7 @@ void bind_force_controllers(nb::module_ &m)
   bind_real<ForceControllerF32>(m, "ForceControllerF32");
   nb::class_<FixedForceController>(m, "FixedForceController")
       .def_static("map", &FixedForceController::map, "entries"_a.noconvert(), "low"_a, "high"_a)
-      .def_static("play", &FixedForceController::play, "entries"_a.noconvert(),
-                  "half"_a.noconvert(), "radius"_a, "steepness"_a.noconvert(), "low"_a, "high"_a)
+      .def_static("play", &FixedForceController::play, "words"_a.noconvert())
       .def_static("compensator", &FixedForceController::compensator, "kind"_a,
                   "words"_a.noconvert())
       .def_static("flux", &FixedForceController::flux, "entries"_a.noconvert(),

@@ -18,7 +18,6 @@
     using Format = F;                                                                              \
     using Map = anhyst_map_##f;                                                                    \
     using Loop = anhyst_flux_loop_##f;                                                             \
-    using Law = anhyst_play_law_##f;                                                               \
     using Play = anhyst_play_map_##f;                                                              \
     using State = anhyst_force_controller_##f;                                                     \
     static constexpr auto init_map = anhyst_force_controller_init_map_##f;                         \
@@ -61,15 +60,12 @@ public:
     return made;
   }
 
-  static Made play(const InTable &entries, const InTable &half, double radius, double force_low,
-                   double force_high, double gap_low, double gap_high, double low, double high)
+  static Made play(const Words<typename F::Format> &words)
   {
-    same_length(entries.shape(0), half.shape(0), "half");
-    same_length(entries.shape(1), half.shape(1), "a row of half");
     Made made(new RealForceController);
-    made->law_ = {made->table(entries, force_low, force_high, gap_low, gap_high),
-                  made->table(half, force_low, force_high, gap_low, gap_high), real(radius)};
-    check_controller(F::make_play(&made->play_, &made->law_, real(low), real(high)));
+    made->tables_.emplace_back(words.data(), words.data() + words.size());
+    check_controller(F::make_play(&made->play_, made->tables_.back().data(),
+                                  static_cast<uint16_t>(words.size())));
     F::init_play(&made->state_, &made->play_);
     return made;
   }
@@ -165,7 +161,6 @@ private:
   typename F::State state_{};
   typename F::Map current_{};
   typename F::Loop loop_{};
-  typename F::Law law_{};
   typename F::Play play_{};
   std::vector<std::vector<Real>> tables_;
 };
@@ -181,8 +176,7 @@ public:
   FixedForceController &operator=(const FixedForceController &) = delete;
 
   static Made map(const Entries &entries, int32_t low, int32_t high);
-  static Made play(const Entries &entries, const Entries &half, int32_t radius,
-                   const Words<Fixed> &steepness, int32_t low, int32_t high);
+  static Made play(const Words<Fixed> &words);
   static Made compensator(const std::string &kind, const Words<Fixed> &words);
   static Made flux(const Entries &entries, const Entries &wanted, const Factors &loop, int32_t low,
                    int32_t high);
@@ -229,7 +223,6 @@ private:
   anhyst_force_controller_q31 state_{};
   anhyst_map_q31 current_{};
   anhyst_flux_loop_q31 loop_{};
-  anhyst_play_law_q31 law_{};
   anhyst_play_map_q31 play_{};
   std::vector<std::vector<int16_t>> tables_;
 };

@@ -24,6 +24,7 @@ from anhyst import _core
 from anhyst.compensate.block import as_word
 from anhyst.compensate.force_controller import REAL, Compensator, Native
 from anhyst.compensate.plan import full_scale
+from anhyst.compensate.play_block import Words, pack_play
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.data import Loop, Loops
 from anhyst.data.surface import (
@@ -218,11 +219,40 @@ class PlayMap:
 
     def native(self, number_format: NumberFormat) -> Native:
         """Return the core's own."""
-        table = self.map
+        words = self.block(number_format)
         if number_format == "fixed":
-            words = table.words(), self.half_words(), *self.radius_words()
-            return _core.FixedForceController.play(*words, *table.codes())
-        return REAL[number_format].play(table.entries, self.half, self.radius, *table.real())
+            return _core.FixedForceController.play(words.astype(np.int16))
+        if number_format == "f32":
+            return _core.ForceControllerF32.play(words.astype(np.float32))
+        return _core.ForceController.play(words.astype(np.float64))
+
+    def block(self, number_format: NumberFormat, model_hash: int = 0) -> Words:
+        """Return the parameter block; `model_hash` has 32 bits."""
+        table, fixed = self.map, number_format == "fixed"
+        mantissa, shift = self._steepness()
+        low, high = table.limits
+        if fixed:
+            low, high = (
+                as_word(end / self.scales.current, 2.0**15, "limit") for end in (low, high)
+            )
+        words = {
+            "PLAY_DEMAND_LOW": table.force_low,
+            "PLAY_CURRENT_LOW": low,
+            "PLAY_CURRENT_HIGH": high,
+            "PLAY_FORCE_SEGMENTS": (self.half.shape[1] - 2).bit_length(),
+            "PLAY_GAP_SEGMENTS": (self.half.shape[0] - 2).bit_length(),
+            "PLAY_STEEPNESS": mantissa if fixed else 0.25 / self.radius,
+            "PLAY_SHIFT": shift if fixed else 0,
+            "SCALE_DEMAND": self.scales.demand,
+            "SCALE_CURRENT": self.scales.current,
+            "SCALE_GAP_LOW": self.scales.gap_low,
+            "SCALE_GAP_HIGH": self.scales.gap_high,
+        }
+        tables = {
+            "PLAY_CURRENT": table.words() if fixed else table.entries,
+            "PLAY_HALF": self.half_words() if fixed else self.half,
+        }
+        return pack_play(number_format, words, tables, model_hash)
 
     def widened(self, part: float) -> PlayMap:
         """Return the same with a loop that is wider by a part."""
@@ -237,13 +267,9 @@ class PlayMap:
         least = np.minimum(half, _LARGEST_WORD - np.abs(around))
         return no_steeper(least, np.diff(around)).astype(np.int16)
 
-    def radius_words(self) -> tuple[int, NDArray[np.int16]]:
-        """Radius and steepness as fixed point takes them; the radius is made to fit the factor."""
-        mantissa, shift = as_factor(
-            "steepness of the play", 0.25 * self.scales.current / self.radius
-        )
-        exact = q31(0.25 * 2.0 ** (16 - shift) / mantissa)
-        return exact, np.array([mantissa, shift], dtype=np.int16)
+    def _steepness(self) -> tuple[int, int]:
+        """Return mantissa and shift of a quarter over the radius in fixed point."""
+        return as_factor("steepness of the play", 0.25 * self.scales.current / self.radius)
 
 
 def one_play(sources: Sources, _: NumberFormat) -> PlayMap:

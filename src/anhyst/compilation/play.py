@@ -15,6 +15,7 @@ from anhyst.compensate.block import DemandLimits
 from anhyst.compensate.current_map import PlayMap, one_play
 from anhyst.compensate.force_controller import Compensator, ForceController
 from anhyst.compensate.plan import CompileRequest
+from anhyst.compensate.play_block import Words
 from anhyst.compensate.sources import (
     Operating,
     Sources,
@@ -30,7 +31,7 @@ from anhyst.compilation.manifest import (
     signal_entries,
     write_folder,
 )
-from anhyst.compilation.parameters import table_source
+from anhyst.compilation.play_source import play_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core
 from anhyst.compilation.vectors import COLUMNS, SEED, Row, codes_of_inputs, vectors_csv
@@ -38,9 +39,10 @@ from anhyst.model.actuator import Model, read_model
 from anhyst.model.predict import slow_times
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike
+from anhyst.support.block_layout import PLACES
 from anhyst.support.errors import InputError
 from anhyst.support.kept import c_name
-from anhyst.support.numeric import FloatArray, rms
+from anhyst.support.numeric import FloatArray, q31, rms
 from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
@@ -108,8 +110,8 @@ def cycle_errors(
 
 
 KIND: Literal["play"] = "play"
-SOURCES = ("compensator/map.c", "compensator/play_map.c")
-STATE_BYTES = 4 + 9 * 4
+SOURCES = ("compensator/play_map.c",)
+STATE_BYTES = 20 + 7 * 4 + 5 * 4 + 8
 """Of ``anhyst_play_map_q31`` where a pointer has 32 bits."""
 
 
@@ -244,7 +246,7 @@ def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> 
         "rate_Hz": where.rate,
         "signals": signal_entries("q31", model, scales, limits),
         "limits": {"demand": list(limits.demand), "current": list(limits.current)},
-        "memory": {"parameters_bytes": play_bytes(play), "state_bytes": STATE_BYTES},
+        "memory": {"parameters_bytes": play.block("fixed").nbytes, "state_bytes": STATE_BYTES},
         "play": dict(play.numbers),
         "controller": None,
         "accuracy": {
@@ -255,16 +257,15 @@ def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> 
     }
 
 
-def play_bytes(play: PlayMap) -> int:
-    """Return the size of the tables and of the structure that names them."""
-    return 2 * 2 * play.half.size + 2 * 8 + 4 + 4
+def _limits(words: Words) -> list[int]:
+    """Return the limits of the current as codes."""
+    return [int(words[PLACES[f"PLAY_CURRENT_{end}"]]) * 2**16 for end in ("LOW", "HIGH")]
 
 
 def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, str]:
     """Return the C files and what helps to build them."""
     scales, name = play.scales, head.name
-    radius, steepness = play.radius_words()
-    low, high = play.map.codes()
+    words = play.block("fixed", int(head.sha256[:8], 16))
     values: dict[str, object] = {
         "name": name,
         "macro": name.upper(),
@@ -281,22 +282,19 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "type": "int32_t",
         "state": "anhyst_play_map_q31",
         "calls": "anhyst_play_map",
-        "init": f"anhyst_play_map_init_q31(&compensator, &{name}_parameters,\n"
-        f"                                  {name.upper()}_CURRENT_LOW, {name.upper()}_CURRENT_HIGH)",
+        "init": f"anhyst_play_map_init_q31(&compensator, {name}_parameters,\n"
+        f"                                  {name.upper()}_PARAMETERS_WORDS)",
         "core": sorted(f"{SRC}/{file}" for file in SOURCES),
         "own": [f"{name}_parameters.c"],
         "scales": scales,
-        "limits": (low, high),
+        "limits": _limits(words),
+        "demand_high": q31(head.operating.force_max / scales.demand),
         "current_high": play.map.limits[1],
         "force_max": head.operating.force_max,
-        "segments": [(count - 2).bit_length() for count in play.half.shape[::-1]],
-        "entries": table_source(play.map.words()),
-        "half": table_source(play.half_words()),
-        "count": play.half.size,
-        "radius": radius,
+        "rows": play_source(words),
+        "words": words.size,
         "radius_A": play.radius,
-        "steepness": steepness.tolist(),
-        "bytes": play_bytes(play),
+        "bytes": words.nbytes,
         "state_bytes": STATE_BYTES,
         "rate": f"{head.operating.rate:.10g}",
         "errors": {key: _percent(error, head.operating.force_max) for key, error in errors.items()},

@@ -23,7 +23,7 @@ from anhyst.compilation.parameters import (
     memories,
     table_source,
 )
-from anhyst.compilation.play import play_bytes
+from anhyst.compilation.play_source import play_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import (
     AXES,
@@ -292,6 +292,8 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
 
 def _words(magnet: ForceController) -> int:
     """Return how many words a block has; 0 where a magnet has none."""
+    if isinstance(magnet.parameters, PlayMap):
+        return magnet.parameters.block(magnet.format).size
     block = getattr(magnet.parameters, "block", None)
     return block.words.size if isinstance(block, Block) else 0
 
@@ -299,7 +301,9 @@ def _words(magnet: ForceController) -> int:
 def _type(parameters: object, law: str) -> str:
     if isinstance(parameters, HysteresisInverse):
         return c_type(parameters.block)
-    return f"anhyst_{'play_law' if isinstance(parameters, PlayMap) else 'map'}_{law}"
+    if isinstance(parameters, PlayMap):
+        return "int16_t" if law == "q31" else "float"
+    return f"anhyst_map_{law}"
 
 
 def _map_of(parameters: object) -> CurrentMap | None:
@@ -329,21 +333,16 @@ def _parameters(name: str, magnet: ForceController) -> str:
     if isinstance(parameters, HysteresisInverse):
         words_of = f"{name.upper()}_PARAMETERS_WORDS"
         return definition(name, words_of, parameters.block, NEWTON_AMPERE, GAP)
+    if isinstance(parameters, PlayMap):
+        rows = play_source(parameters.block(magnet.format))
+        size, kind = f"{name.upper()}_PARAMETERS_WORDS", "int16_t" if fixed else "float"
+        return f"const {kind} {name}_parameters[{size}] = {{\n{rows}\n}};"
     table, law = _map_of(parameters), "q31" if fixed else "f32"
     assert table is not None
     words = table.words() if fixed else table.entries
     entries = _entries("entries", "Current over force and gap", words)
-    if not isinstance(parameters, PlayMap):
-        made = _map("entries", table, fixed)
-        return f"{entries}\n\nconst anhyst_map_{law} {name}_parameters = {made};"
-    words = parameters.half_words() if fixed else parameters.half
-    radius, steepness = parameters.radius_words()
-    exact = f"{radius}, {_row(steepness.tolist(), str)}" if fixed else literal(parameters.radius)
     return (
-        f"{entries}\n\n{_entries('half', 'Half the width of the loop', words)}\n\n"
-        f"const anhyst_play_law_{law} {name}_parameters = {{\n"
-        f"    {_map('entries', table, fixed)},\n    {_map('half', table, fixed)},\n"
-        f"    {exact} /* radius of the play: {parameters.radius:.6g} A */\n}};"
+        f"{entries}\n\nconst anhyst_map_{law} {name}_parameters = {_map('entries', table, fixed)};"
     )
 
 
@@ -375,9 +374,8 @@ def _bytes(magnet: ForceController) -> int:
     parameters, fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
         return parameters_bytes(parameters.block)
-    if fixed and isinstance(parameters, PlayMap):
-        return play_bytes(parameters)
+    if isinstance(parameters, PlayMap):
+        return parameters.block(magnet.format).nbytes
     table = _map_of(parameters)
     assert table is not None
-    one = 2 * table.entries.size + 8 if fixed else 4 * table.entries.size + 4 + 2 * 2 + 4 * 4
-    return 2 * one + 4 if isinstance(parameters, PlayMap) else one
+    return 2 * table.entries.size + 8 if fixed else 4 * table.entries.size + 4 + 2 * 2 + 4 * 4

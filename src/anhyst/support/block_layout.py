@@ -33,7 +33,7 @@ class Word:
     unit: str = ""  # of a single, which is worth what it is: ``"output"``, ``"input"``, or the unit
 
 
-KINDS = {"full": 1, "simplified": 2, "euler": 3, "cells": 4}
+KINDS = {"full": 1, "simplified": 2, "euler": 3, "cells": 4, "play": 5}
 MAGIC = (0x6E41, 0x7968)
 LAYOUT = 2
 LEAST_WORDS = 64
@@ -46,7 +46,7 @@ UNITS = ("", "1", "A", "A/m", "V", "N", "T", "Wb", "m", "s", "Pa", "Hz", "rad", 
 HEAD = (
     Word(0, "MAGIC", "unsigned", "marks the start of a block, two words", 0, 65535, size=2),
     Word(2, "LAYOUT", "integer", "of the words; the code must know it", 2, 2),
-    Word(3, "KIND", "integer", "1 full, 2 simplified, 3 Euler, 4 cells", 1, 4),
+    Word(3, "KIND", "integer", "1 full, 2 simplified, 3 Euler, 4 cells, 5 play", 1, 5),
     Word(4, "LENGTH", "integer", "of the whole block, words", 64, 2048),
     Word(5, "GENERATION", "unsigned", "chosen by whoever sends the block", 0, 65535),
     Word(6, "CRC", "unsigned", "CRC-32 of all other words, low half, high half", 0, 65535, size=2),
@@ -300,6 +300,46 @@ SOLID = (
     ),
 )
 
+PLAY = (
+    Word(10, "PLAY_DEMAND_LOW", "q15", "demand of the first column", -32767, 0, of="demand"),
+    Word(11, "PLAY_CURRENT_LOW", "q15", "lowest current", -32767, 32767, of="current"),
+    Word(12, "PLAY_CURRENT_HIGH", "q15", "highest current", -32767, 32767, of="current"),
+    Word(
+        13, "PLAY_FORCE_SEGMENTS", "integer", "tables have 2^this segments along the demand", 0, 8
+    ),
+    Word(14, "PLAY_GAP_SEGMENTS", "integer", "tables have 2^this segments over the gap", 0, 6),
+    Word(
+        15,
+        "PLAY_STEEPNESS",
+        "weight",
+        "1/(4*radius of the play), per current of 1.0",
+        16384,
+        32767,
+        shift="PLAY_SHIFT",
+    ),
+    Word(16, "PLAY_SHIFT", "integer", "exponent of the steepness", 0, 9),
+    Word(
+        17,
+        "PLAY_CURRENT",
+        "q15",
+        "current without the play",
+        -32767,
+        32767,
+        axis="demand and gap",
+        of="current",
+    ),
+    Word(
+        18,
+        "PLAY_HALF",
+        "q15",
+        "half-width of the loop",
+        0,
+        32767,
+        axis="demand and gap",
+        of="current",
+    ),
+)
+
 SCALE = (
     Word(48, "SCALE_DEMAND", "single", "demand of 1.0", 0, 65535, unit="output", size=2),
     Word(50, "SCALE_CURRENT", "single", "current of 1.0", 0, 65535, unit="input", size=2),
@@ -318,6 +358,7 @@ BODY: dict[str, tuple[Word, ...]] = {
     "simplified": DEMAND + START + ROOT + LAG + SIMPLE + CLOSED + BAND + SCALE,
     "euler": DEMAND + START + ROOT + LAG + SIMPLE + EULER + BAND + SCALE,
     "cells": DEMAND + START + ROOT + LAG + CELLS + SOLID + SCALE + MEMORY,
+    "play": PLAY + SCALE,
 }
 """Every word of a kind behind the head, in the order of the block."""
 

@@ -22,6 +22,7 @@
 #define ANHYST_KIND_SIMPLIFIED 2
 #define ANHYST_KIND_EULER 3
 #define ANHYST_KIND_CELLS 4
+#define ANHYST_KIND_PLAY 5
 
 /* Units of the signals; 0: none. */
 enum {
@@ -46,8 +47,8 @@ enum {
   /* Head, the same in every kind. */
   ANHYST_WORD_MAGIC = 0, /* unsigned: marks the start of a block, two words */
   ANHYST_WORD_LAYOUT = 2, /* integer: of the words; the code must know it */
-  ANHYST_WORD_KIND = 3, /* 1..4: 1 full, 2 simplified, 3 Euler, 4 cells */
-  ANHYST_WORD_LENGTH = 4, /* 64..2048: of the whole block, words */
+  ANHYST_WORD_KIND = 3, /* 1..5: 1 full, 2 simplified, 3 Euler, 4 cells, 5 play */
+  ANHYST_WORD_LENGTH = 4, /* 64..2048: of the whole block, words (unsigned, up to 33474 in play) */
   ANHYST_WORD_GENERATION = 5, /* unsigned: chosen by whoever sends the block */
   ANHYST_WORD_CRC = 6, /* unsigned: CRC-32 of all other words, low half, high half */
   ANHYST_WORD_MODEL = 8, /* unsigned: first 32 bits of the model's hash, low half, high half */
@@ -153,6 +154,18 @@ enum {
   ANHYST_WORD_SOLID_SURFACE = 42, /* q15: share of the first layer in the section */
   /* q15: share of the path in which the field is the same throughout */
   ANHYST_WORD_SOLID_LAMINATED = 43,
+
+  /* Play: a map of the current with one play. Its block may have more words than the others. */
+  /* q15: demand of the first column (below 0 in floating point only) */
+  ANHYST_WORD_PLAY_DEMAND_LOW = 10,
+  ANHYST_WORD_PLAY_CURRENT_LOW = 11, /* q15: lowest current */
+  ANHYST_WORD_PLAY_CURRENT_HIGH = 12, /* q15: highest current */
+  ANHYST_WORD_PLAY_FORCE_SEGMENTS = 13, /* 0..8: tables have 2^this segments along the demand */
+  ANHYST_WORD_PLAY_GAP_SEGMENTS = 14, /* 0..6: tables have 2^this segments over the gap */
+  ANHYST_WORD_PLAY_STEEPNESS = 15, /* weight: 1/(4*radius of the play), per current of 1.0 */
+  ANHYST_WORD_PLAY_SHIFT = 16, /* 0..9: exponent of the steepness */
+  ANHYST_WORD_PLAY_CURRENT = 17, /* table, q15: current without the play, over the demand and gap */
+  ANHYST_WORD_PLAY_HALF = 18, /* table, q15: half-width of the loop, over the demand and gap */
 
   /* What the signals are counted in, the same in every kind. A board states the same words, and
      takes no block in which one of them is another. */

@@ -1,72 +1,78 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* A template: the map over force and gap, the same text in every format. Before it are the
+   operations of the format: ../map_fixed.h, or map_real.h. */
 
-anhyst_status anhyst_map_check_x(const anhyst_map_x *map)
+/* Whether no row falls, and no number is too large or too far from its neighbours. */
+static inline int is_map(const map_type *map)
 {
-  const ANHYST_REAL largest = R(1e30);
-  const uint16_t columns = map->force_segments;
-  const int head = map->entries != 0 && columns >= 1U && columns <= 4096U &&
-                   map->gap_segments >= 1U && map->gap_segments <= 64U &&
-                   map->force_low >= -largest && map->force_low < map->force_high &&
-                   map->force_high <= largest && map->gap_low >= -largest &&
-                   map->gap_low < map->gap_high && map->gap_high <= largest;
-  if (!head) {
-    return ANHYST_BAD_PARAMETER;
+  if (!has_shape(map)) {
+    return 0;
   }
-  for (uint16_t row = 0; row <= map->gap_segments; row++) {
-    const ANHYST_REAL *entries = map->entries + (size_t)row * (columns + 1U);
-    if (!anhyst_rises_x(entries, columns, -largest, largest)) {
-      return ANHYST_BAD_PARAMETER;
+  const entry *now = map->entries;
+  const size_t length = columns_of(map) + 1U;
+  for (size_t row = 0; row <= rows_of(map); row++) {
+    for (size_t column = 0; column < length; column++, now++) {
+      const number value = now[0];
+      const number rise = column > 0U ? value - now[-1] : 0;
+      const number change = row > 0U ? value - *(now - length) : 0;
+      if (!(value >= -LARGEST && value <= LARGEST && rise >= 0 && rise <= LARGEST &&
+            change >= -LARGEST && change <= LARGEST)) {
+        return 0;
+      }
     }
   }
-  return ANHYST_OK;
+  return 1;
 }
 
-static anhyst_spot_x gap_spot(const anhyst_map_x *map, ANHYST_REAL gap)
+/* The row of a table at a gap: a part of the way from one row of entries to the next one. */
+typedef struct {
+  const entry *first; /* of the row below */
+  size_t length;
+  number part;
+} table_row;
+
+static inline table_row row_at(const map_type *map, number gap)
 {
-  return anhyst_spot_of_x(map->gap_segments, (gap - map->gap_low) / (map->gap_high - map->gap_low) *
-                                                 (ANHYST_REAL)map->gap_segments);
+  const place at = gap_place(map, gap);
+  const size_t length = columns_of(map) + 1U;
+  const table_row row = {map->entries + at.index * length, length, at.part};
+  return row;
 }
 
-/* The entry of a column, interpolated over the gap. */
-static ANHYST_REAL entry_at(const anhyst_map_x *map, anhyst_spot_x gap, uint16_t column)
+/* The number at a column. */
+static inline number at_column(const table_row *row, size_t column)
 {
-  const size_t row = (size_t)map->force_segments + 1U;
-  const ANHYST_REAL *entry = map->entries + gap.index * row + column;
-  return entry[0] + gap.part * (entry[row] - entry[0]);
+  const entry *below = row->first + column;
+  return interpolate(below[0], below[row->length], row->part);
 }
 
-ANHYST_REAL anhyst_map_value_x(const anhyst_map_x *map, ANHYST_REAL force, ANHYST_REAL gap)
+static inline number map_value(const map_type *map, number force, number gap)
 {
-  const anhyst_spot_x row = gap_spot(map, gap);
-  const anhyst_spot_x column = anhyst_spot_of_x(
-      map->force_segments, (force - map->force_low) / (map->force_high - map->force_low) *
-                               (ANHYST_REAL)map->force_segments);
-  const ANHYST_REAL low = entry_at(map, row, column.index);
-  const ANHYST_REAL high = entry_at(map, row, (uint16_t)(column.index + 1U));
-  return low + column.part * (high - low);
+  const table_row row = row_at(map, gap);
+  const place at = force_place(map, force);
+  const number low = at_column(&row, at.index);
+  return low + times(at_column(&row, at.index + 1U) - low, at.part);
 }
 
-ANHYST_REAL anhyst_map_force_x(const anhyst_map_x *map, ANHYST_REAL value, ANHYST_REAL gap)
+static inline number map_force(const map_type *map, number value, number gap)
 {
-  const anhyst_spot_x row = gap_spot(map, gap);
-  uint16_t first = 0;
-  uint16_t last = map->force_segments;
-  while (last - first > 1) {
-    const uint16_t middle = (uint16_t)((first + last) / 2);
-    if (entry_at(map, row, middle) <= value) {
-      first = middle;
+  const table_row row = row_at(map, gap);
+  size_t above = columns_of(map);
+  place at = {0, 0};
+  while (above - at.index > 1U) {
+    const size_t middle = (at.index + above) / 2U;
+    if (at_column(&row, middle) <= value) {
+      at.index = middle;
     } else {
-      last = middle;
+      above = middle;
     }
   }
-  const ANHYST_REAL low = entry_at(map, row, first);
-  const ANHYST_REAL high = entry_at(map, row, last);
-  ANHYST_REAL part = R(0.0);
+  const number low = at_column(&row, at.index);
+  const number high = at_column(&row, above);
   if (value >= high) {
-    part = R(1.0);
+    at.part = ONE;
   } else if (value > low) {
-    part = (value - low) / (high - low);
+    at.part = ratio_of(value - low, high - low);
   }
-  return map->force_low + (map->force_high - map->force_low) *
-                              (((ANHYST_REAL)first + part) / (ANHYST_REAL)map->force_segments);
+  return force_of(map, at);
 }

@@ -1,189 +1,253 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* A template: the map with one play, the same text in every format. Before it are the operations of
+   the format (../play_map.c or play_map_real.h), map.h and play_block.h. */
 
-/* What follows is the same in every format; the few operations in which they differ stand before
-   it: play_map.c for q31, generic/play_map_real.h for the others. */
+/* The law at a gap, with the play where it is. */
+typedef struct {
+  table_row map;
+  table_row half;
+  number descending; /* value up to which the current is on the descending branch */
+  number ascending;  /* value from which on the current is on the ascending branch */
+} section;
 
-/* The current of a force whose value is i, before the limits of the current. */
-static ANHYST_REAL current_of(const anhyst_play_map_x *c, ANHYST_REAL value, ANHYST_REAL force,
-                              ANHYST_REAL gap)
+static section section_at(const play_type *c, number gap)
 {
-  const ANHYST_REAL half = anhyst_map_value_x(&c->law->half, force, gap);
-  const ANHYST_REAL over = anhyst_sub_x(value, c->play);
-  return anhyst_add_x(value, pull(c->law, half, over));
+  section at;
+  at.map = row_at(&c->law.map, gap);
+  at.half = at.map;
+  at.half.first = c->law.half + (at.map.first - c->law.map.entries);
+  at.descending = subtract(c->play, c->law.radius);
+  at.ascending = add(c->play, c->law.radius);
+  return at;
 }
 
-ANHYST_REAL anhyst_play_map_solve_x(anhyst_play_map_x *c, ANHYST_REAL demand, ANHYST_REAL gap)
+/* bounded((value - b)/radius) */
+static inline number side_at(const play_type *c, const section *at, number value)
 {
-  c->demand = pulling(&c->law->map, demand);
+  if (value >= at->ascending) {
+    return ONE;
+  }
+  return value <= at->descending ? -ONE : side_of(&c->law, value - c->play);
+}
+
+/* value + half*side; exact on both branches. */
+static inline number current_at(number value, number half, number side)
+{
+  if (side == ONE) {
+    return value + half;
+  }
+  return side == -ONE ? value - half : value + times(side, half);
+}
+
+/* Sets a point to a column; part is where this is in the segment looked at, 0 or 1. */
+static void set_column(point *at, const play_type *c, const section *of, size_t column, number part)
+{
+  at->part = part;
+  at->value = at_column(&of->map, column);
+  at->half = at_column(&of->half, column);
+  at->side = side_at(c, of, at->value);
+  at->current = current_at(at->value, at->half, at->side);
+}
+
+/* The number at a part of the way between two. */
+static number between(number from, number to, number part) { return from + times(to - from, part); }
+
+static uint16_t gap_flag(const play_type *c, number gap)
+{
+  return is_gap(&c->law.map, gap) ? 0U : ANHYST_GAP_LIMITED;
+}
+
+static number solve(play_type *c, number demand, number gap)
+{
+  const section of = section_at(c, gap);
+  c->demand = pulling(&c->law.map, demand);
   c->gap = gap;
-  c->value = anhyst_map_value_x(&c->law->map, c->demand, gap);
-  c->wanted = current_of(c, c->value, c->demand, gap);
-  c->current = limited(c->wanted, c->low, c->high);
+  const place at = force_place(&c->law.map, c->demand);
+  const size_t next = at.index + 1U;
+  c->column = (uint16_t)at.index;
+  c->at.part = at.part;
+  c->at.value = between(at_column(&of.map, at.index), at_column(&of.map, next), at.part);
+  c->at.half = between(at_column(&of.half, at.index), at_column(&of.half, next), at.part);
+  c->at.side = side_at(c, &of, c->at.value);
+  c->at.current = current_at(c->at.value, c->at.half, c->at.side);
+  const number current = limited(c->at.current, c->low, c->high);
   c->solved = 1;
-  c->flags = 0;
+  uint16_t flags = gap_flag(c, gap);
   if (c->demand != demand) {
-    c->flags |= ANHYST_DEMAND_LIMITED;
+    flags |= ANHYST_DEMAND_LIMITED;
   }
-  if (c->current != c->wanted) {
-    c->flags |= ANHYST_CURRENT_LIMITED;
+  if (current != c->at.current) {
+    flags |= ANHYST_CURRENT_LIMITED;
   }
-  return c->current;
+  c->flags = flags;
+  return current;
 }
 
-/* One end of where the force of a current is looked for. */
+/* The part of a segment in which a current is looked for. */
 typedef struct {
-  ANHYST_REAL force;
-  ANHYST_REAL value;   /* i there */
-  ANHYST_REAL missing; /* of the current, above 0 at the lower end and below at the upper one */
-} bracket_end;
+  size_t column;
+  const point *near; /* its ends: the search begins at near */
+  const point *far;
+  point low; /* room for them: the columns at both sides, and the corners between them */
+  point high;
+  point corners[2];
+} stretch;
 
-typedef struct {
-  bracket_end low;
-  bracket_end high;
-} bracket;
-
-static bracket_end end_at(const anhyst_play_map_x *c, ANHYST_REAL force, ANHYST_REAL current,
-                          ANHYST_REAL gap)
+/* Returns the column that begins the segment of a current: the first or the last one between two
+   columns if the current is beyond. Tries two columns, then bisects. */
+static size_t find_column(const play_type *c, const section *of, size_t below, size_t above,
+                          size_t probe, size_t second, number current)
 {
-  bracket_end end;
-  end.force = force;
-  end.value = anhyst_map_value_x(&c->law->map, force, gap);
-  end.missing = anhyst_sub_x(current, current_of(c, end.value, force, gap));
-  return end;
-}
-
-/* Moves the one end or the other. */
-static void take(bracket *in, bracket_end end)
-{
-  if (end.missing > 0) {
-    in->low = end;
-  } else {
-    in->high = end;
-  }
-}
-
-/* Columns between which a current belongs, by halves; both ends the nearest column where that lies
-   beyond. */
-static bracket between_columns(const anhyst_play_map_x *c, uint16_t first, uint16_t last,
-                               ANHYST_REAL current, ANHYST_REAL gap)
-{
-  const anhyst_map_x *map = &c->law->map;
-  bracket in;
-  in.low = end_at(c, force_of(map, first), current, gap);
-  in.high = end_at(c, force_of(map, last), current, gap);
-  if (in.low.missing <= 0) {
-    in.high = in.low;
-  } else if (in.high.missing >= 0) {
-    in.low = in.high;
-  } else {
-    uint16_t below = first;
-    uint16_t above = last;
-    while (above - below > 1) {
-      const uint16_t middle = (uint16_t)((below + above) / 2);
-      take(&in, end_at(c, force_of(map, middle), current, gap));
-      if (in.low.force < force_of(map, middle)) {
-        above = middle;
-      } else {
-        below = middle;
-      }
+  while (above - below > 1U) {
+    const number value = at_column(&of->map, probe);
+    const number half = at_column(&of->half, probe);
+    if (current_at(value, half, side_at(c, of, value)) <= current) {
+      below = probe;
+    } else {
+      above = probe;
     }
+    probe = below < second && second < above ? second : (below + above) / 2U;
+    second = 0;
   }
-  return in;
+  return below;
 }
 
-/* The same beside what was solved for, where mostly little is missing: as of a converter's grid. */
-static bracket beside_solved(const anhyst_play_map_x *c, ANHYST_REAL current, ANHYST_REAL gap)
+/* Leaves out what is beyond a corner: the current bends where the value is at an edge of the play.
+   Near and far are on two sides of the edge. */
+static void cut_at(number edge, number side, number current, stretch *in, point *corner)
 {
-  const anhyst_map_x *map = &c->law->map;
-  const uint16_t column = column_of(map, c->demand);
-  const ANHYST_REAL missing = anhyst_sub_x(current, c->wanted);
-  const bracket_end solved = {c->demand, c->value, missing};
-  const uint16_t next = missing > 0 ? (uint16_t)(column + 1U) : column;
-  const bracket_end other = end_at(c, force_of(map, next), current, gap);
-  bracket in = {solved, solved};
-  if (missing > 0 && other.missing > 0) {
-    in = between_columns(c, next, columns_of(map), current, gap);
-  } else if (missing <= 0 && other.missing <= 0) {
-    in = between_columns(c, 0, next, current, gap);
+  const point *near = in->near;
+  const point *far = in->far;
+  const number x = fraction_of(size_of(edge - near->value), size_of(far->value - near->value));
+  corner->part = between(near->part, far->part, x);
+  corner->value = edge;
+  corner->half = between(near->half, far->half, x);
+  corner->side = side;
+  corner->current = current_at(edge, corner->half, side);
+  if (near->value < far->value ? corner->current < current : corner->current > current) {
+    in->near = corner;
   } else {
-    take(&in, other);
-  }
-  return in;
-}
-
-/* Leaves out what lies beyond the force at which i is at an edge of the play. */
-static void cut_at(const anhyst_play_map_x *c, ANHYST_REAL edge, ANHYST_REAL current,
-                   ANHYST_REAL gap, bracket *in)
-{
-  if (in->low.value < edge && edge < in->high.value) {
-    const ANHYST_REAL below = anhyst_sub_x(edge, in->low.value);
-    const ANHYST_REAL above = anhyst_sub_x(in->high.value, edge);
-    const ANHYST_REAL force = between(in->low.force, in->high.force, below, above);
-    take(in, end_at(c, force, current, gap));
+    in->far = corner;
   }
 }
 
-/* Goes to where a current leads from the play there is. The current rises with the force and has
-   two corners, where i is at an edge of the play; between corners and columns it is straight or a
-   parabola: so by false position, the end that stays counting half as much from step to step. */
-static void follow(anhyst_play_map_x *c, ANHYST_REAL current, ANHYST_REAL gap)
+/* The part of the way from near to far at which the current is reached. Value, half and side are
+   straight lines there, so that the current is
+
+     near + x*(whole - bend*(1 - x)),  |bend| <= whole,
+
+   and this is solved by Newton's steps from x = 0. */
+static number part_of(const stretch *in, number current)
 {
-  const int at_gap = c->solved != 0U && gap == c->gap;
-  bracket in = at_gap ? beside_solved(c, current, gap)
-                      : between_columns(c, 0, columns_of(&c->law->map), current, gap);
-  cut_at(c, anhyst_sub_x(c->play, c->law->radius), current, gap, &in);
-  cut_at(c, anhyst_add_x(c->play, c->law->radius), current, gap, &in);
-  bracket_end found = in.high.missing >= 0 ? in.high : in.low;
-  ANHYST_REAL below = in.low.missing;
-  ANHYST_REAL above = anhyst_sub_x(0, in.high.missing);
-  int16_t side = 0;
-  for (int16_t step = 0; step < ANHYST_PLAY_STEPS && below > 0 && above > 0; step++) {
-    const ANHYST_REAL force = between(in.low.force, in.high.force, below, above);
-    found = end_at(c, force, current, gap);
-    if (is_nothing(c, found.missing)) {
+  number whole = difference(in->far->current, in->near->current);
+  number missing = difference(current, in->near->current);
+  number bend = 0;
+  if (in->near->side != in->far->side) {
+    bend = times(difference(in->far->side, in->near->side), in->far->half - in->near->half);
+  }
+  if (whole < 0) {
+    whole = -whole;
+    missing = -missing;
+    bend = -bend;
+  }
+  if (missing <= 0) {
+    return 0;
+  }
+  if (missing >= whole) {
+    return ONE;
+  }
+  const number start = whole - bend;
+  number x = share_of(missing, start);
+  for (int16_t step = 0; step < PLAY_STEPS; step++) {
+    const number turn = times(bend, x);
+    const number left = missing - times(start + turn, x);
+    if (is_rounding(left, in->near->current, in->far->current)) {
       break;
     }
-    take(&in, found);
-    if (found.missing > 0) {
-      below = found.missing;
-      above = side > 0 ? above / 2 : above;
-      side = 1;
+    const number change = share_of(size_of(left), start + 2 * turn);
+    if (left > 0) {
+      x = change < ONE - x ? x + change : ONE;
     } else {
-      above = anhyst_sub_x(0, found.missing);
-      below = side < 0 ? below / 2 : below;
-      side = -1;
+      x = change < x ? x - change : 0;
     }
   }
-  c->demand = found.force;
-  c->value = found.value;
+  return x;
 }
 
-ANHYST_REAL anhyst_play_map_commit_x(anhyst_play_map_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
+/* Finds the segment of a current. Usually it is the solved one, as on a converter's grid, or the
+   next one. */
+static void find_segment(const play_type *c, const section *of, int is_solved, number current,
+                         stretch *in)
 {
-  const ANHYST_REAL radius = c->law->radius;
-  if (!is_known(applied)) {
-    c->solved = 0;
-    return c->demand;
+  size_t below = 0;
+  size_t above = columns_of(&c->law.map);
+  size_t probe = above / 2U;
+  size_t second = 1U;
+  in->near = &c->at;
+  in->column = c->column;
+  if (is_solved && current > c->at.current) {
+    below = (size_t)c->column + 1U;
+    probe = above - 1U;
+    second = below + 1U;
+    in->far = &in->high;
+    set_column(&in->high, c, of, below, ONE);
+    if (below == above || in->high.current >= current) {
+      return;
+    }
+  } else if (is_solved) {
+    above = c->column;
+    probe = 1U;
+    second = above - 1U;
+    in->far = &in->low;
+    set_column(&in->low, c, of, above, 0);
+    if (above == 0U || in->low.current <= current) {
+      return;
+    }
   }
-  if (c->solved == 0U || applied != c->wanted || gap != c->gap) {
-    follow(c, applied, gap);
+  in->column = find_column(c, of, below, above, probe, second, current);
+  in->near = &in->low;
+  in->far = &in->high;
+  set_column(&in->low, c, of, in->column, 0);
+  set_column(&in->high, c, of, in->column + 1U, ONE);
+}
+
+/* Moves to the force to which a current leads from the play there is. */
+static void follow(play_type *c, int is_solved, number current, number gap)
+{
+  const section of = section_at(c, gap);
+  stretch in;
+  find_segment(c, &of, is_solved, current, &in);
+  if (in.near->side != in.far->side) {
+    if (in.near->side == -ONE || in.far->side == -ONE) {
+      cut_at(of.descending, -ONE, current, &in, &in.corners[0]);
+    }
+    if (in.near->side == ONE || in.far->side == ONE) {
+      cut_at(of.ascending, ONE, current, &in, &in.corners[1]);
+    }
   }
-  c->play = limited(c->play, anhyst_sub_x(c->value, radius), anhyst_add_x(c->value, radius));
+  const number x = part_of(&in, current);
+  const place at = {in.column, between(in.near->part, in.far->part, x)};
+  c->demand = pulling(&c->law.map, force_of(&c->law.map, at));
+  c->at.value = between(in.near->value, in.far->value, x);
+}
+
+static number commit(play_type *c, number applied, number gap)
+{
+  const int is_solved = c->solved != 0U && gap == c->gap;
+  if (!is_solved) {
+    c->flags = (uint16_t)((c->solved != 0U ? c->flags : 0U) | gap_flag(c, gap));
+  }
   c->solved = 0;
-  return c->demand;
-}
-
-anhyst_status anhyst_play_map_init_x(anhyst_play_map_x *c, const anhyst_play_law_x *law,
-                                     ANHYST_REAL low, ANHYST_REAL high)
-{
-  const anhyst_play_map_x fresh = {0};
-  if (anhyst_play_law_check_x(law) != ANHYST_OK || !is_known(low) || !is_known(high) ||
-      low > high) {
-    return ANHYST_BAD_PARAMETER;
+  if (!is_solved || applied != c->at.current) {
+    if (!(applied >= c->least && applied <= c->most)) {
+      c->flags |= ANHYST_CURRENT_LIMITED;
+    }
+    if (!is_known(applied)) {
+      return c->demand;
+    }
+    follow(c, is_solved, applied, gap);
   }
-  *c = fresh;
-  c->law = law;
-  c->low = low;
-  c->high = high;
-  return ANHYST_OK;
+  const number radius = c->law.radius;
+  c->play = limited(c->play, subtract(c->at.value, radius), add(c->at.value, radius));
+  return c->demand;
 }

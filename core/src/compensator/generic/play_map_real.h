@@ -1,82 +1,97 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* Operations in floating point for the templates play_block.h and play_map.h. Before it are
+   map_real.h, typedefs of law_type, point and play_type, and the constant EPSILON. */
 
-#define ANHYST_PLAY_STEPS 12 /* within a segment: more digits than fixed point */
+#define PLAY_STEPS 12 /* more digits than fixed point */
 
-anhyst_status anhyst_play_law_check_x(const anhyst_play_law_x *law)
+static int is_known(number a) { return a >= -LARGEST && a <= LARGEST; }
+
+static number size_of(number a) { return a < 0 ? -a : a; }
+
+static number add(number a, number b) { return a + b; }
+
+static number subtract(number a, number b) { return a - b; }
+
+/* The number of low..high nearest to a; low for what is not a number. */
+static number limited(number a, number low, number high)
 {
-  const anhyst_map_x *map = &law->map;
-  const anhyst_map_x *half = &law->half;
-  if (anhyst_map_check_x(map) != ANHYST_OK || half->entries == 0 ||
-      half->force_segments != map->force_segments || half->gap_segments != map->gap_segments ||
-      half->force_low != map->force_low || half->force_high != map->force_high ||
-      half->gap_low != map->gap_low || half->gap_high != map->gap_high ||
-      !(law->radius > R(0.0) && law->radius <= R(1e30))) {
-    return ANHYST_BAD_PARAMETER;
+  if (!(a > low)) {
+    return low;
   }
-  const size_t columns = (size_t)map->force_segments + 1U;
-  const size_t entries = columns * ((size_t)map->gap_segments + 1U);
-  for (size_t i = 0; i < entries; i++) {
-    if (!(half->entries[i] >= R(0.0) && half->entries[i] <= R(1e30))) {
-      return ANHYST_BAD_PARAMETER;
-    }
-    if (i % columns != 0U) {
-      const ANHYST_REAL rise = map->entries[i] - map->entries[i - 1U];
-      const ANHYST_REAL wider = half->entries[i] - half->entries[i - 1U];
-      if (!(wider <= rise && -wider <= rise)) {
-        return ANHYST_BAD_PARAMETER;
-      }
-    }
+  return a > high ? high : a;
+}
+
+/* The nearest force of the map. For what is not a number it is 0, or the least force above. */
+static number pulling(const map_type *map, number demand)
+{
+  if (demand >= map->force_low) {
+    return limited(demand, map->force_low, map->force_high);
   }
-  return ANHYST_OK;
+  return demand < map->force_low ? map->force_low : limited(0, map->force_low, map->force_high);
 }
 
-static int is_known(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
-
-static ANHYST_REAL limited(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
+/* Whether a gap is in the range, or beyond it by no more than 2^-15 of the range. */
+static int is_gap(const map_type *map, number gap)
 {
-  return anhyst_limited_x(a, low, high);
+  const number room = (map->gap_high - map->gap_low) / 32768;
+  return gap >= map->gap_low - room && gap <= map->gap_high + room;
 }
 
-/* The nearest force of the map; none where the demand is no number. */
-static ANHYST_REAL pulling(const anhyst_map_x *map, ANHYST_REAL demand)
+/* distance/radius; |distance| is less than the radius. */
+static number side_of(const law_type *law, number distance) { return distance * law->per_radius; }
+
+/* The difference of two currents, to be compared with others of its kind. */
+static number difference(number a, number b) { return a - b; }
+
+/* numerator/denominator, at most 1; the numerator is not negative. */
+static number share_of(number numerator, number denominator)
 {
-  const ANHYST_REAL below = demand < map->force_low ? map->force_low : R(0.0);
-  return demand >= map->force_low ? anhyst_limited_x(demand, map->force_low, map->force_high)
-                                  : below;
+  return numerator < denominator ? numerator / denominator : ONE;
 }
 
-/* half*bounded(over/radius). */
-static ANHYST_REAL pull(const anhyst_play_law_x *law, ANHYST_REAL half, ANHYST_REAL over)
+#define fraction_of share_of
+
+/* Whether a difference of currents of these sizes is rounding. */
+static int is_rounding(number left, number near, number far)
 {
-  return half * (anhyst_limited_x(over, -law->radius, law->radius) / law->radius);
+  return size_of(left) <= 16 * EPSILON * (size_of(near) + size_of(far));
 }
 
-static uint16_t columns_of(const anhyst_map_x *map) { return map->force_segments; }
+/* Whether a word is this whole number. */
+static int is_word(number word, uint16_t value) { return word == (number)value; }
 
-/* The column at or below a force; the last but one at most. */
-static uint16_t column_of(const anhyst_map_x *map, ANHYST_REAL force)
+/* Adds the bits of a word to a checksum. */
+static uint32_t add_bits(uint32_t sum, number word)
 {
-  const ANHYST_REAL place = (force - map->force_low) / (map->force_high - map->force_low) *
-                            (ANHYST_REAL)map->force_segments;
-  return anhyst_spot_of_x(map->force_segments, place).index;
+  union {
+    number word;
+    pattern bits;
+  } as;
+  as.word = word;
+  for (size_t half = 0; half < sizeof word / 2U; half++) {
+    sum = anhyst_checksum_add(sum, (uint16_t)(as.bits >> (16U * half)));
+  }
+  return sum;
 }
 
-static ANHYST_REAL force_of(const anhyst_map_x *map, uint16_t column)
+static number room_of(const number *words) { return words[ANHYST_WORD_SCALE_CURRENT] / 32768; }
+
+/* Reads sizes, the ranges of force and gap, and the play. */
+static int read_scales(law_type *law, const number *words)
 {
-  return map->force_low + (map->force_high - map->force_low) *
-                              ((ANHYST_REAL)column / (ANHYST_REAL)map->force_segments);
+  law->map.force_segments =
+      (uint16_t)((uint32_t)1U << (uint16_t)words[ANHYST_WORD_PLAY_FORCE_SEGMENTS]);
+  law->map.gap_segments =
+      (uint16_t)((uint32_t)1U << (uint16_t)words[ANHYST_WORD_PLAY_GAP_SEGMENTS]);
+  law->map.force_low = words[ANHYST_WORD_PLAY_DEMAND_LOW];
+  law->map.force_high = words[ANHYST_WORD_SCALE_DEMAND];
+  law->map.gap_low = words[ANHYST_WORD_SCALE_GAP_LOW];
+  law->map.gap_high = words[ANHYST_WORD_SCALE_GAP_HIGH];
+  law->per_radius = 4 * words[ANHYST_WORD_PLAY_STEEPNESS];
+  law->radius = 1 / law->per_radius;
+  return is_word(words[ANHYST_WORD_PLAY_SHIFT], 0) && law->radius > 0 && law->radius <= LARGEST &&
+         words[ANHYST_WORD_SCALE_CURRENT] > 0 && words[ANHYST_WORD_SCALE_CURRENT] <= LARGEST &&
+         law->per_radius <= LARGEST;
 }
 
-/* Where a straight line between two forces is as far above the one as below the other; both parts
-   above 0. */
-static ANHYST_REAL between(ANHYST_REAL low, ANHYST_REAL high, ANHYST_REAL below, ANHYST_REAL above)
-{
-  return low + (high - low) * (below / (below + above));
-}
-
-/* Whether so much of a current is rounding. */
-static int is_nothing(const anhyst_play_map_x *c, ANHYST_REAL current)
-{
-  const ANHYST_REAL most = R(4.0) * anhyst_noise_x(c->high - c->low);
-  return current <= most && -current <= most;
-}
+static number current_of(number word) { return word; }

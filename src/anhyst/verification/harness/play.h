@@ -5,11 +5,11 @@
 #define HARNESS_PLAY_H
 
 typedef anhyst_play_map_q31 compensator_state;
-#define PARAMETERS_WORDS 0U /* a structure with tables, not a row of words */
+#define PARAMETERS_WORDS ACTUATOR_PARAMETERS_WORDS
 #define SOLVE anhyst_play_map_solve_q31
 #define COMMIT (void)anhyst_play_map_commit_q31
 #define OUTPUT(c) ((c)->demand)
-#define FLUX_OF(c) inner_word((c)->value)
+#define FLUX_OF(c) inner_word((c)->at.value)
 #define FLUX_APPLIED_OF(c) inner_word((c)->play)
 
 /* Nothing has to be known of the iron before it starts. */
@@ -18,15 +18,13 @@ typedef anhyst_play_map_q31 compensator_state;
 
 static inline anhyst_status take_parameters(compensator_state *c)
 {
-  return anhyst_play_map_init_q31(c, &ACTUATOR_PARAMETERS,
-                                  ACTUATOR_JOIN(ACTUATOR_MACRO, _CURRENT_LOW),
-                                  ACTUATOR_JOIN(ACTUATOR_MACRO, _CURRENT_HIGH));
+  return anhyst_play_map_init_q31(c, ACTUATOR_PARAMETERS, PARAMETERS_WORDS);
 }
 
 static inline void record_memory(const compensator_state *c, uint32_t *record)
 {
   record[HARNESS_MEMORY_A] = (uint32_t)c->play;
-  record[HARNESS_MEMORY_B] = (uint32_t)c->wanted;
+  record[HARNESS_MEMORY_B] = (uint32_t)c->at.current;
   record[HARNESS_MEMORY_C] = 0;
   record[HARNESS_MEMORY_D] = 0;
   record[HARNESS_MEMORY_E] = 0;
