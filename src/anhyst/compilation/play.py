@@ -30,6 +30,7 @@ from anhyst.compilation.manifest import (
     signal_entries,
     write_folder,
 )
+from anhyst.compilation.packages import check_package, package_files
 from anhyst.compilation.parameters import table_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core
@@ -154,9 +155,15 @@ class CompiledPlay(CompiledFolder):
 
 
 def compile_play(
-    model_path: PathLike, out: PathLike, rate: float, io: str, name: str | None
+    model_path: PathLike,
+    out: PathLike,
+    rate: float,
+    io: str,
+    name: str | None,
+    package: str | None = None,
 ) -> CompiledPlay:
     """Compile a map with one play into a folder of C."""
+    check_package(package)
     if io != "q31":
         raise InputError(
             f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31",
@@ -176,8 +183,10 @@ def compile_play(
     head = _Head(name or c_name(model.name), model, sha256, running_version(), operating)
     described = _manifest(head, play, errors)
     files = _sources(head, play, errors) | {"vectors.csv": vectors_csv(COLUMNS, _vectors(play))}
-    write_folder(out, files, described)
-    return CompiledPlay(Path(out), described, (*files, MANIFEST), play, errors)
+    packed = package_files(package, files, described, _example_values(head))
+    described["package"] = package
+    write_folder(out, packed, described)
+    return CompiledPlay(Path(out), described, (*packed, MANIFEST), play, errors)
 
 
 @dataclass(frozen=True)
@@ -260,14 +269,12 @@ def play_bytes(play: PlayMap) -> int:
     return 2 * 2 * play.half.size + 2 * 8 + 4 + 4
 
 
-def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, str]:
-    """Return the C files and what helps to build them."""
-    scales, name = play.scales, head.name
-    radius, steepness = play.radius_words()
-    low, high = play.map.codes()
-    values: dict[str, object] = {
+def _example_values(head: _Head) -> dict[str, object]:
+    """Return what all files may show: names, and the calls of an example."""
+    name, macro = head.name, head.name.upper()
+    return {
         "name": name,
-        "macro": name.upper(),
+        "macro": macro,
         "kind": KIND,
         "version": head.version,
         "model": in_comment(head.model.name),
@@ -281,7 +288,18 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "state": "anhyst_play_map_q31",
         "calls": "anhyst_play_map",
         "init": f"anhyst_play_map_init_q31(&compensator, &{name}_parameters,\n"
-        f"                                  {name.upper()}_CURRENT_LOW, {name.upper()}_CURRENT_HIGH)",
+        f"                                  {macro}_CURRENT_LOW, {macro}_CURRENT_HIGH)",
+        "input": head.model.input.name.replace("_", " "),
+        "output": head.model.output.name.replace("_", " "),
+    }
+
+
+def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, str]:
+    """Return the C files and what helps to build them."""
+    scales, name = play.scales, head.name
+    radius, steepness = play.radius_words()
+    low, high = play.map.codes()
+    values = _example_values(head) | {
         "core": sorted(f"{SRC}/{file}" for file in SOURCES),
         "own": [f"{name}_parameters.c"],
         "scales": scales,

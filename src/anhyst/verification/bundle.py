@@ -99,6 +99,13 @@ def read_bundle(folder: Path) -> Bundle:
             code="damaged-manifest",
             key="format",
         )
+    if package := manifest.get("package"):
+        raise InputError(
+            f"{folder}: is a package for {package}; verify what the same command writes without "
+            "--package",
+            code="not-verifiable",
+            key="package",
+        )
     _check_files(folder, manifest_path, manifest)
     _check_stage(manifest_path, manifest.get("stage"))
     io = _text(manifest_path, manifest, "io")
