@@ -239,6 +239,8 @@ def _template_values(
         **values,
         "semver": version[0] if version else "0.0.0",
         "core": {name: PurePosixPath(name).stem for name in core},
+        # names of components have at least two characters
+        "component": values["name"] if len(values["name"]) > 1 else f"actuator_{values['name']}",
         "core_files": sorted(name for name in files if name.startswith(("include/", "src/"))),
         "own_sources": sorted(name for name in own if name.endswith(".c")),
         "own_headers": sorted(name for name in own if name.endswith(".h")),
@@ -264,11 +266,12 @@ def _rust_values(manifest: Mapping[str, Any]) -> dict[str, Any]:
     """Return what only the templates of a Rust crate show."""
     io, controller = manifest["io"], manifest["controller"]
     given = {name: signal for name, signal in manifest["signals"].items() if signal is not None}
+    number = float if io == "q31" else np.float32
     return {
         "rust": RUST_TYPES[io],
         "rust_si": RUST_REALS[io],
         "literals": {
-            name: {key: repr(float(signal[key])) for key in ("low", "high", "scale")}
+            name: {key: str(number(signal[key])) for key in ("low", "high", "scale")}
             for name, signal in given.items()
         },
         "middle": {

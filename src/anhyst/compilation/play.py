@@ -285,6 +285,7 @@ def _example_values(head: _Head) -> dict[str, object]:
         "control": False,
         "play": True,
         "type": "int32_t",
+        "one": 2**31,
         "state": "anhyst_play_map_q31",
         "calls": "anhyst_play_map",
         "init": f"anhyst_play_map_init_q31(&compensator, &{name}_parameters,\n"
