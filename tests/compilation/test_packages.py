@@ -79,7 +79,7 @@ def _model(place: Path, model: Any) -> Path:
 
 def _cells(place: Path) -> Plain:
     request = CompileRequest("full", "q15", 1e4, accuracy=2.0, name="upper_2")
-    return recorded(output, lambda: compile_model(path_of("cells"), place / "c", request))
+    return recorded(output, lambda: compile_model(path_of("cells-play-cells"), place / "c", request))
 
 
 def _single(place: Path) -> Plain:
@@ -112,8 +112,8 @@ def _controller(place: Path) -> Plain:
 
 
 def _solid(place: Path) -> Plain:
-    file = solid_magnet(LAYERS["two"]).save(place / "model.toml")
-    request = CompileRequest("full", "q31", RATE, accuracy=5.0, name="solid")
+    file = solid_magnet(LAYERS["three and sheets"]).save(place / "model.toml")
+    request = CompileRequest("full", "q31", RATE, name="solid")
     return recorded(output, lambda: compile_model(file, place / "c", request))
 
 
@@ -333,9 +333,8 @@ def cmsis_program(folder: Path, name: str, program: Path, variant: str = "Portab
     example = folder / "examples" / "golden_vectors"
     sources, folders, before = [example / "main.c"], [example], []
     for component in chosen:
-        for tag in ("Pre_Include_Global_h", "Pre_Include_Local_Component_h"):
-            if text := component.findtext(tag):
-                before.append(text)
+        tags = ("Pre_Include_Global_h", "Pre_Include_Local_Component_h")
+        before += filter(None, map(component.findtext, tags))
         for file in component.iter("file"):
             if file.get("attr") is None and file.get("category") in {"source", "include"}:
                 target = sources if file.get("category") == "source" else folders
