@@ -22,7 +22,6 @@ from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
     from anhyst import Compiled, CompiledPlay, CompiledStage, Verification
-    from anhyst.compilation.manifest import CompiledFolder
 
 
 KindChoice = Literal["full", "simplified", "play", "single-valued"]
@@ -161,7 +160,7 @@ def compile_(
         _show(compiled)
 
 
-def _guide(compiled: CompiledFolder) -> Path:
+def _guide(compiled: Compiled | CompiledPlay | CompiledStage) -> Path:
     """Return the file that explains how the folder goes into a project."""
     return compiled.out / ("README.md" if compiled.manifest.get("package") else "DROP_IN.md")
 

@@ -87,10 +87,11 @@ class Compiled(CompiledFolder):
     def warnings(self) -> tuple[str, ...]:
         """What a user should know, one sentence each; mostly nothing."""
         notes = list(self.left_out)
+        page = next(name for name in self.files if name.endswith("budget.html"))
         if not keeps_allowance(self.plan, self.budget):
             notes.append(
                 f"formats and tables cost more than the {ACCURACY:g} % of the largest output that "
-                f"is usual: {REASON[culprit(self.budget).name]}; {self.out / 'budget.html'} shows "
+                f"is usual: {REASON[culprit(self.budget).name]}; {self.out / page} shows "
                 "how much"
             )
         if not is_held(self.plan, self.budget):

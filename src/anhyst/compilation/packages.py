@@ -84,7 +84,8 @@ def _zip(files: Files, values: Values) -> Files:
     return {f"anhyst.{values['name']}.{values['semver']}.pack": packed.getvalue()}
 
 
-VECTORS, MAIN, README = "golden_vectors.h.j2", "golden_main.c.j2", "README.md.j2"
+VECTORS = "golden_vectors.h.j2"
+MAIN = "golden_main.c.j2"
 
 PACKAGES: Mapping[str, Ecosystem] = {
     "cmsis-pack": Ecosystem(
@@ -96,7 +97,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
         templates={
             "anhyst.{name}.pdsc": "cmsis/pack.pdsc.j2",
             "README.md": "cmsis/README.md.j2",
-            "examples/golden_vectors/main.c": MAIN,
+            "examples/golden_vectors/main.c": "cmsis/main.c.j2",
             "examples/golden_vectors/golden_vectors.h": VECTORS,
             "examples/golden_vectors/golden_vectors.csolution.yml": "cmsis/csolution.yml.j2",
             "examples/golden_vectors/golden_vectors.cproject.yml": "cmsis/cproject.yml.j2",

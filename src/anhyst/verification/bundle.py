@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from anhyst.compilation.manifest import refuse_package
 from anhyst.compilation.vectors import INPUTS, LEVITATION_COLUMNS
 from anhyst.support.errors import InputError
 from anhyst.verification.protocol import AS_GIVEN, COMPENSATOR, CONTROLLER, RecordForm, Words
@@ -99,13 +100,7 @@ def read_bundle(folder: Path) -> Bundle:
             code="damaged-manifest",
             key="format",
         )
-    if package := manifest.get("package"):
-        raise InputError(
-            f"{folder}: is a package for {package}; verify what the same command writes without "
-            "--package",
-            code="not-verifiable",
-            key="package",
-        )
+    refuse_package(folder, manifest)
     _check_files(folder, manifest_path, manifest)
     _check_stage(manifest_path, manifest.get("stage"))
     io = _text(manifest_path, manifest, "io")
