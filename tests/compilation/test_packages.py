@@ -86,7 +86,7 @@ def _cells(place: Path) -> Plain:
 
 
 def _single(place: Path) -> Plain:
-    request = CompileRequest("simplified", "f32", 1e4, accuracy=20.0, name="real")
+    request = CompileRequest("simplified", "f32", 1e4, accuracy=40.0, name="real")
     file = _model(place, measured(magnet()))
     return recorded(output, lambda: compile_model(file, place / "c", request))
 
@@ -98,7 +98,7 @@ def _ring(place: Path) -> Plain:
 
 
 def _euler(place: Path) -> Plain:
-    request = CompileRequest("euler", "q15", 1e4, accuracy=20.0, name="anhyst_euler")
+    request = CompileRequest("euler", "q15", 1e4, accuracy=40.0, name="anhyst_euler")
     file = _model(place, measured(magnet()))
     return recorded(output, lambda: compile_model(file, place / "c", request))
 
@@ -240,10 +240,11 @@ def test_the_pack_description_keeps_the_documented_rules(case: Plain, tmp_path: 
         for key in ("Cclass", "Cgroup", "Csub", "Cvariant"):
             assert 2 <= len(element.get(key, "xx")) <= 32
         if tag == "description":
-            assert 0 < len(element.text) <= 256
+            assert 0 < len(element.text or "") <= 256
     for key in ("name", "vendor"):
-        assert re.fullmatch(r"[-_A-Za-z0-9]+", root.findtext(key))
-    assert re.fullmatch(r"\d+\.\d+\.\d+", root.find("releases/release").get("version"))
+        assert re.fullmatch(r"[-_A-Za-z0-9]+", root.findtext(key, ""))
+    (release,) = root.iter("release")
+    assert re.fullmatch(r"\d+\.\d+\.\d+", release.attrib["version"])
     conditions = {one.get("id") for one in root.iter("condition")}
     identities = []
     for component in root.iter("component"):
@@ -252,8 +253,9 @@ def test_the_pack_description_keeps_the_documented_rules(case: Plain, tmp_path: 
         assert [child.tag for child in component].count("files") == 1
     assert len(set(identities)) == len(identities)
     for file in root.iter("file"):
-        assert (folder / file.get("name")).exists(), file.get("name")
-        assert (folder / file.get("name")).is_dir() == (file.get("category") == "include")
+        named = folder / file.attrib["name"]
+        assert named.exists(), named
+        assert named.is_dir() == (file.get("category") == "include")
     (pack,) = folder.glob("*.pack")
     with zipfile.ZipFile(pack) as archive:
         packed = {info.filename for info in archive.infolist()}
@@ -342,7 +344,7 @@ def cmsis_program(folder: Path, name: str, program: Path, variant: str = "Portab
         for file in component.iter("file"):
             if file.get("attr") is None and file.get("category") in {"source", "include"}:
                 target = sources if file.get("category") == "source" else folders
-                target.append(folder / file.get("name"))
+                target.append(folder / file.attrib["name"])
     first = program.with_suffix(".h")
     first.write_text("\n".join(dict.fromkeys(before)))
     return built(program, sources, folders, "-include", str(first))
@@ -408,7 +410,7 @@ def test_the_pack_compiles_with_the_instructions_of_a_cortex_m4(
     (file,) = folder.glob("*.pdsc")
     (port,) = ElementTree.parse(file).findall(".//component[@Cvariant='Cortex-M4']")
     first = tmp_path / "first.h"
-    first.write_text(port.findtext("Pre_Include_Global_h"))
+    first.write_text(port.findtext("Pre_Include_Global_h", ""))
     command = [tool("clang"), "--target=thumbv7em-none-eabi", "-mcpu=cortex-m4", "-ffreestanding"]
     command += [f"-I{folder / part}" for part in ("include", "actuator", "port")]
     command += ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-include", str(first), "-S"]
@@ -674,7 +676,7 @@ def test_the_command_writes_and_replaces_a_package(place: Path, tmp_path: Path) 
     out = tmp_path / "out"
     one = plain(place, "cells")
     write_folder(out, package_files("cmsis-pack", one.files, one.manifest, one.values), {})
-    options = ["--rate", "1e4", "--kind", "simplified", "--accuracy", "20", "--name", "lower"]
+    options = ["--rate", "1e4", "--kind", "simplified", "--accuracy", "40", "--name", "lower"]
     command = ["compile", str(file), "--out", str(out), *options]
     assert main([*command, "--package", "zephyr"]) == 0
     manifest = json.loads((out / "manifest.json").read_text())
