@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, get_args
 from xml.etree import ElementTree
 
+import kconfiglib
 import pytest
 import yaml
 
@@ -256,6 +257,16 @@ def test_the_pack_description_keeps_the_documented_rules(case: Plain, tmp_path: 
         named = folder / file.attrib["name"]
         assert named.exists(), named
         assert named.is_dir() == (file.get("category") == "include")
+    project = folder / "examples" / "golden_vectors" / "golden_vectors.cproject.yml"
+    named = [
+        one["component"] for one in yaml.safe_load(project.read_text())["project"]["components"]
+    ]
+    own = [one.removeprefix("anhyst::Anhyst:") for one in named if one.startswith("anhyst")]
+    for name in own:
+        group, _, variant = name.partition("&")
+        group, _, part = group.partition(":")
+        assert (group, part or None, variant or None) in identities
+    assert {group for group, _, _ in identities} == {re.split("[:&]", name)[0] for name in own}
     (pack,) = folder.glob("*.pack")
     with zipfile.ZipFile(pack) as archive:
         packed = {info.filename for info in archive.infolist()}
@@ -280,6 +291,41 @@ def test_zephyr_finds_what_the_module_names(case: Plain, tmp_path: Path) -> None
     option = f"ANHYST_{case.values['name'].upper()}"
     assert f"CONFIG_{option}=y" in (folder / "samples/golden_vectors/prj.conf").read_text()
     assert f"config {option}\n" in (folder / "zephyr" / "Kconfig").read_text()
+
+
+KCONFIG = """
+config CPU_CORTEX_M4
+	def_bool {is_m4}
+config CPU_CORTEX_M7
+	bool
+config CPU_CORTEX_M33
+	bool
+config ARMV8_M_DSP
+	bool
+config CPU_HAS_FPU
+	def_bool y
+config FPU
+	bool "FPU"
+	depends on CPU_HAS_FPU
+rsource "first/zephyr/Kconfig"
+rsource "second/zephyr/Kconfig"
+"""
+"""What the Kconfig files of Zephyr declare, and two modules after it."""
+
+
+@pytest.mark.parametrize("is_m4", ["y", "n"])
+def test_kconfig_turns_on_what_the_processor_has(place: Path, is_m4: str, tmp_path: Path) -> None:
+    plain(place, "cells").write("zephyr", tmp_path / "first")
+    plain(place, "single").write("zephyr", tmp_path / "second")
+    (tmp_path / "Kconfig").write_text(KCONFIG.format(is_m4=is_m4))
+    found = kconfiglib.Kconfig(str(tmp_path / "Kconfig"))
+    port, fpu = found.syms["ANHYST_PORT_CORTEX_M4"], found.syms["FPU"]
+    assert (port.str_value, fpu.str_value) == ("n", "n")
+    found.syms["ANHYST_UPPER_2"].set_value("y")
+    assert (port.str_value, fpu.str_value) == (is_m4, "n")
+    found.syms["ANHYST_REAL"].set_value("y")
+    assert fpu.str_value == "y"
+    assert found.warnings == []
 
 
 def test_manifests_of_libraries_say_what_the_folder_has(case: Plain, tmp_path: Path) -> None:

@@ -76,11 +76,16 @@ def _prefix_symbols(name: str, text: str, values: Values) -> str:
 
 
 def _zip(files: Files, values: Values) -> Files:
-    """Return the pack: all files in one archive, the same bytes for the same files."""
+    """Return the pack: all files in one archive.
+
+    They are not compressed, because the bytes would depend on the version of the compressor.
+    """
     packed = BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(packed, "w") as archive:
         for name, content in sorted(files.items()):
-            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
+            entry = zipfile.ZipInfo(name)
+            entry.create_system, entry.external_attr = 3, 0o644 << 16
+            archive.writestr(entry, content)
     return {f"anhyst.{values['name']}.{values['semver']}.pack": packed.getvalue()}
 
 
@@ -276,7 +281,8 @@ def _rust_values(manifest: Mapping[str, Any]) -> dict[str, Any]:
             for name, signal in given.items()
         },
         "middle": {
-            name: f"{0.5 * (signal['low'] + signal['high']):.5e}" for name, signal in given.items()
+            name: str(float(f"{0.5 * (signal['low'] + signal['high']):.4g}"))
+            for name, signal in given.items()
         },
         "state_bytes": _bytes_by_pointer(manifest["memory"]["state_bytes"]),
         "controller_bytes": _bytes_by_pointer(controller["state_bytes"]) if controller else {},
