@@ -247,26 +247,34 @@ def test_the_pack_description_keeps_the_documented_rules(case: Plain, tmp_path: 
     (release,) = root.iter("release")
     assert re.fullmatch(r"\d+\.\d+\.\d+", release.attrib["version"])
     conditions = {one.get("id") for one in root.iter("condition")}
-    identities = []
     for component in root.iter("component"):
         assert component.get("condition") in {None, *conditions}
-        identities.append(tuple(component.get(key) for key in ("Cgroup", "Csub", "Cvariant")))
         assert [child.tag for child in component].count("files") == 1
-    assert len(set(identities)) == len(identities)
     for file in root.iter("file"):
         named = folder / file.attrib["name"]
         assert named.exists(), named
         assert named.is_dir() == (file.get("category") == "include")
-    project = folder / "examples" / "golden_vectors" / "golden_vectors.cproject.yml"
-    named = [
-        one["component"] for one in yaml.safe_load(project.read_text())["project"]["components"]
+
+
+def test_the_cmsis_solution_names_components_of_the_pack(case: Plain, tmp_path: Path) -> None:
+    folder = case.write("cmsis-pack", tmp_path / "out")
+    (file,) = folder.glob("*.pdsc")
+    identities = [
+        tuple(one.get(key) for key in ("Cgroup", "Csub", "Cvariant"))
+        for one in ElementTree.parse(file).getroot().iter("component")
     ]
-    own = [one.removeprefix("anhyst::Anhyst:") for one in named if one.startswith("anhyst")]
-    for name in own:
-        group, _, variant = name.partition("&")
-        group, _, part = group.partition(":")
-        assert (group, part or None, variant or None) in identities
-    assert {group for group, _, _ in identities} == {re.split("[:&]", name)[0] for name in own}
+    assert len(set(identities)) == len(identities)
+    project = folder / "examples" / "golden_vectors" / "golden_vectors.cproject.yml"
+    listed = yaml.safe_load(project.read_text())["project"]["components"]
+    pattern = re.compile(r"anhyst::Anhyst:(\w+)(?::(\w+))?(?:&([\w-]+))?")
+    found = [pattern.fullmatch(one["component"]) for one in listed]
+    own = [one.groups() for one in found if one is not None]
+    assert set(own) <= set(identities)
+    assert {group for group, _, _ in own} == {group for group, _, _ in identities}
+
+
+def test_the_pack_contains_every_file_and_has_the_same_bytes(case: Plain, tmp_path: Path) -> None:
+    folder = case.write("cmsis-pack", tmp_path / "out")
     (pack,) = folder.glob("*.pack")
     with zipfile.ZipFile(pack) as archive:
         packed = {info.filename for info in archive.infolist()}

@@ -168,7 +168,7 @@ def compile_model(
         files[f"{plan.name}.a2l"] = a2l(described)
     values = example_values(plan, sha256, version, around)
     packed = package_files(package, files, described, values)
-    described["package"] = package
+    described |= {} if package is None else {"package": package}
     write_folder(out, packed, described)
     return Compiled(Path(out), described, (*packed, MANIFEST), plan, budget, late)
 

@@ -184,7 +184,7 @@ def compile_play(
     described = _manifest(head, play, errors)
     files = _sources(head, play, errors) | {"vectors.csv": vectors_csv(COLUMNS, _vectors(play))}
     packed = package_files(package, files, described, _example_values(head))
-    described["package"] = package
+    described |= {} if package is None else {"package": package}
     write_folder(out, packed, described)
     return CompiledPlay(Path(out), described, (*packed, MANIFEST), play, errors)
 
