@@ -27,7 +27,13 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation import output, play
 from anhyst.compilation.manifest import write_folder
 from anhyst.compilation.output import compile_model
-from anhyst.compilation.packages import PACKAGES, license_text, package_files
+from anhyst.compilation.packages import (
+    PACKAGES,
+    Ecosystem,
+    check_package,
+    license_text,
+    package_files,
+)
 from anhyst.compilation.play import compile_play
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import write_files
@@ -42,7 +48,6 @@ from tests.truths import path_of
 
 ROOT = Path(__file__).resolve().parents[2]
 CONTROLLER = ROOT / "examples" / "bearing" / "controller.toml"
-C_PACKAGES = ("cmsis-pack", "zephyr", "platformio", "arduino")
 CARGO = shutil.which("cargo", path=f"{os.environ['PATH']}:{Path.home()}/.cargo/bin")
 AVR_BOARD = "arduino:avr:mega:cpu=atmega2560"
 
@@ -130,8 +135,9 @@ CASES = {
     "play": _play,
     "solid": _solid,
 }
-QUICK = ("cells", "single")
-PARAMS = [pytest.param(one, marks=[pytest.mark.slow] * (one not in QUICK)) for one in CASES]
+MARKS = dict.fromkeys(("controller", "play", "solid"), pytest.mark.slow)
+MARKS |= dict.fromkeys(("ring", "euler"), pytest.mark.campaign)
+PARAMS = [pytest.param(one, marks=MARKS.get(one, ())) for one in CASES]
 
 
 @pytest.fixture(scope="module")
@@ -370,6 +376,21 @@ def test_manifests_of_libraries_say_what_the_folder_has(case: Plain, tmp_path: P
     manifest = tomllib.loads((crate / "Cargo.toml").read_text())
     assert manifest["package"]["links"] == manifest["lib"]["name"] == f"anhyst_{name}"
     assert "dependencies" not in manifest
+
+
+def test_another_ecosystem_is_one_record(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = Ecosystem(
+        "own library",
+        places={"include": "h", "src": "c", "headers": "h", "sources": "c"},
+        templates={"{name}.json": "platformio/library.json.j2"},
+    )
+    monkeypatch.setitem(PACKAGES, "own", own)
+    check_package("own")
+    one = plain(place, "cells")
+    files = package_files("own", one.files, one.manifest, one.values)
+    assert {"h/anhyst/numeric/fixed.h", "h/upper_2_parameters.h", "upper_2.json"} <= set(files)
+    assert {"c/compensator/cells.c", "c/upper_2_parameters.c", "LICENSE"} <= set(files)
+    assert not any(name.startswith("port/") or name.endswith(".md") for name in files)
 
 
 # Each package with a compiler

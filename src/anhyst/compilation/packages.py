@@ -11,7 +11,7 @@ import csv
 import re
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from io import BytesIO, StringIO
 from pathlib import Path, PurePosixPath
@@ -26,29 +26,21 @@ Files = dict[str, str | bytes]
 Values = Mapping[str, Any]
 
 
-def _as_it_is(name: str, text: str, values: Values) -> str:
-    return text
-
-
-def _no_archive(files: Files, values: Values) -> Files:
-    return {}
-
-
 @dataclass(frozen=True)
 class Ecosystem:
     """The layout that an ecosystem expects."""
 
-    title: str
+    title: str  # headline of the README
     # place of each part of the folder: core headers, core sources, port, own headers, own sources,
     # documents; a part without a place is left out
     places: Mapping[str, str]
     # template of each further file; {name} in a path becomes the name of the actuator
     templates: Mapping[str, str]
     print: str = "printf"  # function by which the example prints
-    # changes the text of a C file
-    edit: Callable[[str, str, Values], str] = _as_it_is
-    # makes archives of the whole package
-    archive: Callable[[Files, Values], Files] = field(default=_no_archive)
+    # changes a C file: its path and its text, to its text
+    edit: Callable[[str, str, Values], str] | None = None
+    # makes further files of all files, such as an archive
+    archive: Callable[[Files, Values], Files] | None = None
 
 
 FP_CONTRACT_OFF = """\
@@ -61,12 +53,12 @@ FP_CONTRACT_OFF = """\
 """Keeps products and sums apart, for ecosystems whose packages cannot pass -ffp-contract=off."""
 
 
-def _forbid_fused_products(name: str, text: str, values: Values) -> str:
+def _forbid_fused_products(path: str, text: str, values: Values) -> str:
     """Put the pragma above the code of a source in single precision."""
-    return FP_CONTRACT_OFF + text if values["real"] and name.endswith(".c") else text
+    return FP_CONTRACT_OFF + text if values["real"] and path.endswith(".c") else text
 
 
-def _prefix_symbols(name: str, text: str, values: Values) -> str:
+def _prefix_symbols(path: str, text: str, values: Values) -> str:
     """Put the name of the actuator in front of every name of the core, except names of headers.
 
     Each crate contains its own core. Two crates in one program must not share its symbols, because
@@ -203,17 +195,20 @@ def package_files(
         for name, place in places.items()
         if place is not None
     }
-    shown = _template_values(files, every, manifest, values) | {"print": ecosystem.print}
+    shown = _template_values(files, manifest, values)
+    shown |= {"title": ecosystem.title, "print": ecosystem.print}
     for pattern, template in ecosystem.templates.items():
         path = pattern.format(name=values["name"])
         every[path] = _edited(ecosystem, path, render(f"packages/{template}", shown), values)
     every["LICENSE"] = license_text()
-    return every | ecosystem.archive(every, shown)
+    return every if ecosystem.archive is None else every | ecosystem.archive(every, shown)
 
 
 def _edited(ecosystem: Ecosystem, path: str, text: str, values: Values) -> str:
     """Return the text of a file of the package; an ecosystem changes only C."""
-    return ecosystem.edit(path, text, values) if path.endswith((".c", ".h")) else text
+    if ecosystem.edit is None or not path.endswith((".c", ".h")):
+        return text
+    return ecosystem.edit(path, text, values)
 
 
 def _place(path: str, ecosystem: Ecosystem, name: str) -> str | None:
@@ -234,7 +229,7 @@ def _part(file: str, name: str) -> str:
 
 
 def _template_values(
-    files: Mapping[str, str], every: Files, manifest: Mapping[str, Any], values: Values
+    files: Mapping[str, str], manifest: Mapping[str, Any], values: Values
 ) -> dict[str, Any]:
     """Return what the templates show."""
     version = re.match(r"\d+\.\d+\.\d+", values["version"])
