@@ -35,6 +35,7 @@ from anhyst.compilation.packages import (
     package_files,
 )
 from anhyst.compilation.play import compile_play
+from anhyst.link import firmware
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import write_files
 from anhyst.verification.bundle import read_bundle
@@ -746,7 +747,9 @@ def test_platformio_builds_and_runs_the_example(place: Path, tmp_path: Path) -> 
 # The command
 
 
-def test_the_command_writes_and_replaces_a_package(place: Path, tmp_path: Path) -> None:
+def test_the_command_writes_and_replaces_a_package(
+    place: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = _model(tmp_path, measured(magnet()))
     out = tmp_path / "out"
     one = plain(place, "cells")
@@ -758,8 +761,13 @@ def test_the_command_writes_and_replaces_a_package(place: Path, tmp_path: Path) 
     assert manifest["package"] == "zephyr"
     written = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
     assert written == {"manifest.json", *manifest["files"]}
-    with refused("is-a-package package: zephyr"):
+    for verb in ("verify", "live"):
+        assert main([verb, str(out)]) == 2
+        assert says(capsys.readouterr().err, "wrong-kind: package; --package")
+    with refused("wrong-kind: package"):
         read_bundle(out)
+    with refused("wrong-kind: package"):
+        firmware.build("host", out, tmp_path / "firmware")
     (out / "notes.txt").write_text("mine")
     assert main([*command, "--package", "zephyr"]) == 2
     assert (out / "notes.txt").read_text() == "mine"

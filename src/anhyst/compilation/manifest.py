@@ -384,16 +384,6 @@ class CompiledFolder(Result):
         return {"out": str(self.out), **self.manifest, "files": list(self.files)}
 
 
-def refuse_package(folder: PathLike, manifest: Mapping[str, Any]) -> None:
-    """Refuse a folder in the layout of an ecosystem, whose files are in other places."""
-    if package := manifest.get("package"):
-        raise InputError(
-            f"{folder}: is a package for {package}; name a folder that was compiled without --package",
-            code="is-a-package",
-            key="package",
-        )
-
-
 def check_folder(out: PathLike) -> None:
     """Find out before the work whether a folder may be written."""
     target = Path(os.path.realpath(out))

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.compilation.source import render
+from anhyst.compilation.vectors import COLUMNS, LEVITATION_COLUMNS
 from anhyst.support.errors import InputError
 
 Files = dict[str, str | bytes]
@@ -313,9 +314,10 @@ def _camel(name: str) -> str:
 
 def _rows(table: str, values: Values) -> list[str]:
     """Return the golden vectors as rows of constants in C."""
-    rows = list(csv.reader(StringIO(table)))[1:]
+    columns = LEVITATION_COLUMNS if values["control"] else COLUMNS
     text = _word if values["real"] else _code
-    return [", ".join(map(text, row)) for row in rows]
+    rows = csv.DictReader(StringIO(table))
+    return [", ".join(text(row[name]) for name in columns) for row in rows]
 
 
 def _code(cell: str) -> str:
