@@ -60,6 +60,7 @@ def cases() -> Path:
 
 PACKAGES = {
     "/usr/include/simavr/sim_avr.h": "simavr libsimavr-dev libelf-dev",
+    "arduino-builder": "arduino-builder arduino-core-avr arduino-ctags",
     "avr-gcc": "gcc-avr avr-libc",
     "cc": "gcc libc6-dev",
     "clang": "clang libclang-rt-dev",

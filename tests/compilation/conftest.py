@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
+
+from tests.compilation.packaged import PARAMS, Plain, plain
 
 
 @pytest.fixture(scope="package", autouse=True)
@@ -14,3 +17,15 @@ def _undrawn() -> Iterator[None]:
         patch.setattr("anhyst.compilation.source._figure", lambda budget: None)
         patch.setattr("anhyst.compilation.source.svg_text", lambda figure, prefix: "<svg/>")
         yield
+
+
+@pytest.fixture(scope="package")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder in which the cases of packages are compiled, once each."""
+    return tmp_path_factory.mktemp("packages")
+
+
+@pytest.fixture(params=PARAMS)
+def case(place: Path, request: pytest.FixtureRequest) -> Plain:
+    """Return one case after the other."""
+    return plain(place, request.param)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.support.atomic import json_text, seen_from, whole_folder, write_texts
+from anhyst.support.atomic import json_text, seen_from, whole_folder, write_files
 from tests.refusals import refused
 
 OLD = {"kept.txt": "old", "sub/other.txt": "old"}
@@ -22,16 +22,16 @@ def contents(folder: Path) -> dict[str, str]:
 def test_what_is_done_appears_in_its_place(
     tmp_path: Path, replace: bool, expected: dict[str, str]
 ) -> None:
-    write_texts(tmp_path / "out", OLD)
+    write_files(tmp_path / "out", OLD)
     with whole_folder(tmp_path / "out", replace=replace) as draft:
-        write_texts(draft, NEW)
+        write_files(draft, NEW)
         assert contents(tmp_path / "out").items() >= OLD.items(), "nothing moves before the end"
     assert contents(tmp_path) == {f"out/{name}": text for name, text in expected.items()}
 
 
 def interrupted(out: Path, replace: bool) -> None:
     with whole_folder(out, replace=replace) as draft:
-        write_texts(draft, NEW)
+        write_files(draft, NEW)
         raise KeyboardInterrupt
 
 
@@ -41,7 +41,7 @@ def test_after_a_failure_nothing_else_stands_there(
     tmp_path: Path, there: bool, replace: bool
 ) -> None:
     if there:
-        write_texts(tmp_path / "out", OLD)
+        write_files(tmp_path / "out", OLD)
     with pytest.raises(KeyboardInterrupt):
         interrupted(tmp_path / "out", replace)
     assert contents(tmp_path) == (
@@ -51,12 +51,12 @@ def test_after_a_failure_nothing_else_stands_there(
 
 
 def test_files_that_were_moved_already_go_again_where_a_later_one_cannot(tmp_path: Path) -> None:
-    write_texts(tmp_path / "out", {"z/in_the_way": "a file below a folder of that name"})
+    write_files(tmp_path / "out", {"z/in_the_way": "a file below a folder of that name"})
     with (
         refused("cannot-be-written EISDIR"),
         whole_folder(tmp_path / "out") as draft,
     ):
-        write_texts(draft, {"a/first.txt": "new", "z": "a file of the same name as a folder"})
+        write_files(draft, {"a/first.txt": "new", "z": "a file of the same name as a folder"})
     assert list(contents(tmp_path / "out")) == ["z/in_the_way"]
     assert not (tmp_path / "out" / "a").exists()
 

@@ -97,6 +97,17 @@ ActuatorName = Annotated[
     ),
 ]
 
+PackageName = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ECOSYSTEM",
+        help="Layout of the folder, with manifest, example and licence: cmsis-pack, zephyr (a "
+        "module), platformio, arduino (libraries) or cargo (a Rust no_std crate). Not for a "
+        "stage. [default: C with fragments for make and CMake]",
+        show_default=False,
+    ),
+]
+
 
 def compile_(
     model: ModelOrRig,
@@ -107,6 +118,7 @@ def compile_(
     io: Io = None,
     accuracy: Accuracy = None,
     name: ActuatorName = None,
+    package: PackageName = None,
     as_json: AsJson = False,
     _verbose: Verbose = False,
 ) -> None:
@@ -118,6 +130,7 @@ def compile_(
     budget measured against the model. DROP_IN.md explains how to add the folder to a project. With
     --controller, the position controller is included. For a stage, the folder contains the complete
     controller, from sensor heads and gaps to currents. Its golden vectors are a simulated motion.
+    With --package, the folder has the layout that the tools of an ecosystem expect.
 
     Example: anhyst compile model.toml --kind full --io q15 --rate 10000 --out controller
     """
@@ -131,6 +144,7 @@ def compile_(
             accuracy=accuracy,
             name=name,
             controller=controller,
+            package=package,
             progress=progress,
         )
     warnings = compiled.warnings if isinstance(compiled, anhyst.Compiled) else ()
@@ -144,6 +158,11 @@ def compile_(
         _show_stage(compiled)
     else:
         _show(compiled)
+
+
+def _guide(compiled: Compiled | CompiledPlay | CompiledStage) -> Path:
+    """Return the file that explains how the folder goes into a project."""
+    return compiled.out / ("README.md" if compiled.manifest.get("package") else "DROP_IN.md")
 
 
 def _show_play(compiled: CompiledPlay) -> None:
@@ -163,7 +182,7 @@ def _show_play(compiled: CompiledPlay) -> None:
         rows,
         f"half-width of the play: {numbers['radius_A']:.3g} A; of the loops: up to "
         f"{numbers['half_width_A']:.3g} A",
-        f"{compiled.out / 'DROP_IN.md'} describes how it goes into a project",
+        f"{_guide(compiled)} describes how it goes into a project",
     )
 
 
@@ -175,7 +194,7 @@ def _show_stage(compiled: CompiledStage) -> None:
         f"coordinates {', '.join(stage['free'])}; {stage['heads']} heads, {stage['magnets']} magnets; "
         f"{manifest['memory']['parameters_bytes']} bytes of parameters",
         f"{len(compiled.vectors['flags'])} ticks of a flight are its golden vectors",
-        f"{compiled.out / 'DROP_IN.md'} describes how it goes into a project",
+        f"{_guide(compiled)} describes how it goes into a project",
     )
 
 
@@ -202,7 +221,7 @@ def _show(compiled: Compiled) -> None:
         f"{compiled.out}: {manifest['kind']}, {manifest['io']}, {size} bytes of parameters",
         rows,
         *lines,
-        f"{compiled.out / 'DROP_IN.md'} describes how it goes into a project",
+        f"{_guide(compiled)} describes how it goes into a project",
     )
 
 

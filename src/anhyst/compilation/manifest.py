@@ -21,7 +21,7 @@ from anhyst.compilation.controller import ControllerPlan, described
 from anhyst.compilation.parameters import memories
 from anhyst.compilation.toolchain import read_core
 from anhyst.model.actuator import Model
-from anhyst.support.atomic import PathLike, json_text, whole_folder, write_texts
+from anhyst.support.atomic import PathLike, as_bytes, json_text, whole_folder, write_files
 from anhyst.support.block_layout import BODY
 from anhyst.support.block_words import Names, Scales
 from anhyst.support.errors import InputError
@@ -392,10 +392,13 @@ def _is_ours(folder: Path) -> bool:
         return False
 
 
-def write_folder(out: PathLike, files: Mapping[str, str], manifest: Mapping[str, object]) -> None:
+def write_folder(
+    out: PathLike, files: Mapping[str, str | bytes], manifest: Mapping[str, object]
+) -> None:
     """Write all files of a folder, or none."""
     check_folder(out)
-    hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
+    contents = {name: as_bytes(content) for name, content in files.items()}
+    hashes = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
     complete = {"product": FORMAT, **manifest, "files": dict(sorted(hashes.items()))}
     with whole_folder(out, replace=True) as draft:
-        write_texts(draft, {**files, MANIFEST: json_text(complete)})
+        write_files(draft, {**files, MANIFEST: json_text(complete)})

@@ -33,8 +33,9 @@ from anhyst.compilation.manifest import (
     manifest,
     write_folder,
 )
+from anhyst.compilation.packages import check_package, package_files
 from anhyst.compilation.play import CompiledPlay, compile_play
-from anhyst.compilation.source import budget_page, sources
+from anhyst.compilation.source import budget_page, example_values, sources
 from anhyst.compilation.vectors import (
     COLUMNS,
     LEVITATION_COLUMNS,
@@ -86,10 +87,11 @@ class Compiled(CompiledFolder):
     def warnings(self) -> tuple[str, ...]:
         """What a user should know, one sentence each; mostly nothing."""
         notes = list(self.left_out)
+        page = next(name for name in self.files if name.endswith("budget.html"))
         if not keeps_allowance(self.plan, self.budget):
             notes.append(
                 f"formats and tables cost more than the {ACCURACY:g} % of the largest output that "
-                f"is usual: {REASON[culprit(self.budget).name]}; {self.out / 'budget.html'} shows "
+                f"is usual: {REASON[culprit(self.budget).name]}; {self.out / page} shows "
                 "how much"
             )
         if not is_held(self.plan, self.budget):
@@ -129,8 +131,10 @@ def compile_model(
     request: CompileRequest,
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
+    package: str | None = None,
 ) -> Compiled:
     """Compile a model into a folder of C, with a controller of the position or without."""
+    check_package(package)
     check_folder(out)
     model = read_model(model_path)
     model, late = compilable(model, request)
@@ -162,8 +166,11 @@ def compile_model(
     described = manifest(plan, budget, sha256, version, around)
     if request.io != "f32":  # a firmware computes in fixed point
         files[f"{plan.name}.a2l"] = a2l(described)
-    write_folder(out, files, described)
-    return Compiled(Path(out), described, (*files, MANIFEST), plan, budget, late)
+    values = example_values(plan, sha256, version, around)
+    packed = package_files(package, files, described, values)
+    described |= {} if package is None else {"package": package}
+    write_folder(out, packed, described)
+    return Compiled(Path(out), described, (*packed, MANIFEST), plan, budget, late)
 
 
 def compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:
@@ -261,6 +268,7 @@ def compile_actuator(
     accuracy: float | None = None,
     name: str | None = None,
     controller: PathLike | None = None,
+    package: str | None = None,
     progress: Progress | None = None,
 ) -> Compiled | CompiledPlay:
     """Compile a model, in memory or in a file, into a folder of C: demand in, current out."""
@@ -269,17 +277,16 @@ def compile_actuator(
             path = model.save(Path(folder) / "model.toml")
             return compile_actuator(
                 path, out, rate=rate, kind=kind, io=io, accuracy=accuracy, name=name,
-                controller=controller, progress=progress,
+                controller=controller, package=package, progress=progress,
             )  # fmt: skip
     if rate is None and controller is None:
         read_model(model)  # a file that is none is said before what is missing beside it
     ticks = _rate(rate, controller)
     if kind == "play":
         _refuse_for_play(controller, accuracy)
-        return compile_play(model, out, ticks, io, name)
-    return compile_model(
-        model, out, CompileRequest(kind, io, ticks, accuracy, name), controller, progress
-    )
+        return compile_play(model, out, ticks, io, name, package)
+    request = CompileRequest(kind, io, ticks, accuracy, name)
+    return compile_model(model, out, request, controller, progress, package)
 
 
 def _rate(rate: float | None, controller: PathLike | None) -> float:

@@ -31,6 +31,7 @@ from anhyst.compilation.manifest import (
     signal_entries,
     write_folder,
 )
+from anhyst.compilation.packages import check_package, package_files
 from anhyst.compilation.play_source import play_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core
@@ -156,9 +157,15 @@ class CompiledPlay(CompiledFolder):
 
 
 def compile_play(
-    model_path: PathLike, out: PathLike, rate: float, io: str, name: str | None
+    model_path: PathLike,
+    out: PathLike,
+    rate: float,
+    io: str,
+    name: str | None,
+    package: str | None = None,
 ) -> CompiledPlay:
     """Compile a map with one play into a folder of C."""
+    check_package(package)
     if io != "q31":
         raise InputError(
             f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31",
@@ -178,8 +185,10 @@ def compile_play(
     head = _Head(name or c_name(model.name), model, sha256, running_version(), operating)
     described = _manifest(head, play, errors)
     files = _sources(head, play, errors) | {"vectors.csv": vectors_csv(COLUMNS, _vectors(play))}
-    write_folder(out, files, described)
-    return CompiledPlay(Path(out), described, (*files, MANIFEST), play, errors)
+    packed = package_files(package, files, described, _example_values(head))
+    described |= {} if package is None else {"package": package}
+    write_folder(out, packed, described)
+    return CompiledPlay(Path(out), described, (*packed, MANIFEST), play, errors)
 
 
 @dataclass(frozen=True)
@@ -262,13 +271,12 @@ def _limits(words: Words) -> list[int]:
     return [int(words[PLACES[f"PLAY_CURRENT_{end}"]]) * 2**16 for end in ("LOW", "HIGH")]
 
 
-def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, str]:
-    """Return the C files and what helps to build them."""
-    scales, name = play.scales, head.name
-    words = play.block("fixed", int(head.sha256[:8], 16))
-    values: dict[str, object] = {
+def _example_values(head: _Head) -> dict[str, object]:
+    """Return what all files may show: names, and the calls of an example."""
+    name, macro = head.name, head.name.upper()
+    return {
         "name": name,
-        "macro": name.upper(),
+        "macro": macro,
         "kind": KIND,
         "version": head.version,
         "model": in_comment(head.model.name),
@@ -280,10 +288,21 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "control": False,
         "play": True,
         "type": "int32_t",
+        "one": 2**31,
         "state": "anhyst_play_map_q31",
         "calls": "anhyst_play_map",
         "init": f"anhyst_play_map_init_q31(&compensator, {name}_parameters,\n"
-        f"                                  {name.upper()}_PARAMETERS_WORDS)",
+        f"                                  {macro}_PARAMETERS_WORDS)",
+        "input": head.model.input.name.replace("_", " "),
+        "output": head.model.output.name.replace("_", " "),
+    }
+
+
+def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> dict[str, str]:
+    """Return the C files and what helps to build them."""
+    scales, name = play.scales, head.name
+    words = play.block("fixed", int(head.sha256[:8], 16))
+    values = _example_values(head) | {
         "core": sorted(f"{SRC}/{file}" for file in SOURCES),
         "own": [f"{name}_parameters.c"],
         "scales": scales,

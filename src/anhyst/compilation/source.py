@@ -60,8 +60,7 @@ def sources(
     taken = (SINGLE if real else SOURCES)[plan.block.kind] + (CONTROL if controller else ())
     taken += AROUND_SINGLE if real else AROUND
     parts = ("parameters",) if controller is None else ("parameters", "controller")
-    common = _common(plan, sha256, version) | {
-        "control": controller is not None,
+    common = example_values(plan, sha256, version, controller) | {
         "core": sorted(f"{SRC}/{name}" for name in taken),
         "own": [f"{plan.name}_{part}.c" for part in parts],
     }
@@ -84,12 +83,15 @@ def sources(
     return files if real else {**files, PORT: read_core(PORT)}
 
 
-def _common(plan: Plan, sha256: str, version: str) -> dict[str, object]:
-    """Return what all files may show."""
+def example_values(
+    plan: Plan, sha256: str, version: str, controller: ControllerPlan | None
+) -> dict[str, object]:
+    """Return what all files may show: names, and the calls of an example."""
     model, block, io = plan.model, plan.block, plan.request.io
     return {
         "name": plan.name,
         "macro": plan.name.upper(),
+        "control": controller is not None,
         "kind": block.kind,
         "version": version,
         "model": in_comment(model.name),

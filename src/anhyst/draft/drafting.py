@@ -22,7 +22,7 @@ from anhyst.draft.magnet import Machine, MeasuredMagnet, Wanted, machine_of, rea
 from anhyst.draft.piezo import draft_piezo, fit_stack, found_lines
 from anhyst.draft.stage import draft_stage
 from anhyst.draft.text import Draft
-from anhyst.support.atomic import PathLike, check_path, whole_folder, write_texts
+from anhyst.support.atomic import PathLike, check_path, whole_folder, write_files
 from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.jobs import Progress
 from anhyst.support.wording import count_of
@@ -118,7 +118,7 @@ def put(out: PathLike, texts: Mapping[str, str], copies: Mapping[str, Path]) -> 
     """Write texts and copies of files into a folder, all of them or none."""
     check_new(out, [*texts, *{Path(name).parts[0] for name in copies}])
     with whole_folder(out) as draft:
-        write_texts(draft, texts)
+        write_files(draft, texts)
         for name, source in copies.items():
             (draft / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, draft / name)

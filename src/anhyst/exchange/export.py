@@ -41,7 +41,7 @@ from anhyst.support.atomic import (
     json_text,
     whole_folder,
     write_bytes,
-    write_texts,
+    write_files,
 )
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, cores
@@ -264,7 +264,7 @@ def export_sfunction(
     _, sources = part.complete(["sfunction.c"])
     texts = {f"src/{name}": text.decode("utf-8") for name, text in sources.items()}
     with whole_folder(folder, replace=True) as draft:
-        write_texts(draft, texts | {f"build_{block}.m": _build_script(block, part, [*sources])})
+        write_files(draft, texts | {f"build_{block}.m": _build_script(block, part, [*sources])})
     return folder
 
 

@@ -216,11 +216,16 @@ def whole_folder(out: PathLike, *, replace: bool = False) -> Iterator[Path]:
         shutil.rmtree(draft, ignore_errors=True)
 
 
-def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
+def write_files(folder: Path, files: Mapping[str, str | bytes]) -> None:
     """Write files into a folder, by their paths below it."""
-    for name, text in texts.items():
+    for name, content in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        (folder / name).write_bytes(as_bytes(content))
+
+
+def as_bytes(content: str | bytes) -> bytes:
+    """Return the bytes of a file, of a text in UTF-8."""
+    return content.encode() if isinstance(content, str) else content
 
 
 def _exchange(draft: Path, target: Path) -> None:

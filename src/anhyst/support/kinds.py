@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Collection, Mapping
 from enum import StrEnum
@@ -23,6 +24,7 @@ class FileKind(StrEnum):
     CONTROLLER = "anhyst-controller"
     CALIBRATION = "anhyst-calibration"
     COMPILED = "compiled folder"
+    PACKAGE = "package"
     MEASUREMENT = "measurement"
     PORT = "port"
     UNKNOWN = ""
@@ -37,6 +39,7 @@ NAMES: Mapping[FileKind, tuple[str, str]] = {
     FileKind.CONTROLLER: ("a controller file", "controller files"),
     FileKind.CALIBRATION: ("a calibration", "calibrations"),
     FileKind.COMPILED: ("a compiled folder", "compiled folders"),
+    FileKind.PACKAGE: ("a package of an ecosystem", "packages of ecosystems"),
     FileKind.MEASUREMENT: ("a measurement", "measurements"),
     FileKind.PORT: ("the port of a controller", "ports of controllers"),
 }
@@ -111,7 +114,7 @@ def kind_of(path: PathLike) -> FileKind:
     """
     file = Path(path)
     if file.is_dir():
-        return FileKind.COMPILED if (file / "manifest.json").is_file() else FileKind.UNKNOWN
+        return _kind_of_folder(file / "manifest.json")
     if not file.is_file():  # a port must not be read from
         return FileKind.UNKNOWN
     if file.suffix.lower() in MEASUREMENTS:
@@ -120,6 +123,18 @@ def kind_of(path: PathLike) -> FileKind:
         return kind_in(tomllib.loads(file.read_text(encoding="utf-8")))
     except (OSError, ValueError, RecursionError):
         return FileKind.UNKNOWN
+
+
+def _kind_of_folder(manifest: Path) -> FileKind:
+    """Return what a folder is by its manifest; a package has its files in other places."""
+    if not manifest.is_file():
+        return FileKind.UNKNOWN
+    try:
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return FileKind.COMPILED
+    is_package = isinstance(content, dict) and "package" in content
+    return FileKind.PACKAGE if is_package else FileKind.COMPILED
 
 
 def refuse_other(
@@ -150,6 +165,8 @@ def _taken(kind: FileKind) -> str:
         return "anhyst simulate, tune, compile and live take it with --controller"
     if kind is FileKind.CALIBRATION:
         return "a rig file names it as control.calibration"
+    if kind is FileKind.PACKAGE:
+        return "compile again without --package for it"
     verbs = [verb for verb, kinds in TAKES.items() if kind in kinds]
     return f"anhyst {_listed(verbs, 'and')} take{'s' if len(verbs) == 1 else ''} it"
 

@@ -129,6 +129,7 @@ def compile_file(
     accuracy: float | None = None,
     name: str | None = None,
     controller: PathLike | None = None,
+    package: str | None = None,
     progress: Progress | None = None,
 ) -> Compiled | CompiledPlay | CompiledStage:
     """Compile a model, or the controller of a stage, into a folder of C.
@@ -155,6 +156,9 @@ def compile_file(
         What the actuator is called in C; after the model or the rig if left out.
     controller : path-like, optional
         A controller file: the folder also holds the position controller of a bearing.
+    package : str, optional
+        Layout of the folder: ``"cmsis-pack"``, ``"zephyr"``, ``"platformio"``, ``"arduino"`` or
+        ``"cargo"``, with manifest, example and licence. Not for a stage.
     progress : callable, optional
         Called with what is done and what there is in all.
 
@@ -174,7 +178,11 @@ def compile_file(
     if not isinstance(model, Model):
         check_path(model, "compile: model", f"{MODEL_SOURCES} or of the rig file of a stage")
     if not isinstance(model, Model) and kind_of(model) is FileKind.STAGE:
-        for option, given in (("--accuracy", accuracy), ("--controller", controller)):
+        for option, given in (
+            ("--accuracy", accuracy),
+            ("--controller", controller),
+            ("--package", package),
+        ):
             if given is not None:
                 raise InputError(
                     f"{option}: is for a model; a stage is compiled as its rig file says, leave it out",
@@ -190,7 +198,7 @@ def compile_file(
         )
     return compile_actuator(
         model, out, rate=rate, kind=kind, io=io or "q15", accuracy=accuracy, name=name,
-        controller=controller, progress=progress,
+        controller=controller, package=package, progress=progress,
     )  # fmt: skip
 
 

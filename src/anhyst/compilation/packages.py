@@ -1,0 +1,347 @@
+"""Lay a compiled folder out as a package of an ecosystem: CMSIS-Pack, Zephyr, PlatformIO, Arduino, Cargo.
+
+A package consists of the files of the folder in other places, and of files made from templates: a
+manifest, an example that plays the golden vectors, a README. One record of PACKAGES describes an
+ecosystem.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
+from io import BytesIO, StringIO
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from anhyst.compilation.source import render
+from anhyst.compilation.vectors import COLUMNS, LEVITATION_COLUMNS
+from anhyst.support.errors import InputError
+
+Files = dict[str, str | bytes]
+Values = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Ecosystem:
+    """The layout that an ecosystem expects."""
+
+    title: str  # headline of the README
+    # place of each part of the folder: core headers, core sources, port, own headers, own sources,
+    # documents; a part without a place is left out
+    places: Mapping[str, str]
+    # template of each further file; {name} in a path becomes the name of the actuator
+    templates: Mapping[str, str]
+    print: str = "printf"  # function by which the example prints
+    # changes a C file: its path and its text, to its text
+    edit: Callable[[str, str, Values], str] | None = None
+    # makes further files of all files, such as an archive
+    archive: Callable[[Files, Values], Files] | None = None
+
+
+FP_CONTRACT_OFF = """\
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__GNUC__)
+#pragma GCC optimize("fp-contract=off")
+#endif
+"""
+"""Keeps products and sums apart, for ecosystems whose packages cannot pass -ffp-contract=off."""
+
+
+def _forbid_fused_products(path: str, text: str, values: Values) -> str:
+    """Put the pragma above the code of a source in single precision."""
+    return FP_CONTRACT_OFF + text if values["real"] and path.endswith(".c") else text
+
+
+def _prefix_symbols(path: str, text: str, values: Values) -> str:
+    """Put the name of the actuator in front of every name of the core, except names of headers.
+
+    Each crate contains its own core. Two crates in one program must not share its symbols, because
+    their cores may differ in version or in size.
+    """
+    return re.sub(r'(?<!")\banhyst_(?=\w)', f"{values['name']}_anhyst_", text)
+
+
+def _zip(files: Files, values: Values) -> Files:
+    """Return the pack: all files in one archive.
+
+    They are not compressed, because the bytes would depend on the version of the compressor.
+    """
+    packed = BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name, content in sorted(files.items()):
+            entry = zipfile.ZipInfo(name)
+            entry.create_system, entry.external_attr = 3, 0o644 << 16
+            archive.writestr(entry, content)
+    return {f"anhyst.{values['name']}.{values['semver']}.pack": packed.getvalue()}
+
+
+VECTORS = "golden_vectors.h.j2"
+MAIN = "golden_main.c.j2"
+
+PACKAGES: Mapping[str, Ecosystem] = {
+    "cmsis-pack": Ecosystem(
+        "CMSIS-Pack",
+        places={
+            "include": "include", "src": "src", "port": "port", "headers": "actuator",
+            "sources": "actuator", "docs": "docs",
+        },
+        templates={
+            "anhyst.{name}.pdsc": "cmsis/pack.pdsc.j2",
+            "README.md": "cmsis/README.md.j2",
+            "examples/golden_vectors/main.c": "cmsis/main.c.j2",
+            "examples/golden_vectors/golden_vectors.h": VECTORS,
+            "examples/golden_vectors/golden_vectors.csolution.yml": "cmsis/csolution.yml.j2",
+            "examples/golden_vectors/golden_vectors.cproject.yml": "cmsis/cproject.yml.j2",
+        },
+        archive=_zip,
+    ),
+    "zephyr": Ecosystem(
+        "Zephyr module",
+        places={
+            "include": "include", "src": "src", "port": "port", "headers": "actuator",
+            "sources": "actuator", "docs": "docs",
+        },
+        templates={
+            "zephyr/module.yml": "zephyr/module.yml.j2",
+            "zephyr/CMakeLists.txt": "zephyr/CMakeLists.txt.j2",
+            "zephyr/Kconfig": "zephyr/Kconfig.j2",
+            "README.md": "zephyr/README.md.j2",
+            "samples/golden_vectors/CMakeLists.txt": "zephyr/sample.cmake.j2",
+            "samples/golden_vectors/prj.conf": "zephyr/prj.conf.j2",
+            "samples/golden_vectors/sample.yaml": "zephyr/sample.yaml.j2",
+            "samples/golden_vectors/src/main.c": MAIN,
+            "samples/golden_vectors/src/golden_vectors.h": VECTORS,
+        },
+        print="printk",
+    ),
+    "platformio": Ecosystem(
+        "PlatformIO library",
+        places={
+            "include": "include", "src": "src", "port": "include", "headers": "include",
+            "sources": "src", "docs": "docs",
+        },
+        templates={
+            "library.json": "platformio/library.json.j2",
+            "README.md": "platformio/README.md.j2",
+            "examples/golden_vectors/platformio.ini": "platformio/platformio.ini.j2",
+            "examples/golden_vectors/src/main.c": MAIN,
+            "examples/golden_vectors/src/golden_vectors.h": VECTORS,
+        },
+    ),
+    "arduino": Ecosystem(
+        "Arduino library",
+        places={
+            "include": "src", "src": "src", "headers": "src", "sources": "src", "docs": "extras",
+        },
+        templates={
+            "library.properties": "arduino/library.properties.j2",
+            "keywords.txt": "arduino/keywords.txt.j2",
+            "README.md": "arduino/README.md.j2",
+            "examples/golden_vectors/golden_vectors.ino": "arduino/golden_vectors.ino.j2",
+            "examples/golden_vectors/golden_vectors.h": VECTORS,
+        },
+        edit=_forbid_fused_products,
+    ),
+    "cargo": Ecosystem(
+        "Rust crate",
+        places={
+            "include": "c/include", "src": "c/src", "port": "c/port", "headers": "c/actuator",
+            "sources": "c/actuator", "docs": "docs",
+        },
+        templates={
+            "Cargo.toml": "cargo/Cargo.toml.j2",
+            "build.rs": "cargo/build.rs.j2",
+            "README.md": "cargo/README.md.j2",
+            "src/lib.rs": "cargo/lib.rs.j2",
+            "src/ffi.rs": "cargo/ffi.rs.j2",
+            "c/actuator/{name}_binding.c": "cargo/binding.c.j2",
+            "tests/golden_vectors.rs": "cargo/golden_vectors.rs.j2",
+        },
+        edit=_prefix_symbols,
+    ),
+}  # fmt: skip
+"""The ecosystems by the name that --package accepts."""
+
+
+def check_package(package: str | None) -> None:
+    """Refuse a package that is not known."""
+    if package is not None and package not in PACKAGES:
+        raise InputError(
+            f"--package: unknown package '{package}'; give {', '.join(PACKAGES)}",
+            code="unknown-package",
+            key="--package",
+        )
+
+
+def package_files(
+    package: str | None, files: Mapping[str, str], manifest: Mapping[str, Any], values: Values
+) -> Mapping[str, str | bytes]:
+    """Return the files of a package, by their paths, or those of the folder if there is no package.
+
+    files and manifest describe the folder, values are those of its example.
+    """
+    if package is None:
+        return files
+    ecosystem = PACKAGES[package]
+    places = {name: _place(name, ecosystem, values["name"]) for name in files}
+    every: Files = {
+        place: _edited(ecosystem, place, files[name], values)
+        for name, place in places.items()
+        if place is not None
+    }
+    shown = _template_values(files, manifest, values)
+    shown |= {"title": ecosystem.title, "print": ecosystem.print}
+    for pattern, template in ecosystem.templates.items():
+        path = pattern.format(name=values["name"])
+        every[path] = _edited(ecosystem, path, render(f"packages/{template}", shown), values)
+    every["LICENSE"] = license_text()
+    return every if ecosystem.archive is None else every | ecosystem.archive(every, shown)
+
+
+def _edited(ecosystem: Ecosystem, path: str, text: str, values: Values) -> str:
+    """Return the text of a file of the package; an ecosystem changes only C."""
+    if ecosystem.edit is None or not path.endswith((".c", ".h")):
+        return text
+    return ecosystem.edit(path, text, values)
+
+
+def _place(path: str, ecosystem: Ecosystem, name: str) -> str | None:
+    """Return the path in the package of a file of the folder, or None if the package omits it."""
+    part, _, below = path.partition("/")
+    if not below:
+        part, below = _part(path, name), path
+    place = ecosystem.places.get(part)
+    return None if place is None else f"{place}/{below}"
+
+
+def _part(file: str, name: str) -> str:
+    """Return the part of the folder that a file without a folder belongs to."""
+    suffix = PurePosixPath(file).suffix
+    if file.startswith(f"{name}_") and suffix in {".c", ".h"}:
+        return "headers" if suffix == ".h" else "sources"
+    return "replaced" if file in {"main.c", "anhyst.mk", "anhyst.cmake"} else "docs"
+
+
+def _template_values(
+    files: Mapping[str, str], manifest: Mapping[str, Any], values: Values
+) -> dict[str, Any]:
+    """Return what the templates show."""
+    version = re.match(r"\d+\.\d+\.\d+", values["version"])
+    table = files["controller.csv" if values["control"] else "vectors.csv"]
+    own = [name for name in files if name.startswith(f"{values['name']}_")]
+    core = sorted(name for name in files if name.startswith("src/") and name.endswith(".c"))
+    return {
+        **values,
+        "semver": version[0] if version else "0.0.0",
+        "core": {name: PurePosixPath(name).stem for name in core},
+        # names of components have at least two characters
+        "component": values["name"] if len(values["name"]) > 1 else f"actuator_{values['name']}",
+        "core_files": sorted(name for name in files if name.startswith(("include/", "src/"))),
+        "own_sources": sorted(name for name in own if name.endswith(".c")),
+        "own_headers": sorted(name for name in own if name.endswith(".h")),
+        "header": f"{values['name']}_{'controller' if values['control'] else 'parameters'}.h",
+        "signals": manifest["signals"],
+        "memory": manifest["memory"],
+        "controller": manifest["controller"],
+        **_rust_values(manifest),
+        "rate": f"{manifest['rate_Hz']:g}",
+        "statuses": _statuses(files),
+        "flags": _flags(files),
+        "rows": _rows(table, values),
+        "fp_contract_off": FP_CONTRACT_OFF,
+    }
+
+
+RUST_TYPES = {"q15": "i16", "q31": "i32", "f32": "f32"}
+RUST_REALS = {"q15": "f32", "q31": "f64", "f32": "f32"}
+"""Types in which a code of each format can be written in SI units."""
+
+
+def _rust_values(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what only the templates of a Rust crate show."""
+    io, controller = manifest["io"], manifest["controller"]
+    given = {name: signal for name, signal in manifest["signals"].items() if signal is not None}
+    number = float if io == "q31" else np.float32
+    return {
+        "rust": RUST_TYPES[io],
+        "rust_si": RUST_REALS[io],
+        "literals": {
+            name: {key: str(number(signal[key])) for key in ("low", "high", "scale")}
+            for name, signal in given.items()
+        },
+        "middle": {
+            name: str(float(f"{0.5 * (signal['low'] + signal['high']):.4g}"))
+            for name, signal in given.items()
+        },
+        "state_bytes": _bytes_by_pointer(manifest["memory"]["state_bytes"]),
+        "controller_bytes": _bytes_by_pointer(controller["state_bytes"]) if controller else {},
+    }
+
+
+def _bytes_by_pointer(size: int) -> dict[int, int]:
+    """Return memory for a structure whose size is known for pointers of 32 bits.
+
+    With pointers of 64 bits, a structure is at most twice as large.
+    """
+    return {32: -(-size // 8) * 8, 64: -(-2 * size // 8) * 8}
+
+
+def _statuses(files: Mapping[str, str]) -> list[tuple[str, int, str]]:
+    """Return name, number and meaning of every status that is an error."""
+    text = files["include/anhyst/numeric/status.h"]
+    found = re.findall(r"/\* ([^*]+) \*/\s*ANHYST_(\w+) = (-\d+)", text)
+    return [
+        (_camel(name), int(number), " ".join(meaning.split())) for meaning, name, number in found
+    ]
+
+
+def _flags(files: Mapping[str, str]) -> list[tuple[str, int]]:
+    """Return name and value of every flag."""
+    text = files["include/anhyst/compensator/flags.h"]
+    return [(name, int(value)) for name, value in re.findall(r"#define ANHYST_(\w+) (\d+)U", text)]
+
+
+def _camel(name: str) -> str:
+    return "".join(word.capitalize() for word in name.split("_"))
+
+
+def _rows(table: str, values: Values) -> list[str]:
+    """Return the golden vectors as rows of constants in C."""
+    columns = LEVITATION_COLUMNS if values["control"] else COLUMNS
+    text = _word if values["real"] else _code
+    rows = csv.DictReader(StringIO(table))
+    return [", ".join(text(row[name]) for name in columns) for row in rows]
+
+
+def _code(cell: str) -> str:
+    """Return a code in C, where -2147483648 is not a constant of 32 bits."""
+    return f"({int(cell) + 1} - 1)" if int(cell) == -(2**31) else cell
+
+
+def _word(cell: str) -> str:
+    """Return the bits of a number in single precision."""
+    return f"0x{int(np.float32(cell).view(np.uint32)):08X}"
+
+
+def license_text() -> str:
+    """Return the licence of anhyst, from the installed package."""
+    try:
+        text = distribution("anhyst").read_text("licenses/LICENSE")
+    except PackageNotFoundError:
+        text = None
+    if text is None:
+        file = Path(__file__).resolve().parents[3] / "LICENSE"
+        if not file.is_file():
+            raise InputError(
+                "the licence of anhyst is missing; install anhyst again",
+                code="installation-incomplete",
+            )
+        text = file.read_text(encoding="utf-8")
+    return text
