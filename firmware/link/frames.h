@@ -143,7 +143,7 @@ enum {
   {INT32_C(536870912), INT32_C(2147483647), INT32_C(1073741824), 0, 1}, /* gain_d */ \
   {INT32_C(0), INT32_C(2147483647), INT32_C(1073741824), 0, 1}, /* gain_dd */ \
   {INT32_C(1), INT32_C(536870911), INT32_C(107374182), 0, 0}, /* current_tolerance */ \
-  {INT32_C(1), INT32_C(1000000), INT32_C(0), 5, 0}, /* current_lag_ticks */ \
+  {INT32_C(3), INT32_C(1000000), INT32_C(0), 5, 0}, /* current_lag_ticks */ \
   {INT32_C(1), INT32_C(1000000), INT32_C(0), 50, 0}, /* current_sweep_ticks */ \
   {INT32_C(1), INT32_C(1000000), INT32_C(0), 20, 0}, /* current_off_ticks */
 

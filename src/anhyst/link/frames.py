@@ -88,7 +88,7 @@ SETTINGS = {
     Setting.GAIN_D: SettingRange(536870912, 2147483647, 1073741824, 0, True),
     Setting.GAIN_DD: SettingRange(0, 2147483647, 1073741824, 0, True),
     Setting.CURRENT_TOLERANCE: SettingRange(1, 536870911, 107374182, 0, False),
-    Setting.CURRENT_LAG_TICKS: SettingRange(1, 1000000, 0, 5, False),
+    Setting.CURRENT_LAG_TICKS: SettingRange(3, 1000000, 0, 5, False),
     Setting.CURRENT_SWEEP_TICKS: SettingRange(1, 1000000, 0, 50, False),
     Setting.CURRENT_OFF_TICKS: SettingRange(1, 1000000, 0, 20, False),
 }

@@ -156,7 +156,7 @@ SETTINGS = (
         "current_lag_ticks",
         "integer",
         "longest time constant of amplifier and current sensor, ticks",
-        low=1,
+        low=3,
         high=1000000,
     ),
     XcpValue(
