@@ -12,6 +12,7 @@ from pathlib import Path
 import uvicorn
 
 from anhyst.dashboard.browsers import names_of, read_address
+from anhyst.dashboard.connections import Connection
 from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recording import RecordingFile, start_recording
 from anhyst.dashboard.server import MESSAGE_MOST, LiveServer
@@ -45,7 +46,7 @@ def listen_on(host: str, port: int) -> socket.socket:
     taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         taken.bind((host, port))
-        taken.listen()
+        taken.listen(socket.SOMAXCONN)
     except OSError as error:
         taken.close()
         raise InputError(
@@ -63,6 +64,7 @@ def make_server(
     return uvicorn.Server(
         uvicorn.Config(
             LiveServer(session, title, names_of(*address), token).app,
+            http=Connection,
             ws="websockets-sansio",
             ws_max_size=MESSAGE_MOST,
             ws_per_message_deflate=False,
