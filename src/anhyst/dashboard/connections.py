@@ -2,7 +2,7 @@
 
 A connection waits while its request is not complete: before the first byte, within the header or
 the body, and between two requests. Bytes that arrive do not extend this time. If too many
-connections wait, the server closes the oldest one of the client that has most of them. Therefore,
+connections wait, the server closes the oldest ones of the client that has most of them. Therefore,
 clients that open connections and send nothing do not keep others out. An open WebSocket does not
 wait.
 """
@@ -19,8 +19,11 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 MAX_WAIT_S = 5.0
 """Time in which a request must be complete, s; uvicorn's own time between two requests."""
 
+MIN_WAIT_S = 0.5
+"""Time for which a connection may wait in any case, s: requests of browsers are there by then."""
+
 MAX_WAITING = 32
-"""Connections that may wait at a time; a browser opens six."""
+"""Connections that may wait for longer than that at a time; a browser opens six."""
 
 
 class Connection(H11Protocol):
@@ -78,12 +81,16 @@ class Connection(H11Protocol):
             self._timer = None
 
     def _make_room(self) -> None:
+        """Close connections that have waited for long, if there are too many of them."""
         everyone: set[Any] = self.connections
+        latest = self.loop.time() + MAX_WAIT_S - MIN_WAIT_S
         waiting = {
             one: until
             for one in everyone
-            if isinstance(one, Connection) and (until := one.waiting_until) is not None
+            if isinstance(one, Connection) and (until := one.waiting_until or latest) < latest
         }
-        if len(waiting) > MAX_WAITING:
+        while len(waiting) > MAX_WAITING:
             (host, _), *_ = Counter(one.host for one in waiting).most_common(1)
-            min((one for one in waiting if one.host == host), key=lambda one: waiting[one]).drop()
+            oldest = min((one for one in waiting if one.host == host), key=waiting.__getitem__)
+            del waiting[oldest]
+            oldest.drop()

@@ -29,8 +29,9 @@ from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.kinds import FileKind, kind_of
 
-_HTTP_MOST = 64
-"""Connections at a time, of pages that load and of those that are open."""
+_HTTP_MOST = 512
+"""Connections at a time, of pages that load and of those that are open; half of the files that a
+process may open on most systems."""
 
 _SLOW_S = 60.0
 """A browser that has not read for so long has gone, s; a slow one has frames to draw before."""
