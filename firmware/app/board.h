@@ -37,7 +37,8 @@ typedef struct {
   uint16_t missed_ticks;       /* ticks in a row that may be left out before it is a fault */
   uint16_t selftest_ticks;     /* plausible samples in a row until the self-test has passed */
   uint16_t ramp_ms;            /* from full current to zero in the safe state */
-  uint16_t heartbeat_ms;       /* the most that the setting heartbeat_ticks may allow */
+  uint16_t heartbeat_ms;       /* upper limit of each setting in ticks */
+  uint16_t has_current_sensor; /* 1: the measured current is checked, see app/current.h */
 } app_limits;
 
 /* A controller (app/app.h). */

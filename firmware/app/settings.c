@@ -5,16 +5,18 @@ typedef struct {
   int32_t low;
   int32_t high;
   int32_t start;
+  uint16_t start_ms; /* of a setting in ticks, else 0 */
   uint16_t while_running;
 } setting;
 
 static const setting table[LINK_SETTING_COUNT] = {LINK_SETTING_TABLE};
 
-/* The largest value of a setting. A PC that is gone must be noticed, whatever a PC once wrote. */
+/* Returns the largest value of a setting. The board limits the times, so that no PC can make the
+   firmware ignore a lost link or a wrong current for long. */
 static int32_t highest(const app_board *board, uint16_t number)
 {
   const int32_t high = table[number].high;
-  if (number != LINK_SETTING_HEARTBEAT_TICKS) {
+  if (table[number].start_ms == 0U) {
     return high;
   }
   const uint32_t most = app_board_ticks(board, board->limits->heartbeat_ms);
@@ -25,10 +27,11 @@ void app_settings_start(int32_t *values, const app_board *board)
 {
   for (uint16_t i = 0; i < (uint16_t)LINK_SETTING_COUNT; i++) {
     values[i] = table[i].start;
+    if (table[i].start_ms > 0U) {
+      values[i] = anhyst_clamp((int32_t)app_board_ticks(board, table[i].start_ms), table[i].low,
+                               highest(board, i));
+    }
   }
-  const uint16_t heartbeat = LINK_SETTING_HEARTBEAT_TICKS;
-  values[heartbeat] =
-      anhyst_clamp((int32_t)(board->rate / 10U), table[heartbeat].low, highest(board, heartbeat));
 }
 
 uint16_t app_setting_obstacle(const app_board *board, uint16_t number, int32_t value, int running)

@@ -10,7 +10,7 @@
 void app_settings_start(int32_t *values, const app_board *board);
 
 /* Why this setting cannot take this value now (value, state), or LINK_REASON_NONE. The range is
-   that of the table, for heartbeat_ticks no more than the board allows.
+   that of the table. A setting in ticks lasts at most heartbeat_ms of the board.
    running: whether the state is run. */
 uint16_t app_setting_obstacle(const app_board *board, uint16_t number, int32_t value, int running);
 

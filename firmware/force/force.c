@@ -8,7 +8,7 @@ static void forget_sensors(app_body *body)
 {
   app_sensor_start(&body->gap);
   app_sensor_start(&body->force);
-  app_sensor_start(&body->current);
+  app_current_start(&body->current);
 }
 
 /* Ticks of the ramp from full current to zero, at least 1. */
@@ -80,14 +80,16 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
   (void)body;
   (void)settings;
   (void)value;
-  /* the gains of a position, which stand last */
-  return number >= (uint16_t)LINK_SETTING_GAINS ? LINK_REASON_TYPE : LINK_REASON_NONE;
+  const int is_gain =
+      number >= (uint16_t)LINK_SETTING_GAINS && number <= (uint16_t)LINK_SETTING_GAIN_DD;
+  return is_gain ? LINK_REASON_TYPE : LINK_REASON_NONE; /* gains of a position */
 }
 
 /* The reason of a fault that this sample would be, or none. All sensors are judged, so that each
    follows its own noise; the first that is wrong is reported. Without a sample all values are
    PORT_RESERVED. */
-static uint16_t judge(app_body *body, const port_sample *sample, uint32_t ticks)
+static uint16_t judge(app_body *body, const int32_t *settings, const port_sample *sample,
+                      uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;
   const int32_t least = limits->stuck_current;
@@ -96,7 +98,7 @@ static uint16_t judge(app_body *body, const port_sample *sample, uint32_t ticks)
   const uint16_t force =
       app_sensor_judge(&body->force, &limits->force, least, sample->force, ticks, drive);
   const uint16_t current =
-      app_sensor_judge(&body->current, &limits->current, least, sample->current[0], ticks, drive);
+      app_current_judge(&body->current, limits, settings, sample->current[0], ticks, drive);
   if ((sample->status & PORT_NO_SAMPLE) != 0U) {
     return ANHYST_FAULT_SENSOR_FAILED;
   }
@@ -106,29 +108,28 @@ static uint16_t judge(app_body *body, const port_sample *sample, uint32_t ticks)
   if (force != APP_SENSOR_FINE) {
     return (uint16_t)(ANHYST_FAULT_FORCE_RESERVED - APP_SENSOR_RESERVED + force);
   }
-  if (current != APP_SENSOR_FINE) {
-    return (uint16_t)(ANHYST_FAULT_CURRENT_RESERVED - APP_SENSOR_RESERVED + current);
-  }
-  return ANHYST_FAULT_NONE;
+  return current;
 }
 
-static int is_stuck(uint16_t fault)
+/* Whether a reason is a fault at the first sample that shows it. */
+static int is_certain(uint16_t fault)
 {
   return fault == ANHYST_FAULT_GAP_STUCK || fault == ANHYST_FAULT_FORCE_STUCK ||
-         fault == ANHYST_FAULT_CURRENT_STUCK;
+         app_current_is_certain(fault);
 }
 
 /* Goes by the sample: to a fault, or on from selftest. */
-static void watch_sample(app_body *body, const port_sample *sample, uint32_t ticks)
+static void watch_sample(app_body *body, const int32_t *settings, const port_sample *sample,
+                         uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;
-  const uint16_t wrong = judge(body, sample, ticks);
+  const uint16_t wrong = judge(body, settings, sample, ticks);
   (void)anhyst_supervisor_sample(&body->supervisor, wrong, limits->max_implausible_samples,
                                  limits->selftest_ticks);
   if (wrong != ANHYST_FAULT_NONE) {
     body->flags |= ANHYST_SAMPLE_IMPLAUSIBLE;
   }
-  if (is_stuck(wrong)) {
+  if (is_certain(wrong)) {
     anhyst_supervisor_fail(&body->supervisor, wrong);
   }
 }
@@ -210,13 +211,13 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
   anhyst_compensator *compensator = &body->compensator;
   const int follow = settings[LINK_SETTING_FOLLOW] != 0;
   body->flags = 0;
-  watch_sample(body, sample, ticks);
+  watch_sample(body, settings, sample, ticks);
   const int32_t gap = app_sensor_q31(anhyst_clamp(body->gap.value, 0, PORT_ONE));
   if (body->gap.value < 0 || body->gap.value > PORT_ONE) {
     body->flags |= ANHYST_GAP_LIMITED;
   }
   if (follow && compensator->words != NULL) {
-    anhyst_compensator_commit_q31(compensator, app_sensor_q31(body->current.value), gap);
+    anhyst_compensator_commit_q31(compensator, app_sensor_q31(body->current.sensor.value), gap);
   }
   const int32_t wanted = wanted_current(body, settings, gap);
   body->drive = anhyst_clamp(wanted, limits->current_low, limits->current_high);
@@ -263,7 +264,7 @@ void app_body_status(const app_body *body, link_status *status)
   status->demand = body->demand;
   status->force = body->force.value;
   status->gap = body->gap.value;
-  status->current[0] = body->current.value;
+  status->current[0] = body->current.sensor.value;
   status->drive[0] = body->drive;
   status->current[1] = 0;
   status->drive[1] = 0;

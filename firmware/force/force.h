@@ -9,7 +9,7 @@
 #define ANHYST_FIRMWARE_FORCE_H
 
 #include "app/body.h"
-#include "app/sensor.h"
+#include "app/current.h"
 
 struct app_body {
   const app_board *board;
@@ -25,16 +25,15 @@ struct app_body {
   uint8_t compensated; /* whether the compensator found the current last */
   app_sensor gap;
   app_sensor force;
-  app_sensor current;
+  app_current current;
 };
 
 /* The state of a controller with its task, without what it knows of its sensors: 200 bytes where a
    pointer has four or fewer, and 120 for each further memory of solid iron. */
-typedef char
-    app_force_is_at_most_200_bytes[sizeof(struct app_body) - 3 * sizeof(app_sensor) + 16 <=
-                                           184 + 4 * (sizeof(void *) > 4 ? sizeof(void *) : 4) +
-                                               120UL * (ANHYST_MEMORIES - 1)
-                                       ? 1
-                                       : -1];
+typedef char app_force_is_at_most_200_bytes
+    [sizeof(struct app_body) - 2 * sizeof(app_sensor) - sizeof(app_current) + 16 <=
+             184 + 4 * (sizeof(void *) > 4 ? sizeof(void *) : 4) + 120UL * (ANHYST_MEMORIES - 1)
+         ? 1
+         : -1];
 
 #endif

@@ -98,7 +98,15 @@ enum {
   LINK_SETTING_GAIN_I = 7, /* share of the integral gain, q30 */
   LINK_SETTING_GAIN_D = 8, /* share of the gain of the first derivative, q30 */
   LINK_SETTING_GAIN_DD = 9, /* share of the gain of the second derivative, q30 */
-  LINK_SETTING_COUNT = 10
+  /* largest deviation of the measured from the driven current, q31 */
+  LINK_SETTING_CURRENT_TOLERANCE = 10,
+  /* longest time constant of amplifier and current sensor, ticks */
+  LINK_SETTING_CURRENT_LAG_TICKS = 11,
+  /* ticks in which the amplifier can change the current by the full scale */
+  LINK_SETTING_CURRENT_SWEEP_TICKS = 12,
+  /* samples in a row beyond current_tolerance until it is a fault */
+  LINK_SETTING_CURRENT_OFF_TICKS = 13,
+  LINK_SETTING_COUNT = 14
 };
 
 /* What can be read at every tick. */
@@ -121,18 +129,23 @@ enum {
   LINK_SIGNAL_COUNT = 15
 };
 
-/* Low, high, value at the start, whether it may be written in the state run. */
+/* Low, high, value at the start, this in ms if it is a time (else 0), whether it may be written
+   in the state run. */
 #define LINK_SETTING_TABLE \
-  {INT32_C(2), INT32_C(1000000), INT32_C(0), 1}, /* heartbeat_ticks */ \
-  {INT32_C(1), INT32_C(2147483647), INT32_C(2147483647), 1}, /* demand_slew */ \
-  {INT32_C(0), INT32_C(1), INT32_C(1), 1}, /* compensation */ \
-  {INT32_MIN, INT32_C(2147483647), INT32_C(1073741824), 0}, /* ratio */ \
-  {INT32_C(0), INT32_C(1), INT32_C(0), 0}, /* follow */ \
-  {INT32_C(0), INT32_C(1), INT32_C(0), 1}, /* gains */ \
-  {INT32_C(536870912), INT32_C(2147483647), INT32_C(1073741824), 1}, /* gain_p */ \
-  {INT32_C(0), INT32_C(2147483647), INT32_C(1073741824), 1}, /* gain_i */ \
-  {INT32_C(536870912), INT32_C(2147483647), INT32_C(1073741824), 1}, /* gain_d */ \
-  {INT32_C(0), INT32_C(2147483647), INT32_C(1073741824), 1}, /* gain_dd */
+  {INT32_C(2), INT32_C(1000000), INT32_C(0), 100, 1}, /* heartbeat_ticks */ \
+  {INT32_C(1), INT32_C(2147483647), INT32_C(2147483647), 0, 1}, /* demand_slew */ \
+  {INT32_C(0), INT32_C(1), INT32_C(1), 0, 1}, /* compensation */ \
+  {INT32_MIN, INT32_C(2147483647), INT32_C(1073741824), 0, 0}, /* ratio */ \
+  {INT32_C(0), INT32_C(1), INT32_C(0), 0, 0}, /* follow */ \
+  {INT32_C(0), INT32_C(1), INT32_C(0), 0, 1}, /* gains */ \
+  {INT32_C(536870912), INT32_C(2147483647), INT32_C(1073741824), 0, 1}, /* gain_p */ \
+  {INT32_C(0), INT32_C(2147483647), INT32_C(1073741824), 0, 1}, /* gain_i */ \
+  {INT32_C(536870912), INT32_C(2147483647), INT32_C(1073741824), 0, 1}, /* gain_d */ \
+  {INT32_C(0), INT32_C(2147483647), INT32_C(1073741824), 0, 1}, /* gain_dd */ \
+  {INT32_C(1), INT32_C(536870911), INT32_C(107374182), 0, 0}, /* current_tolerance */ \
+  {INT32_C(3), INT32_C(1000000), INT32_C(0), 5, 0}, /* current_lag_ticks */ \
+  {INT32_C(1), INT32_C(1000000), INT32_C(0), 50, 0}, /* current_sweep_ticks */ \
+  {INT32_C(1), INT32_C(1000000), INT32_C(0), 20, 0}, /* current_off_ticks */
 
 #define LINK_SIZE_HELLO 6
 /* Opens a session: the sequence starts again with this frame. Where this very session is open

@@ -11,7 +11,7 @@ static void forget_sensors(app_body *body)
   body->still.code = PORT_RESERVED;
   body->still.ticks = 0;
   for (int i = 0; i < PORT_CURRENTS; i++) {
-    app_sensor_start(&body->current[i]);
+    app_current_start(&body->current[i]);
   }
 }
 
@@ -69,11 +69,12 @@ uint16_t app_body_command(app_body *body, uint16_t command)
 }
 
 /* Whether an armature can still be landed after this: not without amplifiers that do as
-   they are commanded. One magnet of a pair alone would pull it to its side. */
+   they are commanded. One magnet of a pair alone would pull it to its side. A current that is not
+   the driven one may be a fault of the sensor or of the amplifier; the worse case decides. */
 static int can_land(uint16_t reason)
 {
   return reason != ANHYST_FAULT_AMPLIFIER && reason != ANHYST_FAULT_OVER_CURRENT &&
-         reason != ANHYST_FAULT_BLOCK;
+         reason != ANHYST_FAULT_CURRENT_MISMATCH && reason != ANHYST_FAULT_BLOCK;
 }
 
 void app_body_fail(app_body *body, uint16_t reason)
@@ -160,17 +161,18 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
   }
 }
 
-/* A sensor of a current that is not to be believed is a fault, for what is driven cannot be known
-   any more; the position is, and so it lands. */
-static void watch_currents(app_body *body, const port_sample *sample, uint32_t ticks)
+/* Goes to fault if a measured current is implausible for too long or does not follow the driven
+   one: the true current is then unknown. */
+static void watch_currents(app_body *body, const int32_t *settings, const port_sample *sample,
+                           uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;
   for (uint16_t i = 0; i < body->board->plan->magnets; i++) {
-    const uint16_t wrong =
-        app_sensor_judge(&body->current[i], &limits->current, limits->stuck_current,
-                         sample->current[i], ticks, body->answer.current[i]);
-    if (body->current[i].age > limits->max_implausible_samples || wrong == APP_SENSOR_STUCK) {
-      app_body_fail(body, (uint16_t)(ANHYST_FAULT_CURRENT_RESERVED - APP_SENSOR_RESERVED + wrong));
+    const uint16_t wrong = app_current_judge(&body->current[i], limits, settings,
+                                             sample->current[i], ticks, body->answer.current[i]);
+    if (body->current[i].sensor.age > limits->max_implausible_samples ||
+        app_current_is_certain(wrong)) {
+      app_body_fail(body, wrong);
     }
   }
 }
@@ -213,9 +215,8 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
                        uint32_t ticks, int32_t *currents)
 {
   anhyst_position_sample_q31 in;
-  (void)settings;
   if ((sample->status & PORT_NO_SAMPLE) == 0U) {
-    watch_currents(body, sample, ticks);
+    watch_currents(body, settings, sample, ticks);
   }
   if (is_stuck(body, sample, ticks)) {
     anhyst_levitation_fail(&body->position.levitation, ANHYST_FAULT_POSITION_STUCK, 0);
@@ -226,7 +227,7 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
   in.dropped = sample->position == PORT_RESERVED ? 1U : 0U;
   in.command = ANHYST_COMMAND_NONE;
   for (int i = 0; i < PORT_CURRENTS; i++) {
-    in.current[i] = app_sensor_q31(body->current[i].value);
+    in.current[i] = app_sensor_q31(body->current[i].sensor.value);
     in.flux[i] = ANHYST_NO_FLUX;
   }
   if (body->magnet[0].compensator.words == NULL) {
@@ -248,9 +249,9 @@ void app_body_status(const app_body *body, link_status *status)
   status->phase = body->position.levitation.phase;
   status->position = body->position.position;
   status->reference = body->answer.reference;
-  status->current[0] = body->current[0].value;
+  status->current[0] = body->current[0].sensor.value;
   status->drive[0] = body->answer.current[0];
-  status->current[1] = body->current[1].value;
+  status->current[1] = body->current[1].sensor.value;
   status->drive[1] = body->answer.current[1];
 }
 

@@ -8,7 +8,7 @@
 
 #include "anhyst/control/position.h"
 #include "app/body.h"
-#include "app/sensor.h"
+#include "app/current.h"
 
 struct app_plan {
   const anhyst_position_limits_q31 *limits;
@@ -32,7 +32,7 @@ struct app_body {
   anhyst_position_settings_q31 tuned[2]; /* with gains of the operator; one of them is free */
   int32_t target;                        /* position to go to */
   app_stillness still;
-  app_sensor current[PORT_CURRENTS];
+  app_current current[PORT_CURRENTS];
 };
 
 #endif

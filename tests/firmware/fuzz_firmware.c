@@ -32,6 +32,7 @@ static const app_limits limits = {
     .selftest_ticks = 4,
     .ramp_ms = 50,
     .heartbeat_ms = 500,
+    .has_current_sensor = 1,
 };
 
 static app_body body;

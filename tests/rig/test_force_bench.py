@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import closing
 
 import numpy as np
 import pytest
 
 from anhyst.compensate.current_map import fit_ratio
 from anhyst.link.client import Refused
-from anhyst.rig.bench.force import Armature, ForceBench, run_firmware
+from anhyst.link.virtual_boards import Reading
+from anhyst.rig.bench.force import Armature, ForceBench, StandPlant, run_firmware
 from anhyst.rig.case_table import ForceCase
 from anhyst.rig.force.bench import ActuatorStand, run_open_loop, triangle
 from anhyst.rig.force.file import Rig
@@ -134,3 +136,56 @@ def test_a_force_is_held_for_longer_than_the_heartbeat_of_its_operator(bench: Fo
     rows = bench.advance(1000)
     assert (column(bench, rows, "fault") == Fault.NONE).all()
     assert column(bench, rows, "force")[-200:].mean() == pytest.approx(20.0, abs=0.3)
+
+
+class BrokenSensor(StandPlant):
+    """A plant whose sensor of the current breaks while it runs."""
+
+    change: Callable[[float], float] = staticmethod(lambda current: current)
+
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
+        seen = super().step(tick, currents)
+        return seen._replace(current=self.change(seen.current))
+
+
+BROKEN: dict[str, Callable[[float], float]] = {
+    "disconnected": lambda current: 0.0,
+    "stuck": lambda current: 0.11,
+    "wrong sign": lambda current: -current,
+    "gain 20 % too high": lambda current: 1.2 * current,
+    "gain 20 % too low": lambda current: 0.8 * current,
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_current_that_does_not_follow_is_a_fault(rig: Rig, program: Program, name: str) -> None:
+    plant = BrokenSensor.free(rig, program, 0)
+    with closing(ForceBench(rig, program, plant)) as bench:
+        bench.advance(UP)
+        run(bench)
+        bench.demand(30.0)
+        assert (column(bench, bench.advance(300), "fault") == Fault.NONE).all()
+        plant.change = BROKEN[name]
+        rows = bench.advance(300)
+        faults = column(bench, rows, "fault")
+        assert faults[-1] == Fault.CURRENT_MISMATCH
+        assert (faults[:20] == Fault.NONE).all()
+        assert faults[60] == Fault.CURRENT_MISMATCH
+        assert column(bench, rows, "command")[-1] == 0.0
+
+
+@pytest.mark.parametrize(
+    "seconds", [30, pytest.param(600, marks=pytest.mark.campaign)], ids=["30 s", "10 min"]
+)
+def test_normal_operation_of_a_force_raises_no_fault(bench: ForceBench, seconds: int) -> None:
+    rng = np.random.default_rng(10)
+    bench.command(Command.CONDITION)
+    rows = bench.advance(20_000)
+    assert (column(bench, rows, "fault") == Fault.NONE).all()
+    assert column(bench, rows, "state")[-1] == State.READY
+    bench.command(Command.RUN)
+    for _ in range(2 * seconds):
+        bench.demand(float(rng.uniform(0.0, bench.aim.high)))
+        rows = bench.advance(500)
+        assert (column(bench, rows, "fault") == Fault.NONE).all()
+    assert column(bench, rows, "state")[-1] == State.RUN

@@ -167,12 +167,12 @@ def frames_header(frames: Entry, signals: Entry) -> str:
         for entry in [*link_enums(frames, signals), read]
     ]
     rows = [
-        f"  {{{constant(s['low'])}, {constant(s['high'])}, {constant(s['default'])}, "
-        f"{int(s['run'])}}}, /* {s['name']} */"
+        f"  {{{constant(s['low'])}, {constant(s['high'])}, {constant(s.get('default', 0))}, "
+        f"{s.get('default_ms', 0)}, {int(s['run'])}}}, /* {s['name']} */"
         for s in signals["setting"]
     ]
     parts.append(
-        "/* Low, high, value at the start, whether it may be written in the state run. */\n"
+        "/* Low, high, value at the start, this in ms if it is a time (else 0), whether it may be written\n   in the state run. */\n"
         "#define LINK_SETTING_TABLE \\\n" + " \\\n".join(rows)
     )
     parts += [frame_code(frame) for frame in frames["frame"]]

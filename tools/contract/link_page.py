@@ -41,8 +41,7 @@ def page(frames: Entry, signals: Entry, controller: Entry) -> str:
     lines += ["", "| setting | from | to | at the start | in run | meaning |"]
     lines.append("| --- | --- | --- | --- | --- | --- |")
     for s in signals["setting"]:
-        start = s["default"] or "rate/10"
-        start = s["default"] if s["low"] <= s["default"] <= s["high"] else start
+        start = s.get("default", f"{s.get('default_ms')} ms")
         run = "yes" if s["run"] else "no"
         lines.append(f"| `{s['name']}` | {s['low']} | {s['high']} | {start} | {run} | {s['doc']} |")
     titles = {

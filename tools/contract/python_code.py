@@ -160,13 +160,14 @@ def frames_module(frames: Entry, signals: Entry) -> str:
     ]
     parts += [f"{enum_class(e, 'IntEnum', numbers(e))}\n" for e in link_enums(frames, signals)]
     rows = [
-        f"    Setting.{s['name'].upper()}: SettingRange({s['low']}, {s['high']}, {s['default']}, "
-        f"{s['run']}),"
+        f"    Setting.{s['name'].upper()}: SettingRange({s['low']}, {s['high']}, "
+        f"{s.get('default', 0)}, {s.get('default_ms', 0)}, {s['run']}),"
         for s in signals["setting"]
     ]
     parts.append(
         'class SettingRange(NamedTuple):\n    """What a setting may be."""\n\n'
-        "    low: int\n    high: int\n    start: int\n    while_running: bool\n"
+        "    low: int\n    high: int\n    start: int\n"
+        "    start_ms: int  # the same of a setting in ticks, else 0\n    while_running: bool\n"
     )
     parts.append("SETTINGS = {\n" + "\n".join(rows) + "\n}\n\n" + BASES)
     by_name = {frame["name"]: frame for frame in frames["frame"]}

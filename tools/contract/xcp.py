@@ -85,7 +85,7 @@ def map_module(xcp: Entry, signals: Entry) -> str:
         f'EVENT = "{xcp["event"]}"',
         "",
         f"HEARTBEAT_MS = {signals['heartbeat_ms']}",
-        '"""Ceiling of the boards for the setting heartbeat_ticks."""',
+        '"""Ceiling of the boards for settings in ticks."""',
         "",
         "AREAS = {",
         *(f'    "{area["name"]}": 0x{area["number"] << 16:08X},' for area in xcp["area"]),

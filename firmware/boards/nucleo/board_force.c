@@ -18,6 +18,7 @@ static const app_limits limits = {
     .selftest_ticks = 100,
     .ramp_ms = 20,
     .heartbeat_ms = 500,
+    .has_current_sensor = 1,
 };
 
 const app_board nucleo_board = ACTUATOR_BOARD(ACTUATOR_RATE_HZ, &limits, NULL);

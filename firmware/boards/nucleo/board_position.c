@@ -15,6 +15,7 @@ static const app_limits limits = {
     .max_implausible_samples = 3,
     .missed_ticks = 2,
     .heartbeat_ms = 500,
+    .has_current_sensor = 1,
 };
 
 static const app_plan plan = {

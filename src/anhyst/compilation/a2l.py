@@ -187,7 +187,7 @@ def _method(value: XcpValue, manifest: Mapping[str, Any], methods: _Methods) -> 
 
 def _bounded(value: XcpValue, rate: float) -> XcpValue:
     """Return a setting as the boards limit it."""
-    if value.name != "heartbeat_ticks":
+    if not value.name.endswith("_ticks"):
         return value
     return value._replace(high=min(value.high, math.ceil(rate * HEARTBEAT_MS / 1000)))
 

@@ -19,6 +19,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from anhyst.dashboard.browsers import Guard, names_of
+from anhyst.dashboard.connections import Connection
 from anhyst.dashboard.server import ASSETS
 from anhyst.support.wording import worded
 
@@ -80,6 +81,7 @@ def start_page(taken: socket.socket, title: str, work: str) -> Iterator[Start]:
     server = uvicorn.Server(
         uvicorn.Config(
             Guard(start.app(), names_of(*taken.getsockname()[:2])),
+            http=Connection,
             timeout_graceful_shutdown=1,
             lifespan="off",
             log_level="critical",

@@ -12,6 +12,7 @@ from pathlib import Path
 import uvicorn
 
 from anhyst.dashboard.browsers import names_of, read_address
+from anhyst.dashboard.connections import Connection
 from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recording import RecordingFile, start_recording
 from anhyst.dashboard.server import MESSAGE_MOST, LiveServer
@@ -28,8 +29,9 @@ from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.kinds import FileKind, kind_of
 
-_HTTP_MOST = 64
-"""Connections at a time, of pages that load and of those that are open."""
+_HTTP_MOST = 512
+"""Connections at a time, of pages that load and of those that are open; half of the files that a
+process may open on most systems."""
 
 _SLOW_S = 60.0
 """A browser that has not read for so long has gone, s; a slow one has frames to draw before."""
@@ -45,7 +47,7 @@ def listen_on(host: str, port: int) -> socket.socket:
     taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         taken.bind((host, port))
-        taken.listen()
+        taken.listen(socket.SOMAXCONN)
     except OSError as error:
         taken.close()
         raise InputError(
@@ -63,6 +65,7 @@ def make_server(
     return uvicorn.Server(
         uvicorn.Config(
             LiveServer(session, title, names_of(*address), token).app,
+            http=Connection,
             ws="websockets-sansio",
             ws_max_size=MESSAGE_MOST,
             ws_per_message_deflate=False,

@@ -59,6 +59,11 @@ class Setting(IntEnum):
     GAIN_I = 7  # share of the integral gain, q30
     GAIN_D = 8  # share of the gain of the first derivative, q30
     GAIN_DD = 9  # share of the gain of the second derivative, q30
+    CURRENT_TOLERANCE = 10  # largest deviation of the measured from the driven current, q31
+    CURRENT_LAG_TICKS = 11  # longest time constant of amplifier and current sensor, ticks
+    # ticks in which the amplifier can change the current by the full scale
+    CURRENT_SWEEP_TICKS = 12
+    CURRENT_OFF_TICKS = 13  # samples in a row beyond current_tolerance until it is a fault
 
 
 class SettingRange(NamedTuple):
@@ -67,20 +72,25 @@ class SettingRange(NamedTuple):
     low: int
     high: int
     start: int
+    start_ms: int  # the same of a setting in ticks, else 0
     while_running: bool
 
 
 SETTINGS = {
-    Setting.HEARTBEAT_TICKS: SettingRange(2, 1000000, 0, True),
-    Setting.DEMAND_SLEW: SettingRange(1, 2147483647, 2147483647, True),
-    Setting.COMPENSATION: SettingRange(0, 1, 1, True),
-    Setting.RATIO: SettingRange(-2147483648, 2147483647, 1073741824, False),
-    Setting.FOLLOW: SettingRange(0, 1, 0, False),
-    Setting.GAINS: SettingRange(0, 1, 0, True),
-    Setting.GAIN_P: SettingRange(536870912, 2147483647, 1073741824, True),
-    Setting.GAIN_I: SettingRange(0, 2147483647, 1073741824, True),
-    Setting.GAIN_D: SettingRange(536870912, 2147483647, 1073741824, True),
-    Setting.GAIN_DD: SettingRange(0, 2147483647, 1073741824, True),
+    Setting.HEARTBEAT_TICKS: SettingRange(2, 1000000, 0, 100, True),
+    Setting.DEMAND_SLEW: SettingRange(1, 2147483647, 2147483647, 0, True),
+    Setting.COMPENSATION: SettingRange(0, 1, 1, 0, True),
+    Setting.RATIO: SettingRange(-2147483648, 2147483647, 1073741824, 0, False),
+    Setting.FOLLOW: SettingRange(0, 1, 0, 0, False),
+    Setting.GAINS: SettingRange(0, 1, 0, 0, True),
+    Setting.GAIN_P: SettingRange(536870912, 2147483647, 1073741824, 0, True),
+    Setting.GAIN_I: SettingRange(0, 2147483647, 1073741824, 0, True),
+    Setting.GAIN_D: SettingRange(536870912, 2147483647, 1073741824, 0, True),
+    Setting.GAIN_DD: SettingRange(0, 2147483647, 1073741824, 0, True),
+    Setting.CURRENT_TOLERANCE: SettingRange(1, 536870911, 107374182, 0, False),
+    Setting.CURRENT_LAG_TICKS: SettingRange(3, 1000000, 0, 5, False),
+    Setting.CURRENT_SWEEP_TICKS: SettingRange(1, 1000000, 0, 50, False),
+    Setting.CURRENT_OFF_TICKS: SettingRange(1, 1000000, 0, 20, False),
 }
 
 

@@ -63,6 +63,7 @@ class Fault(IntEnum):
     OVER_CURRENT = 25  # the hardware saw more current than can be
     SUPPLY = 26  # the supply sags
     TOO_WARM = 27  # winding or power stage: I^2 t has passed its limit
+    CURRENT_MISMATCH = 28  # the measured current does not follow the driven current
 
 
 class Command(IntEnum):

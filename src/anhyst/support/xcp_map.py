@@ -28,7 +28,7 @@ SECRET = 0x616E6879
 EVENT = "tick"
 
 HEARTBEAT_MS = 500
-"""Ceiling of the boards for the setting heartbeat_ticks."""
+"""Ceiling of the boards for settings in ticks."""
 
 AREAS = {
     "signal": 0x00010000,
@@ -143,6 +143,35 @@ SETTINGS = (
         low=0,
         high=2147483647,
         body="position",
+    ),
+    XcpValue(
+        "current_tolerance",
+        "q31",
+        "largest deviation of the measured from the driven current, q31",
+        of="current",
+        low=1,
+        high=536870911,
+    ),
+    XcpValue(
+        "current_lag_ticks",
+        "integer",
+        "longest time constant of amplifier and current sensor, ticks",
+        low=3,
+        high=1000000,
+    ),
+    XcpValue(
+        "current_sweep_ticks",
+        "integer",
+        "ticks in which the amplifier can change the current by the full scale",
+        low=1,
+        high=1000000,
+    ),
+    XcpValue(
+        "current_off_ticks",
+        "integer",
+        "samples in a row beyond current_tolerance until it is a fault",
+        low=1,
+        high=1000000,
     ),
 )
 

@@ -57,7 +57,9 @@
 #define ANHYST_FAULT_OVER_CURRENT 25U /* the hardware saw more current than can be */
 #define ANHYST_FAULT_SUPPLY 26U /* the supply sags */
 #define ANHYST_FAULT_TOO_WARM 27U /* winding or power stage: I^2 t has passed its limit */
-#define ANHYST_FAULT_COUNT 28U
+/* the measured current does not follow the driven current */
+#define ANHYST_FAULT_CURRENT_MISMATCH 28U
+#define ANHYST_FAULT_COUNT 29U
 
 /* What a command asks for. */
 #define ANHYST_COMMAND_NONE 0U /* nothing */

@@ -21,7 +21,12 @@ from anhyst.link.wire import LinkPort
 from anhyst.rig.bearing.loop import BearingSetup, position_control
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal, currents_of
-from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
+from anhyst.rig.bench.settings import (
+    ControllerSettings,
+    check_values,
+    expect_amplifier,
+    position_settings,
+)
 from anhyst.rig.body import BodyRig
 from anhyst.rig.loop import ClosedLoop, Scenario
 from anhyst.rig.plant import current_loops, make_plant
@@ -213,6 +218,8 @@ class BearingBench(LockStepBench[BusController]):
                 self._open.callback(source.switch_off)
             self.link = self._open.enter_context(ControllerLink(port))
             self._heartbeat = Heartbeat(self.link)
+            slew = rig.settings.amplifier.supply / rig.settings.magnet.poles.inductance(gap)
+            expect_amplifier(self.link, rig.settings, slew, self._scales["current_full"])
             pidd2 = setup.controller.pidd2()
             gains = pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd
             self._settings = ControllerSettings(self.link, position_settings(gains))

@@ -16,7 +16,12 @@ from anhyst.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, PlantBus, Readi
 from anhyst.link.wire import Status
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal
-from anhyst.rig.bench.settings import ControllerSettings, check_values, force_settings
+from anhyst.rig.bench.settings import (
+    ControllerSettings,
+    check_values,
+    expect_amplifier,
+    force_settings,
+)
 from anhyst.rig.force.bench import (
     ActuatorStand,
     Demand,
@@ -162,6 +167,8 @@ class ForceBench(LockStepBench[PlantBus]):
             self._bus = running.bus
             self.link = self._open.enter_context(ControllerLink(running.link))
             self._heartbeat = Heartbeat(self.link)
+            slew = rig.settings.amplifier.slew
+            expect_amplifier(self.link, rig.settings, slew, self._scales.current)
             known = force_settings(self._scales.demand, self._scales.current, self.rate)
             self._settings = ControllerSettings(self.link, known)
             self._state = State.INIT

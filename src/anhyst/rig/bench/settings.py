@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
@@ -9,6 +10,7 @@ from anhyst.link.client import Refused
 from anhyst.link.frames import SETTINGS, Setting
 from anhyst.link.virtual_boards import Q30, Q31
 from anhyst.rig.bench.protocol import Parameter
+from anhyst.rig.file import RigFile
 from anhyst.support.errors import InputError
 from anhyst.support.xcp_map import HEARTBEAT_MS
 
@@ -141,6 +143,29 @@ def position_settings(gains: Sequence[float]) -> tuple[KnownSetting, ...]:
         low, high = sorted((code * most.low, code * most.high))
         settings.append(KnownSetting(setting.name.lower(), setting, unit, low, high, code, doc))
     return tuple(settings)
+
+
+_SLOWER = 2.0
+"""Expected lag and sweep of an amplifier, in units of those that its rig file states."""
+_DELAY_TICKS = 2.0
+"""Ticks from a driven current to the sample that shows it, at most."""
+
+
+def expect_amplifier(line: SettingsLine, file: RigFile, slew: float, full_scale: float) -> None:
+    """Let a controller expect the amplifier of its rig, or one of its defaults if that is slower.
+
+    The current can change by `slew`, A/s; `full_scale` is that of the controller, A.
+    """
+    rate, amplifier = file.timing.rate_Hz, file.amplifier
+    lag = (1.0 / amplifier.bandwidth_Hz + 1.0 / file.current_sensor.bandwidth_Hz) / math.tau
+    times = {
+        Setting.CURRENT_LAG_TICKS: lag + amplifier.delay_s + _DELAY_TICKS / rate,
+        Setting.CURRENT_SWEEP_TICKS: full_scale / slew,
+    }
+    for setting, seconds in times.items():
+        ticks = math.ceil(min(_SLOWER * seconds, 1e-3 * HEARTBEAT_MS) * rate)
+        if ticks > line.read_setting(setting):
+            line.write_setting(setting, min(ticks, int(1e-3 * HEARTBEAT_MS * rate)))
 
 
 def heartbeat_setting(rate: float) -> KnownSetting:

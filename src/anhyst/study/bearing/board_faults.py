@@ -184,6 +184,16 @@ def injections() -> Iterator[Injection]:
         Fault.CURRENT_RANGE,
         _shows(lambda sample: replace(sample, current=round(1.9 * Q30))),
     )
+    yield Injection(
+        "current sensor disconnected",
+        Fault.CURRENT_MISMATCH,
+        _shows(lambda sample: replace(sample, current=0)),
+    )
+    yield Injection(
+        "current read with the wrong sign",
+        Fault.CURRENT_MISMATCH,
+        _shows(lambda sample: replace(sample, current=-sample.current)),
+    )
     yield Injection("five ticks missed", Fault.MISSED_TICK, _misses)
     yield Injection("link lost", Fault.LINK_LOST, lambda running, n: False)
     yield Injection("command stop", Fault.STOPPED, _stops)

@@ -1,0 +1,96 @@
+"""Connections at the server of a page: each has to send its requests in time.
+
+A connection waits while its request is not complete: before the first byte, within the header or
+the body, and between two requests. Bytes that arrive do not extend this time. If too many
+connections wait, the server closes the oldest ones of the client that has most of them. Therefore,
+clients that open connections and send nothing do not keep others out. An open WebSocket does not
+wait.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from typing import Any
+
+import h11
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+MAX_WAIT_S = 5.0
+"""Time in which a request must be complete, s; uvicorn's own time between two requests."""
+
+MIN_WAIT_S = 0.5
+"""Time for which a connection may wait in any case, s: requests of browsers are there by then."""
+
+MAX_WAITING = 32
+"""Connections that may wait for longer than that at a time; a browser opens six."""
+
+
+class Connection(H11Protocol):
+    """A connection of a browser, which is closed if its request does not come."""
+
+    _timer: asyncio.TimerHandle | None = None
+
+    @property
+    def host(self) -> str:
+        """Address of the client."""
+        return self.client[0] if self.client else ""
+
+    @property
+    def waiting_until(self) -> float | None:
+        """Time of the event loop at which it is closed, s; None if it does not wait."""
+        return self._timer.when() if self._timer else None
+
+    def drop(self) -> None:
+        """Close it whatever its client still has to send or to read."""
+        self._stop_waiting()
+        self.transport.abort()
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin to wait for the first request."""
+        super().connection_made(transport)
+        self._follow_request()
+        self._make_room()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Stop waiting."""
+        self._stop_waiting()
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Go on waiting if the request is not complete."""
+        super().data_received(data)
+        self._follow_request()
+
+    def on_response_complete(self) -> None:
+        """Begin to wait for the next request."""
+        super().on_response_complete()
+        self._follow_request()
+
+    def _follow_request(self) -> None:
+        is_incomplete = self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
+        is_websocket = self.transport.get_protocol() is not self
+        if not is_incomplete or is_websocket or self.transport.is_closing():
+            self._stop_waiting()
+        elif self._timer is None:
+            self._timer = self.loop.call_later(MAX_WAIT_S, self.drop)
+
+    def _stop_waiting(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _make_room(self) -> None:
+        """Close connections that have waited for long, if there are too many of them."""
+        everyone: set[Any] = self.connections
+        latest = self.loop.time() + MAX_WAIT_S - MIN_WAIT_S
+        waiting = {
+            one: until
+            for one in everyone
+            if isinstance(one, Connection) and (until := one.waiting_until or latest) < latest
+        }
+        while len(waiting) > MAX_WAITING:
+            (host, _), *_ = Counter(one.host for one in waiting).most_common(1)
+            oldest = min((one for one in waiting if one.host == host), key=waiting.__getitem__)
+            del waiting[oldest]
+            oldest.drop()

@@ -1,0 +1,321 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims about the check of the measured against the driven current: which faults it finds, how
+   soon, and that ten minutes of normal operation raise none. */
+#include "../core/check.h"
+#include "bench.h"
+
+/* Default settings at BENCH_RATE, ticks. */
+enum { LAG = 5, SWEEP = 50, OFF = 20 };
+enum { TEN_MINUTES = 600 * BENCH_RATE };
+#define TOLERANCE 0.05
+#define HELD 0.72  /* current of the fault cases, parts of full scale */
+#define CODES 2048 /* of the converter in full scale */
+
+/* An amplifier and its current sensor; parts of full scale. */
+typedef struct {
+  double share;  /* of the missing current that flows a tick later */
+  double slew;   /* largest change in a tick: the voltage limit over the inductance */
+  double gain;   /* of the sensor */
+  double offset; /* of the sensor */
+  double noise;  /* largest, of the sensor */
+  double current;
+} amplifier;
+
+static const amplifier normal = {0.5, 0.03, 1.02, 0.01, 0.004, 0.0};
+static const amplifier slowest = {1.0 / LAG, 1.0 / SWEEP, 1.0, 0.0, 0.004, 0.0};
+
+static uint32_t seed;
+
+/* Returns a random number between -1 and 1. */
+static double random_number(void)
+{
+  seed = 1664525U * seed + 1013904223U;
+  return (double)(seed >> 8) / 8388608.0 - 1.0;
+}
+
+static const anhyst_supervisor *states(void)
+{
+  return app_body_states(bench.firmware.control.body);
+}
+
+static double driven(void) { return bench.drive / 2147483648.0; }
+
+static int32_t code_of(double part)
+{
+  return (int32_t)floor(part * CODES + 0.5) * (PORT_ONE / CODES);
+}
+
+/* One tick: the amplifier follows the driven current, the sensor shows it. */
+static void amplified_tick(amplifier *a)
+{
+  const double step = a->share * (driven() - a->current);
+  a->current += step > a->slew ? a->slew : step < -a->slew ? -a->slew : step;
+  bench.sample.current[0] = code_of(a->gain * a->current + a->offset + a->noise * random_number());
+  bench.sample.gap ^= 64;
+  bench.sample.force ^= 64;
+  bench_tick();
+}
+
+/* Starts a controller on a board that measures its current, with all of the current allowed. */
+static void start(void)
+{
+  bench_start();
+  bench_limits.has_current_sensor = 1;
+  bench_limits.current.low = -PORT_ONE / 4 * 5;
+  bench_limits.current.high = PORT_ONE / 4 * 5;
+  bench_limits.current.slew = INT32_MAX;
+  bench_limits.current.stuck_ticks = 0; /* found by the noise otherwise, see test_control.c */
+  bench_limits.current_low = INT32_MIN;
+  bench_limits.current_high = INT32_MAX;
+  bench_restart();
+  (void)bench_hello(255, LINK_VERSION, BENCH_SESSION);
+}
+
+/* Demands a current; the compensator of the bench halves a demand. */
+static void demand(double current)
+{
+  bench_words[FAKE_MORE] = (int16_t)(current > 0.0 ? 16384 : -16384);
+  (void)bench_demand((int32_t)((2.0 * current - (current > 0.0 ? 1.0 : -1.0)) * 2147483000.0));
+}
+
+/* Runs the demanded current for some ticks while the link is alive. */
+static void hold(amplifier *a, double current, int ticks)
+{
+  for (int i = 0; i < ticks; i++) {
+    if (i % 50 == 0) {
+      demand(current);
+    }
+    amplified_tick(a);
+  }
+}
+
+static void run(amplifier *a)
+{
+  for (int i = 0; i < 12; i++) {
+    amplified_tick(a);
+  }
+  CHECK(bench_command(ANHYST_COMMAND_ARM) == LINK_TYPE_ACK);
+  CHECK(bench_command(ANHYST_COMMAND_RUN) == LINK_TYPE_ACK);
+  hold(a, 0.02, 20);
+  CHECK(states()->state == ANHYST_STATE_RUN);
+}
+
+/* Returns the ticks until the fault current_mismatch, or -1. */
+static int ticks_until_fault(amplifier *a, double current, int most)
+{
+  for (int i = 1; i <= most; i++) {
+    hold(a, current, 1);
+    if (states()->state == ANHYST_STATE_FAULT) {
+      CHECK(states()->fault == ANHYST_FAULT_CURRENT_MISMATCH);
+      CHECK(bench.drive_state == ANHYST_STATE_FAULT + 256U * ANHYST_FAULT_CURRENT_MISMATCH);
+      return i;
+    }
+  }
+  return -1;
+}
+
+/* What is wrong with the sensor or the amplifier from one tick on. */
+typedef struct {
+  const char *name;
+  amplifier after;
+} breakage;
+
+static const breakage breakages[] = {
+    {"disconnected sensor", {0.5, 0.03, 0.0, 0.0, 0.0, 0.0}},
+    {"disconnected sensor with noise", {0.5, 0.03, 0.0, 0.0, 0.004, 0.0}},
+    {"gain 20 % too high", {0.5, 0.03, 1.2, 0.0, 0.004, 0.0}},
+    {"gain 20 % too low", {0.5, 0.03, 0.8, 0.0, 0.004, 0.0}},
+    {"wrong sign", {0.5, 0.03, -1.0, 0.0, 0.004, 0.0}},
+    {"amplifier without output", {0.0, 0.03, 1.0, 0.0, 0.004, 0.0}},
+    {"amplifier at a tenth of its voltage", {0.5, 0.003, 1.0, 0.0, 0.004, 0.0}},
+};
+enum { BREAKAGES = sizeof breakages / sizeof breakages[0] };
+
+/* From a step of the demand on: the slowest allowed response takes SWEEP + 3 * LAG ticks. */
+static void a_fault_that_is_there_from_the_start_is_found_with_the_current(void)
+{
+  for (int i = 0; i < BREAKAGES; i++) {
+    amplifier a = breakages[i].after;
+    start();
+    run(&a);
+    CHECK_BELOW(breakages[i].name, ticks_until_fault(&a, HELD, 5000), SWEEP + 3 * LAG + OFF + 1);
+    CHECK(states()->fault == ANHYST_FAULT_CURRENT_MISMATCH);
+    hold(&a, 0.0, 25);
+    CHECK(bench.drive == 0);
+  }
+}
+
+/* At a constant current only the number of samples counts. */
+static void a_fault_at_a_constant_current_is_found_after_off_ticks(void)
+{
+  for (int i = 0; i < 5; i++) {
+    amplifier a = normal;
+    start();
+    run(&a);
+    hold(&a, HELD, 200);
+    CHECK(states()->state == ANHYST_STATE_RUN);
+    a.gain = breakages[i].after.gain;
+    a.noise = breakages[i].after.noise;
+    a.offset = 0.0;
+    CHECK(ticks_until_fault(&a, HELD, 5000) == OFF + 1);
+  }
+}
+
+static void a_sensor_that_stays_on_one_value_is_found_when_the_current_moves(void)
+{
+  amplifier a = normal;
+  start();
+  run(&a);
+  hold(&a, HELD, 200);
+  const amplifier stuck = {0.5, 0.03, 0.0, HELD, 0.0, HELD};
+  a = stuck;
+  hold(&a, HELD, 1000);
+  CHECK(states()->state == ANHYST_STATE_RUN);
+  const int found = ticks_until_fault(&a, 0.3, 5000);
+  CHECK(found > OFF);
+  CHECK_BELOW("ticks until a stuck sensor is found", found, SWEEP + 3 * LAG + OFF + 1);
+}
+
+/* As many samples as the setting allows are no fault. */
+static void a_short_deviation_is_no_fault(void)
+{
+  amplifier a = normal;
+  start();
+  run(&a);
+  hold(&a, HELD, 200);
+  for (int i = 0; i < 100; i++) {
+    a.gain = 0.0;
+    hold(&a, HELD, OFF);
+    a.gain = normal.gain;
+    hold(&a, HELD, 1);
+  }
+  CHECK(states()->state == ANHYST_STATE_RUN);
+}
+
+/* A sensor that sends its error code now and then does not hide that it is wrong. */
+static void a_sample_without_a_value_does_not_end_a_row(void)
+{
+  amplifier a = normal;
+  int ticks = 0;
+  start();
+  run(&a);
+  hold(&a, HELD, 200);
+  a.gain = 0.8;
+  for (; states()->state == ANHYST_STATE_RUN && ticks < 1000; ticks++) {
+    if (ticks % 2 == 0) {
+      hold(&a, HELD, 1);
+    } else {
+      bench.sample.current[0] = PORT_RESERVED;
+      bench_tick();
+    }
+  }
+  CHECK(states()->fault == ANHYST_FAULT_CURRENT_MISMATCH);
+  CHECK_BELOW("ticks with every second sample", ticks, 2 * OFF + 3);
+}
+
+static void the_slowest_amplifier_that_is_allowed_is_no_fault(void)
+{
+  amplifier a = slowest;
+  start();
+  run(&a);
+  for (int i = 0; i < 200; i++) {
+    hold(&a, 0.95 * random_number(), 10 + i % 90);
+  }
+  CHECK(states()->state == ANHYST_STATE_RUN);
+}
+
+static void without_a_current_sensor_nothing_is_compared(void)
+{
+  amplifier a = breakages[0].after;
+  start();
+  bench_limits.has_current_sensor = 0;
+  run(&a);
+  hold(&a, HELD, 5000);
+  CHECK(states()->state == ANHYST_STATE_RUN);
+}
+
+/* Clear starts again: the current that flows then, and not the one before, is where it begins. */
+static void clear_begins_again(void)
+{
+  amplifier a = normal;
+  start();
+  run(&a);
+  hold(&a, HELD, 200);
+  a.gain = 0.0;
+  CHECK(ticks_until_fault(&a, HELD, 100) > 0);
+  a = normal;
+  a.current = 0.2; /* the winding still carries current */
+  a.slew = 0.02;
+  hold(&a, 0.0, 25);
+  CHECK(bench_command(ANHYST_COMMAND_CLEAR) == LINK_TYPE_ACK);
+  a.current = 0.2;
+  for (int i = 0; i < 100; i++) {
+    amplified_tick(&a);
+  }
+  CHECK(states()->state == ANHYST_STATE_IDLE);
+}
+
+static void its_settings_stay_while_the_controller_runs(void)
+{
+  amplifier a = normal;
+  start();
+  CHECK(bench_set(LINK_SETTING_CURRENT_OFF_TICKS, 500) == LINK_TYPE_SETTING);
+  CHECK(bench_set(LINK_SETTING_CURRENT_OFF_TICKS, 501) == LINK_TYPE_NAK);
+  CHECK(bench_set(LINK_SETTING_CURRENT_TOLERANCE, INT32_MAX / 4 + 1) == LINK_TYPE_NAK);
+  CHECK(bench_set(LINK_SETTING_CURRENT_LAG_TICKS, 0) == LINK_TYPE_NAK);
+  CHECK(bench_set(LINK_SETTING_CURRENT_SWEEP_TICKS, 0) == LINK_TYPE_NAK);
+  CHECK(bench_set(LINK_SETTING_CURRENT_OFF_TICKS, 3) == LINK_TYPE_SETTING);
+  run(&a);
+  CHECK(bench_set(LINK_SETTING_CURRENT_TOLERANCE, INT32_MAX / 8) == LINK_TYPE_NAK);
+  CHECK(bench_reason() == LINK_REASON_STATE);
+  hold(&a, HELD, 200);
+  a.gain = 0.0;
+  CHECK(ticks_until_fault(&a, HELD, 100) == 4);
+}
+
+/* Steps, sines, holds and stops of the demand, start-up sequences and arming again. */
+static void ten_minutes_of_normal_operation_raise_no_fault(void)
+{
+  amplifier a = normal;
+  double from = 0.0;
+  double to = 0.0;
+  start();
+  run(&a);
+  for (int i = 0; i < TEN_MINUTES && states()->state == ANHYST_STATE_RUN; i++) {
+    const int phase = i % 1000;
+    if (phase == 0) {
+      from = to;
+      to = 0.95 * random_number();
+    }
+    if (i % 20 == 0) {
+      const double wave = 0.3 * sin(0.003 * phase * (i / 1000 % 100));
+      const double rest = 0.5 * (from + to);
+      demand(i / 1000 % 3 == 0 ? to : i / 1000 % 3 == 1 ? 0.6 * rest + wave : rest);
+    }
+    amplified_tick(&a);
+    if (i % 10000 == 9999) { /* stopped at any current, and run again */
+      CHECK(bench_command(ANHYST_COMMAND_STOP) == LINK_TYPE_ACK);
+      for (int k = 0; k < 40; k++) {
+        amplified_tick(&a);
+      }
+      CHECK(bench_command(ANHYST_COMMAND_RUN) == LINK_TYPE_ACK);
+    }
+  }
+  CHECK(states()->state == ANHYST_STATE_RUN);
+}
+
+int main(void)
+{
+  seed = 48;
+  a_fault_that_is_there_from_the_start_is_found_with_the_current();
+  a_fault_at_a_constant_current_is_found_after_off_ticks();
+  a_sensor_that_stays_on_one_value_is_found_when_the_current_moves();
+  a_short_deviation_is_no_fault();
+  a_sample_without_a_value_does_not_end_a_row();
+  the_slowest_amplifier_that_is_allowed_is_no_fault();
+  without_a_current_sensor_nothing_is_compared();
+  clear_begins_again();
+  its_settings_stay_while_the_controller_runs();
+  ten_minutes_of_normal_operation_raise_no_fault();
+  return verdict();
+}
