@@ -225,7 +225,8 @@ static void find_gaps(const anhyst_plant_body *body, anhyst_plant_state *state)
   int j;
   for (j = 0; j < body->magnets; j++) {
     const anhyst_plant_actuator *actuator = &body->actuator[j];
-    state->actuator[j].gap = actuator->gap_zero - moved_along(&actuator->line, state->pose, state->can_turn);
+    state->actuator[j].gap =
+        actuator->gap_zero - moved_along(&actuator->line, state->pose, state->can_turn);
   }
 }
 
@@ -336,8 +337,8 @@ void anhyst_plant_read(const anhyst_plant_body *body, anhyst_plant_state *state,
 }
 
 /* One amplifier, its winding and the sensors there. */
-static inline void magnet_step(const anhyst_plant_actuator *actuator, anhyst_plant_actuator_state *state,
-                        double seconds)
+static inline void magnet_step(const anhyst_plant_actuator *actuator,
+                               anhyst_plant_actuator_state *state, double seconds)
 {
   const anhyst_plant_amplifier *amplifier = &actuator->amplifier;
   const double current = state->coil.current;
@@ -409,8 +410,7 @@ static inline void begin_motion(const anhyst_plant_body *body, anhyst_plant_stat
   int k;
   int l;
   for (l = 0; l < n; l++) {
-    force[l] = pushing->force[l] -
-               pushing->damping[l] * state->velocity[body->coordinate[l].axis];
+    force[l] = pushing->force[l] - pushing->damping[l] * state->velocity[body->coordinate[l].axis];
     if (body->cable.damping > 0.0) {
       force[l] -= body->cable.damping * tied(body, state, l, state->velocity);
     }
@@ -447,8 +447,8 @@ static inline void end_motion(const anhyst_plant_body *body, anhyst_plant_state 
     velocity[k] = state->velocity[body->coordinate[k].axis];
     for (l = 0; l < n; l++) {
       velocity[k] += state->ease[k][l] * pushing->force[l];
-      left[k][l] = (k == l ? 1.0 : 0.0) + state->ease[k][l] * pushing->damping[l] +
-                   eased(body, state, k, l);
+      left[k][l] =
+          (k == l ? 1.0 : 0.0) + state->ease[k][l] * pushing->damping[l] + eased(body, state, k, l);
     }
   }
   (void)solve(n, left, velocity);
@@ -504,8 +504,8 @@ static double load_control(const anhyst_plant_body *body, anhyst_plant_state *st
   return force - load->damping * state->load_velocity - load->stiffness * (at - load->rest);
 }
 
-/* Goes on by the sub-steps of one tick. n: the number of free coordinates. Its caller names a single
-   one as a constant, for which the compiler leaves out the loops. */
+/* Goes on by the sub-steps of one tick. n: the number of free coordinates. Its caller names a
+   single one as a constant, for which the compiler leaves out the loops. */
 static inline void run_substeps(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
                                 double load_command)
 {
