@@ -52,18 +52,17 @@ static inline void push_along(const anhyst_plant_line *line, const double *pose,
                               int can_turn, double wrench[AXES])
 {
   double turned[3] = {0.0, 0.0, 0.0};
-  double arm[3];
-  int i;
   if (can_turn) {
+    double arm[3];
     cross(pose + 3, line->d, turned);
     lever(line, pose, arm);
-    for (i = 0; i < 3; i++) {
-      wrench[3 + i] += arm[i] * force;
-    }
+    wrench[3] += arm[0] * force;
+    wrench[4] += arm[1] * force;
+    wrench[5] += arm[2] * force;
   }
-  for (i = 0; i < 3; i++) {
-    wrench[i] += (line->d[i] + turned[i]) * force;
-  }
+  wrench[0] += (line->d[0] + turned[0]) * force;
+  wrench[1] += (line->d[1] + turned[1]) * force;
+  wrench[2] += (line->d[2] + turned[2]) * force;
 }
 
 /* Solves a*x = b in place for matrices whose leading minors are positive; 0 for others. */
@@ -208,15 +207,17 @@ static double head_position(const anhyst_plant_head *head, const anhyst_plant_st
 }
 
 /* Net force at the present pose. */
-static void sum_up(const anhyst_plant_body *body, anhyst_plant_state *state)
+static inline void sum_up(const anhyst_plant_body *body, anhyst_plant_state *state)
 {
-  double wrench[AXES] = {0.0};
+  double *wrench = state->wrench;
   int j;
+  for (j = 0; j < AXES; j++) {
+    wrench[j] = 0.0;
+  }
   for (j = 0; j < body->magnets; j++) {
     push_along(&body->actuator[j].line, state->pose, state->actuator[j].coil.force, state->can_turn,
                wrench);
   }
-  memcpy(state->wrench, wrench, sizeof wrench);
   state->force = dot(body->force_along, wrench);
 }
 
@@ -369,6 +370,7 @@ static inline void magnet_step(const anhyst_plant_actuator *actuator,
 typedef struct {
   double force[AXES];
   double damping[AXES];
+  int is_damped; /* whether a damping is above zero */
 } pushes;
 
 static inline void push(const anhyst_plant_body *body, const anhyst_plant_state *state, int n,
@@ -377,6 +379,7 @@ static inline void push(const anhyst_plant_body *body, const anhyst_plant_state 
   double of_load[AXES] = {0.0};
   int k;
   push_along(&body->load.line, state->pose, state->load, state->can_turn, of_load);
+  found->is_damped = body->cable.damping > 0.0;
   for (k = 0; k < n; k++) {
     const anhyst_plant_coordinate *c = &body->coordinate[k];
     const int axis = c->axis;
@@ -389,6 +392,7 @@ static inline void push(const anhyst_plant_body *body, const anhyst_plant_state 
       damping += c->stop_damping;
     }
     found->damping[k] = damping;
+    found->is_damped |= damping > 0.0;
     found->force[k] = of_load[axis] + state->weight[axis] + state->wrench[axis] -
                       c->stop_stiffness * over +
                       damping * state->frame_velocity[axis]; /* it rides on the frame */
@@ -410,7 +414,10 @@ static inline void begin_motion(const anhyst_plant_body *body, anhyst_plant_stat
   int k;
   int l;
   for (l = 0; l < n; l++) {
-    force[l] = pushing->force[l] - pushing->damping[l] * state->velocity[body->coordinate[l].axis];
+    force[l] = pushing->force[l];
+    if (pushing->is_damped) {
+      force[l] -= pushing->damping[l] * state->velocity[body->coordinate[l].axis];
+    }
     if (body->cable.damping > 0.0) {
       force[l] -= body->cable.damping * tied(body, state, l, state->velocity);
     }
@@ -451,7 +458,9 @@ static inline void end_motion(const anhyst_plant_body *body, anhyst_plant_state 
           (k == l ? 1.0 : 0.0) + state->ease[k][l] * pushing->damping[l] + eased(body, state, k, l);
     }
   }
-  (void)solve(n, left, velocity);
+  if (pushing->is_damped) { /* otherwise the matrix is the identity */
+    (void)solve(n, left, velocity);
+  }
   for (k = 0; k < n; k++) {
     state->velocity[body->coordinate[k].axis] = velocity[k];
   }

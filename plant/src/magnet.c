@@ -286,11 +286,14 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
 {
   const double half = 0.5 * seconds;
   anhyst_plant_source s = *source;
-  ending end = {.gap = gap, .half = half, .eddies = eddy_share(magnet)};
+  ending end;
   reached found;
   double before;
   double voltage;
   int beyond;
+  end.gap = gap;
+  end.half = half;
+  end.eddies = eddy_share(magnet);
   s.voltage += coil->integral;
   before = current_under(magnet, end.eddies, coil->steady, &s);
   beyond = limited(&s, before);

@@ -46,13 +46,16 @@ static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
 {
   const anhyst_plant_cell_steel *steel = &iron->steel.cells;
   anhyst_plant_cells *cells = &memory->own.cells;
-  int i;
-  for (i = goal->own.cells.moved - 1; i >= 0; i--) {
+  const double at = goal->at;
+  int i = goal->own.cells.moved;
+  double rest = cells->rest[i];
+  for (i--; i >= 0; i--) {
     const double r = steel->threshold[i];
-    cells->place[i] = goal->at > cells->place[i] ? goal->at - r : goal->at + r;
-    cells->rest[i] = cells->rest[i + 1] + goal->own.cells.part[i];
+    rest += goal->own.cells.part[i];
+    cells->place[i] = at > cells->place[i] ? at - r : at + r;
+    cells->rest[i] = rest;
   }
-  memory->density = ANHYST_PLANT_MU0 * goal->at + cells->rest[0];
+  memory->density = ANHYST_PLANT_MU0 * at + rest;
 }
 
 const anhyst_plant_family anhyst_plant_of_cells = {look, field, move};
