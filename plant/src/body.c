@@ -29,30 +29,44 @@ static void lever(const anhyst_plant_line *line, const double *pose, double foun
   cross(arm, line->d, found);
 }
 
-double anhyst_plant_moved(const anhyst_plant_line *line, const double pose[AXES])
+/* The distance along a line. A body that cannot turn keeps all angles at zero: they add nothing. */
+static inline double moved_along(const anhyst_plant_line *line, const double *pose, int can_turn)
 {
+  const double straight = dot(line->d, pose);
   double arm[3];
+  if (!can_turn) {
+    return straight;
+  }
   lever(line, pose, arm);
-  return dot(line->d, pose) + dot(arm, pose + 3);
+  return straight + dot(arm, pose + 3);
 }
 
-/* Adds what a force along a line gives. */
-static void push_along(const anhyst_plant_line *line, const double *pose, double force,
-                       double wrench[AXES])
+double anhyst_plant_moved(const anhyst_plant_line *line, const double pose[AXES])
 {
-  double turned[3];
-  double arm[3];
-  int i;
-  cross(pose + 3, line->d, turned);
-  lever(line, pose, arm);
-  for (i = 0; i < 3; i++) {
-    wrench[i] += (line->d[i] + turned[i]) * force;
-    wrench[3 + i] += arm[i] * force;
+  return moved_along(line, pose, 1);
+}
+
+/* Adds the force and moment of a force along a line. Leaves out the moment if the body cannot turn,
+   because nothing reads it then. */
+static inline void push_along(const anhyst_plant_line *line, const double *pose, double force,
+                              int can_turn, double wrench[AXES])
+{
+  double turned[3] = {0.0, 0.0, 0.0};
+  if (can_turn) {
+    double arm[3];
+    cross(pose + 3, line->d, turned);
+    lever(line, pose, arm);
+    wrench[3] += arm[0] * force;
+    wrench[4] += arm[1] * force;
+    wrench[5] += arm[2] * force;
   }
+  wrench[0] += (line->d[0] + turned[0]) * force;
+  wrench[1] += (line->d[1] + turned[1]) * force;
+  wrench[2] += (line->d[2] + turned[2]) * force;
 }
 
 /* Solves a*x = b in place for matrices whose leading minors are positive; 0 for others. */
-static int solve(int n, double a[AXES][AXES], double b[AXES])
+static inline int solve(int n, double a[AXES][AXES], double b[AXES])
 {
   int i;
   int j;
@@ -144,6 +158,16 @@ static void take_cable(const anhyst_plant_body *body, anhyst_plant_state *state)
   }
 }
 
+/* Fills in the force and moment of gravity about the point that the pose is of. */
+static void take_weight(const anhyst_plant_body *body, anhyst_plant_state *state)
+{
+  int i;
+  for (i = 0; i < 3; i++) {
+    state->weight[i] = body->mass * body->gravity[i];
+  }
+  cross(body->centre, state->weight, state->weight + 3);
+}
+
 /* What a cable holds a free coordinate back with, of 1 N/m and such a way, or 1 N s/m and such a
    velocity, of all axes. */
 static double tied(const anhyst_plant_body *body, const anhyst_plant_state *state, int k,
@@ -159,7 +183,7 @@ static double tied(const anhyst_plant_body *body, const anhyst_plant_state *stat
 
 static double encoder(const anhyst_plant_body *body, const anhyst_plant_state *state)
 {
-  const double at = anhyst_plant_moved(&body->load.line, state->pose);
+  const double at = moved_along(&body->load.line, state->pose, state->can_turn);
   const double step = body->load.encoder_step;
   return step > 0.0 ? floor(at / step + 0.5) * step : at;
 }
@@ -176,21 +200,25 @@ static double head_position(const anhyst_plant_head *head, const anhyst_plant_st
 {
   double pose[AXES];
   if (head->base != ANHYST_PLANT_GROUND) {
-    return head->zero + anhyst_plant_moved(&head->line, state->pose);
+    return head->zero + moved_along(&head->line, state->pose, state->can_turn);
   }
   in_space(state, pose);
-  return head->zero + anhyst_plant_moved(&head->line, pose);
+  return head->zero + moved_along(&head->line, pose, state->can_turn);
 }
 
 /* Net force at the present pose. */
-static void sum_up(const anhyst_plant_body *body, anhyst_plant_state *state)
+static inline void sum_up(const anhyst_plant_body *body, anhyst_plant_state *state)
 {
+  double *wrench = state->wrench;
   int j;
-  memset(state->wrench, 0, sizeof state->wrench);
-  for (j = 0; j < body->magnets; j++) {
-    push_along(&body->actuator[j].line, state->pose, state->actuator[j].coil.force, state->wrench);
+  for (j = 0; j < AXES; j++) {
+    wrench[j] = 0.0;
   }
-  state->force = dot(body->force_along, state->wrench);
+  for (j = 0; j < body->magnets; j++) {
+    push_along(&body->actuator[j].line, state->pose, state->actuator[j].coil.force, state->can_turn,
+               wrench);
+  }
+  state->force = dot(body->force_along, wrench);
 }
 
 static void find_gaps(const anhyst_plant_body *body, anhyst_plant_state *state)
@@ -198,7 +226,8 @@ static void find_gaps(const anhyst_plant_body *body, anhyst_plant_state *state)
   int j;
   for (j = 0; j < body->magnets; j++) {
     const anhyst_plant_actuator *actuator = &body->actuator[j];
-    state->actuator[j].gap = actuator->gap_zero - anhyst_plant_moved(&actuator->line, state->pose);
+    state->actuator[j].gap =
+        actuator->gap_zero - moved_along(&actuator->line, state->pose, state->can_turn);
   }
 }
 
@@ -237,7 +266,9 @@ int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state,
   anhyst_plant_noise_start(&state->noise, seed);
   anhyst_plant_sensor_start(&state->force_sensing, 0.0);
   stand(body, state);
+  state->can_turn = body->coordinate[body->coordinates - 1].axis >= 3;
   take_cable(body, state);
+  take_weight(body, state);
   return take_masses(body, state);
 }
 
@@ -307,8 +338,8 @@ void anhyst_plant_read(const anhyst_plant_body *body, anhyst_plant_state *state,
 }
 
 /* One amplifier, its winding and the sensors there. */
-static void magnet_step(const anhyst_plant_actuator *actuator, anhyst_plant_actuator_state *state,
-                        double seconds)
+static inline void magnet_step(const anhyst_plant_actuator *actuator,
+                               anhyst_plant_actuator_state *state, double seconds)
 {
   const anhyst_plant_amplifier *amplifier = &actuator->amplifier;
   const double current = state->coil.current;
@@ -335,59 +366,68 @@ static void magnet_step(const anhyst_plant_actuator *actuator, anhyst_plant_actu
                              state->coil.density);
 }
 
-/* All that pushes the body along its free coordinates now, but for damping of guide and cable. */
-static void push(const anhyst_plant_body *body, const anhyst_plant_state *state,
-                 double pushing[AXES], double damping[AXES])
+/* The force along each free coordinate without the damping of guide and cable, and the damping. */
+typedef struct {
+  double force[AXES];
+  double damping[AXES];
+  int is_damped; /* whether a damping is above zero */
+} pushes;
+
+static inline void push(const anhyst_plant_body *body, const anhyst_plant_state *state, int n,
+                        pushes *found)
 {
-  const double weight[3] = {body->mass * body->gravity[0], body->mass * body->gravity[1],
-                            body->mass * body->gravity[2]};
   double of_load[AXES] = {0.0};
-  double moment[3];
   int k;
-  push_along(&body->load.line, state->pose, state->load, of_load);
-  cross(body->centre, weight, moment);
-  for (k = 0; k < body->coordinates; k++) {
+  push_along(&body->load.line, state->pose, state->load, state->can_turn, of_load);
+  found->is_damped = body->cable.damping > 0.0;
+  for (k = 0; k < n; k++) {
     const anhyst_plant_coordinate *c = &body->coordinate[k];
     const int axis = c->axis;
     const double at = state->pose[axis];
     const double over = at > c->stop_high  ? at - c->stop_high
                         : at < c->stop_low ? at - c->stop_low
                                            : 0.0;
-    damping[k] = c->damping;
+    double damping = c->damping;
     if (over > 0.0 || over < 0.0) {
-      damping[k] += c->stop_damping;
+      damping += c->stop_damping;
     }
-    pushing[k] = of_load[axis] + (axis < 3 ? weight[axis] : moment[axis - 3]) +
-                 state->wrench[axis] - c->stop_stiffness * over +
-                 damping[k] * state->frame_velocity[axis]; /* it rides on the frame */
+    found->damping[k] = damping;
+    found->is_damped |= damping > 0.0;
+    found->force[k] = of_load[axis] + state->weight[axis] + state->wrench[axis] -
+                      c->stop_stiffness * over +
+                      damping * state->frame_velocity[axis]; /* it rides on the frame */
   }
   if (body->cable.stiffness > 0.0) {
     double pose[AXES];
     in_space(state, pose);
-    for (k = 0; k < body->coordinates; k++) {
-      pushing[k] -= body->cable.stiffness * tied(body, state, k, pose);
+    for (k = 0; k < n; k++) {
+      found->force[k] -= body->cable.stiffness * tied(body, state, k, pose);
     }
   }
 }
 
 /* Half a sub-step of the velocity: the damping of its beginning. */
-static void begin_motion(const anhyst_plant_body *body, anhyst_plant_state *state)
+static inline void begin_motion(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
+                                const pushes *pushing)
 {
-  double pushing[AXES];
-  double damping[AXES];
+  double force[AXES];
   int k;
   int l;
-  push(body, state, pushing, damping);
-  for (l = 0; l < body->coordinates; l++) {
-    pushing[l] -= damping[l] * state->velocity[body->coordinate[l].axis];
+  for (l = 0; l < n; l++) {
+    force[l] = pushing->force[l];
+    if (pushing->is_damped) {
+      force[l] -= pushing->damping[l] * state->velocity[body->coordinate[l].axis];
+    }
     if (body->cable.damping > 0.0) {
-      pushing[l] -= body->cable.damping * tied(body, state, l, state->velocity);
+      force[l] -= body->cable.damping * tied(body, state, l, state->velocity);
     }
   }
-  for (k = 0; k < body->coordinates; k++) {
-    for (l = 0; l < body->coordinates; l++) {
-      state->velocity[body->coordinate[k].axis] += state->ease[k][l] * pushing[l];
+  for (k = 0; k < n; k++) {
+    double velocity = state->velocity[body->coordinate[k].axis];
+    for (l = 0; l < n; l++) {
+      velocity += state->ease[k][l] * force[l];
     }
+    state->velocity[body->coordinate[k].axis] = velocity;
   }
 }
 
@@ -403,31 +443,33 @@ static double eased(const anhyst_plant_body *body, const anhyst_plant_state *sta
 }
 
 /* The other half: the damping of its end, (1 + ease*damping)*v = v + ease*pushing. */
-static void end_motion(const anhyst_plant_body *body, anhyst_plant_state *state)
+static inline void end_motion(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
+                              const pushes *pushing)
 {
-  double pushing[AXES];
-  double damping[AXES];
   double left[AXES][AXES];
   double velocity[AXES];
   int k;
   int l;
-  push(body, state, pushing, damping);
-  for (k = 0; k < body->coordinates; k++) {
+  for (k = 0; k < n; k++) {
     velocity[k] = state->velocity[body->coordinate[k].axis];
-    for (l = 0; l < body->coordinates; l++) {
-      velocity[k] += state->ease[k][l] * pushing[l];
-      left[k][l] = (k == l ? 1.0 : 0.0) + state->ease[k][l] * damping[l] + eased(body, state, k, l);
+    for (l = 0; l < n; l++) {
+      velocity[k] += state->ease[k][l] * pushing->force[l];
+      left[k][l] =
+          (k == l ? 1.0 : 0.0) + state->ease[k][l] * pushing->damping[l] + eased(body, state, k, l);
     }
   }
-  (void)solve(body->coordinates, left, velocity);
-  for (k = 0; k < body->coordinates; k++) {
+  if (pushing->is_damped) { /* otherwise the matrix is the identity */
+    (void)solve(n, left, velocity);
+  }
+  for (k = 0; k < n; k++) {
     state->velocity[body->coordinate[k].axis] = velocity[k];
   }
 }
 
-static void substep(const anhyst_plant_body *body, anhyst_plant_state *state, double load_command)
+/* Goes on by one sub-step. pushing: what push() finds at its beginning, and then at its end. */
+static inline void substep(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
+                           double seconds, double load_command, pushes *pushing)
 {
-  const double seconds = body->tick / (double)body->substeps;
   const double force = state->force;
   int j;
   if (state->due[state->at]) {
@@ -437,8 +479,8 @@ static void substep(const anhyst_plant_body *body, anhyst_plant_state *state, do
     state->due[state->at] = 0;
   }
   state->at = (state->at + 1U) & MASK;
-  begin_motion(body, state);
-  for (j = 0; j < body->coordinates; j++) {
+  begin_motion(body, state, n, pushing);
+  for (j = 0; j < n; j++) {
     const int axis = body->coordinate[j].axis;
     state->pose[axis] += seconds * (state->velocity[axis] - state->frame_velocity[axis]);
     state->frame[axis] += seconds * state->frame_velocity[axis];
@@ -449,7 +491,8 @@ static void substep(const anhyst_plant_body *body, anhyst_plant_state *state, do
   }
   sum_up(body, state);
   state->load += body->load.share * (load_command - state->load);
-  end_motion(body, state);
+  push(body, state, n, pushing);
+  end_motion(body, state, n, pushing);
   for (j = 0; j < body->heads; j++) {
     const double before = state->head[j].position;
     state->head[j].position = head_position(&body->head[j], state);
@@ -470,6 +513,20 @@ static double load_control(const anhyst_plant_body *body, anhyst_plant_state *st
   return force - load->damping * state->load_velocity - load->stiffness * (at - load->rest);
 }
 
+/* Goes on by the sub-steps of one tick. n: the number of free coordinates. Its caller names a
+   single one as a constant, for which the compiler leaves out the loops. */
+static inline void run_substeps(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
+                                double load_command)
+{
+  const double seconds = body->tick / (double)body->substeps;
+  pushes pushing;
+  int j;
+  push(body, state, n, &pushing);
+  for (j = 0; j < body->substeps; j++) {
+    substep(body, state, n, seconds, load_command, &pushing);
+  }
+}
+
 void anhyst_plant_advance(const anhyst_plant_body *body, anhyst_plant_state *state,
                           const double *command, double load)
 {
@@ -482,7 +539,9 @@ void anhyst_plant_advance(const anhyst_plant_body *body, anhyst_plant_state *sta
         anhyst_plant_convert(command[j], amplifier->low, amplifier->high, amplifier->step);
   }
   state->due[due] = 1;
-  for (j = 0; j < body->substeps; j++) {
-    substep(body, state, load_command);
+  if (body->coordinates == 1) {
+    run_substeps(body, state, 1, load_command);
+  } else {
+    run_substeps(body, state, body->coordinates, load_command);
   }
 }

@@ -4,12 +4,15 @@
 #include <math.h>
 #include <string.h>
 
+/* The number of columns of each shape of signal. */
+#define COUNTS(body) {1, (body)->coordinates, (body)->heads, (body)->magnets}
+
 #define ROW(name, text, unit, angular, shape, value) {text, unit, angular, ANHYST_EACH_##shape},
 const anhyst_plant_signal_row anhyst_plant_signals[ANHYST_LOOP_SIGNALS] = {ANHYST_LOOP_TABLE(ROW)};
 
 int anhyst_plant_signal_count(const anhyst_plant_body *body, anhyst_plant_signal signal)
 {
-  const int counts[] = {1, body->coordinates, body->heads, body->magnets};
+  const int counts[] = COUNTS(body);
   return counts[anhyst_plant_signals[signal].shape];
 }
 
@@ -23,33 +26,18 @@ int anhyst_plant_signal_column(const anhyst_plant_body *body, anhyst_plant_signa
   return column;
 }
 
-/* One of the numbers of a signal. */
-static double value_of(const anhyst_plant_loop *loop, const anhyst_loop_sample *sample,
-                       const anhyst_loop_answer *answer, anhyst_plant_signal signal, int j)
-{
-  const anhyst_plant_body *body = loop->body;
-  const anhyst_plant_state *s = loop->state;
-  switch (signal) {
-#define CASE(name, text, unit, angular, shape, value)                                              \
-  case ANHYST_LOOP_##name:                                                                         \
-    return (value);
-    ANHYST_LOOP_TABLE(CASE)
-  default:
-    return 0.0;
-  }
-}
-
 static double *write_row(const anhyst_plant_loop *loop, const anhyst_loop_sample *sample,
                          const anhyst_loop_answer *answer, double *row)
 {
-  int signal;
+  const anhyst_plant_body *body = loop->body;
+  const anhyst_plant_state *s = loop->state;
+  const int counts[] = COUNTS(body);
   int j;
-  for (signal = 0; signal < (int)ANHYST_LOOP_SIGNALS; signal++) {
-    const int count = anhyst_plant_signal_count(loop->body, (anhyst_plant_signal)signal);
-    for (j = 0; j < count; j++) {
-      *row++ = value_of(loop, sample, answer, (anhyst_plant_signal)signal, j);
-    }
+#define WRITE(name, text, unit, angular, shape, value)                                             \
+  for (j = 0; j < counts[ANHYST_EACH_##shape]; j++) {                                              \
+    *row++ = (value);                                                                              \
   }
+  ANHYST_LOOP_TABLE(WRITE)
   return row;
 }
 

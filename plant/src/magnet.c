@@ -47,25 +47,28 @@ typedef struct {
   double current;            /* with that of the eddies, A */
 } reached;
 
-static around around_iron(const anhyst_plant_circuit *c, double gap)
+static inline void around_iron(const anhyst_plant_circuit *c, double gap, around *found)
 {
-  around found = {
-      .outer = c->joints, .share = 1.0, .per_area = 1.0 / c->iron_area, .moved = c->middle - gap};
+  found->outer = c->joints;
+  found->share = 1.0;
+  found->moved = c->middle - gap;
   if (c->cone) {
-    anhyst_plant_cone_at(c->cone, gap, &found.cone);
+    anhyst_plant_cone_at(c->cone, gap, &found->cone);
   } else if (c->bias == 0.0) {
     const double area = (c->pole_width + gap) * (c->pole_depth + gap);
     const double permeance = 0.5 * ANHYST_PLANT_MU0 * area / gap;
-    found.outer = 1.0 / (permeance + c->leakage);
-    found.share = permeance * found.outer;
-    found.outer += c->joints;
-    found.per_area = 1.0 / area;
-    found.widens = 1.0 - gap * (c->pole_width + c->pole_depth + 2.0 * gap) * found.per_area;
+    const double outer = 1.0 / (permeance + c->leakage);
+    const double per_area = 1.0 / area;
+    found->share = permeance * outer;
+    found->outer += outer;
+    found->per_area = per_area;
+    found->widens = 1.0 - gap * (c->pole_width + c->pole_depth + 2.0 * gap) * per_area;
+  } else {
+    found->per_area = 1.0 / c->iron_area;
   }
-  return found;
 }
 
-static void pull(const anhyst_plant_circuit *c, const around *at, anhyst_plant_coil *coil)
+static inline void pull(const anhyst_plant_circuit *c, const around *at, anhyst_plant_coil *coil)
 {
   const double flux = coil->iron.density * c->iron_area * at->share;
   if (c->cone) {
@@ -90,9 +93,9 @@ static double needs_over_cone(void *self, double density, double *slope)
 
 /* Field and flux density of the iron, for which a*H + b*B = r, to within a flux density; of a cone
    with its ampere-turns, so much for each. */
-static void iron_answers(const anhyst_plant_circuit *c, const anhyst_plant_coil *coil,
-                         const around *at, const anhyst_plant_asked *asked, double weight,
-                         double tolerance, reached *found)
+static inline void iron_answers(const anhyst_plant_circuit *c, const anhyst_plant_coil *coil,
+                                const around *at, const anhyst_plant_asked *asked, double weight,
+                                double tolerance, reached *found)
 {
   found->over = 0.0;
   if (c->cone) {
@@ -215,18 +218,19 @@ static double eddy_share(const anhyst_plant_magnet *magnet)
              : 0.0;
 }
 
-/* Current that flows where the field alone needs so much of it. */
-static double current_under(const anhyst_plant_magnet *magnet, double eddies, double steady,
-                            const anhyst_plant_source *s)
+/* Current that flows where the field alone needs so much of it; without eddies exactly that. */
+static inline double current_under(const anhyst_plant_magnet *magnet, double eddies, double steady,
+                                   const anhyst_plant_source *s)
 {
-  return (steady + eddies * (s->gain * s->reference + s->voltage)) /
-         (1.0 + eddies * (s->gain + magnet->resistance));
+  return eddies > 0.0 ? (steady + eddies * (s->gain * s->reference + s->voltage)) /
+                            (1.0 + eddies * (s->gain + magnet->resistance))
+                      : steady;
 }
 
 /* Where its voltage is beyond the limit, makes of a source one that gives the limit; returns
    whether it did. The current then lies even farther from the reference: the limit holds there too.
  */
-static int limited(anhyst_plant_source *s, double current)
+static inline int limited(anhyst_plant_source *s, double current)
 {
   const double voltage = s->gain * (s->reference - current) + s->voltage;
   if (fabs(voltage) <= s->limit) {
@@ -239,18 +243,18 @@ static int limited(anhyst_plant_source *s, double current)
 
 /* Takes iron and current to the end of a step of twice so many seconds. The flux linkage there is
    begun, plus what the end adds. */
-static void end_under(const anhyst_plant_magnet *magnet, const anhyst_plant_coil *coil,
-                      const anhyst_plant_source *s, const ending *end, reached *found)
+static inline void end_under(const anhyst_plant_magnet *magnet, const anhyst_plant_coil *coil,
+                             const anhyst_plant_source *s, const ending *end, reached *found)
 {
   const double given = s->gain * s->reference + s->voltage;
   const double taken = s->gain + magnet->resistance;
   if (magnet->circuit) {
     const anhyst_plant_circuit *c = magnet->circuit;
-    const double half = end->half / (1.0 + end->eddies * taken);
+    const double half = end->eddies > 0.0 ? end->half / (1.0 + end->eddies * taken) : end->half;
     const double per_field = c->iron_length / magnet->turns;
     const double per_density = end->around.outer * c->iron_area / magnet->turns;
     const double weight = magnet->turns * c->iron_area;
-    const double moved = c->bias * end->around.moved / magnet->turns;
+    const double moved = c->bias == 0.0 ? 0.0 : c->bias * end->around.moved / magnet->turns;
     const anhyst_plant_asked asked = {half * taken * per_field, weight + half * taken * per_density,
                                       end->begun + half * (given + taken * moved), 0.5 / end->half};
     iron_answers(c, coil, &end->around, &asked, half * taken / magnet->turns, weight * TOLERANCE,
@@ -266,8 +270,8 @@ static void end_under(const anhyst_plant_magnet *magnet, const anhyst_plant_coil
   found->current = current_under(magnet, end->eddies, found->steady, s);
 }
 
-static void iron_follows(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
-                         const ending *end, const reached *found)
+static inline void iron_follows(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
+                                const ending *end, const reached *found)
 {
   if (magnet->circuit) {
     iron_moves(magnet->circuit, coil, found);
@@ -282,22 +286,27 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
 {
   const double half = 0.5 * seconds;
   anhyst_plant_source s = *source;
-  ending end = {.gap = gap, .half = half, .eddies = eddy_share(magnet)};
+  ending end;
   reached found;
   double before;
   double voltage;
   int beyond;
+  end.gap = gap;
+  end.half = half;
+  end.eddies = eddy_share(magnet);
   s.voltage += coil->integral;
   before = current_under(magnet, end.eddies, coil->steady, &s);
   beyond = limited(&s, before);
-  before = current_under(magnet, end.eddies, coil->steady, &s);
+  if (beyond) {
+    before = current_under(magnet, end.eddies, coil->steady, &s);
+  }
   voltage = s.gain * (s.reference - before) + s.voltage;
   end.begun = coil->psi + half * (voltage - magnet->resistance * before);
   coil->heat += half * magnet->resistance * before * before;
   coil->energy += half * voltage * before;
 
   if (magnet->circuit) {
-    end.around = around_iron(magnet->circuit, gap);
+    around_iron(magnet->circuit, gap, &end.around);
   }
   s = *source;
   s.gain += half * s.reset;
@@ -328,7 +337,8 @@ void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil
   coil->voltage = magnet->resistance * current;
   if (magnet->circuit) {
     const anhyst_plant_circuit *c = magnet->circuit;
-    const around at = around_iron(c, gap);
+    around at;
+    around_iron(c, gap, &at);
     const double b = at.outer * c->iron_area;
     const double opposing = c->eddy * c->iron_length * per_second;
     const double before = coil->iron.density;

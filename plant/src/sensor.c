@@ -80,18 +80,6 @@ void anhyst_plant_sensor_start(anhyst_plant_sensing *sensing, double value)
   }
 }
 
-void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor, anhyst_plant_sensing *sensing,
-                                double from, double to)
-{
-  if (sensor->share >= 1.0) {
-    sensing->value = to;
-  } else {
-    sensing->value += sensor->share * (0.5 * (from + to) - sensing->value);
-  }
-  sensing->at = (sensing->at + 1U) & MASK;
-  sensing->line[sensing->at] = sensing->value;
-}
-
 static double show(const anhyst_plant_sensor *sensor, const anhyst_plant_sensing *sensing,
                    double noise)
 {

@@ -170,6 +170,8 @@ typedef struct {
                                                         each N or N m */
   double tie[ANHYST_PLANT_AXES]
             [ANHYST_PLANT_AXES];              /* force of a cable of 1 N/m for each m or rad */
+  double weight[ANHYST_PLANT_AXES];           /* force and moment of gravity, N, N m */
+  int can_turn;                               /* whether an angle is a free coordinate */
   anhyst_plant_actuator_state *actuator;      /* the caller's, one a magnet */
   anhyst_plant_head_state *head;              /* and one a head */
   unsigned char due[ANHYST_PLANT_DELAY_MOST]; /* whether lines have something for this sub-step */

@@ -7,7 +7,7 @@
 
 #include <math.h>
 
-#include "anhyst/numeric/elementary.h"
+#include "anhyst/numeric/arctangent.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -31,7 +31,7 @@ static inline double anhyst_plant_polarisation(const anhyst_plant_curve *curve, 
   const double slow = two_over_pi * curve->slow;
   *slope = curve->sharp * knee * knee * inverse * inverse * inverse +
            slow / (curve->knee_slow * (1.0 + ratio * ratio));
-  return curve->sharp * h * inverse + slow * anhyst_atan_f64(ratio);
+  return curve->sharp * h * inverse + slow * anhyst_arctangent(ratio);
 }
 
 #ifdef __cplusplus

@@ -47,11 +47,23 @@ typedef struct {
 
 typedef struct anhyst_plant_iron anhyst_plant_iron;
 
+/* What stands outside an iron beyond b*B: any n(B) that rises, with its slope. */
 typedef struct {
-  /* Fills in all of a goal but its coordinate, which is given. Where that does not move, the slopes
-     are those of going on. */
-  void (*look)(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
-               anhyst_plant_goal *goal);
+  double (*needs)(void *self, double density, double *slope);
+  void *self;
+} anhyst_plant_beyond;
+
+/* Fills in all of a goal except its coordinate, which is given. If the coordinate does not move,
+   the slopes are those of going on. */
+typedef void (*anhyst_plant_look)(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
+                                  anhyst_plant_goal *goal);
+
+typedef struct {
+  anhyst_plant_look look;
+  /* Solves what anhyst_plant_field states. */
+  void (*field)(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
+                double b, double r, double tolerance, const anhyst_plant_beyond *beyond,
+                anhyst_plant_goal *goal);
   /* Moves there: density and own of the memory. */
   void (*move)(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
                const anhyst_plant_goal *goal);
@@ -70,12 +82,6 @@ struct anhyst_plant_iron {
     anhyst_plant_duhem_steel duhem;
   } steel;
 };
-
-/* What stands outside an iron beyond b*B: any n(B) that rises, with its slope. */
-typedef struct {
-  double (*needs)(void *self, double density, double *slope);
-  void *self;
-} anhyst_plant_beyond;
 
 /* The field H for which a*H + b*B(H) + n(B) = r, for a > 0 and b >= 0, if the field moves there in
    a straight line; the memory is not touched. |a*H + b*B + n - r| <= tolerance. beyond null: no n.

@@ -50,9 +50,19 @@ double anhyst_plant_convert(double value, double low, double high, double step);
 /* Starts at a quantity that has stood for ever. */
 void anhyst_plant_sensor_start(anhyst_plant_sensing *sensing, double value);
 
-/* A sub-step in which the quantity went from one value to another. */
-void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor, anhyst_plant_sensing *sensing,
-                                double from, double to);
+/* Follows a quantity over one sub-step, from its value at the beginning to that at the end. Inline,
+   because every sub-step calls it for every sensor. */
+static inline void anhyst_plant_sensor_follow(const anhyst_plant_sensor *sensor,
+                                              anhyst_plant_sensing *sensing, double from, double to)
+{
+  const double share = sensor->share;
+  const double before = sensing->value;
+  const double value = share >= 1.0 ? to : before + share * (0.5 * (from + to) - before);
+  const unsigned at = (sensing->at + 1U) & (ANHYST_PLANT_DELAY_MOST - 1U);
+  sensing->value = value;
+  sensing->at = at;
+  sensing->line[at] = value;
+}
 
 /* What it says now. */
 double anhyst_plant_sensor_read(const anhyst_plant_sensor *sensor,

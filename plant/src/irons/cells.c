@@ -1,35 +1,44 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "anhyst_plant/iron.h"
+#include "anhyst_plant/search.h"
 
 /* A cell at the edge of its play counts as moving: where the field stands, the slope is that of
    going on. */
-static void look(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
-                 anhyst_plant_goal *goal)
+static inline void look(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
+                        anhyst_plant_goal *goal)
 {
   const anhyst_plant_cell_steel *steel = &iron->steel.cells;
   const anhyst_plant_cells *cells = &memory->own.cells;
   anhyst_plant_cells_goal *own = &goal->own.cells;
-  double density = ANHYST_PLANT_MU0 * goal->at;
+  const double at = goal->at;
+  double density = ANHYST_PLANT_MU0 * at;
   double slope = ANHYST_PLANT_MU0;
   int i;
   for (i = 0; i < steel->cells; i++) {
-    const double away = goal->at - cells->place[i];
+    const double away = at - cells->place[i];
     const double r = steel->threshold[i];
     double steep;
+    double part;
     if (away < r && away > -r) {
       break;
     }
-    own->part[i] =
-        steel->weight[i] *
-        anhyst_plant_polarisation(&steel->curve, away > 0.0 ? goal->at - r : goal->at + r, &steep);
-    density += own->part[i];
+    part = steel->weight[i] *
+           anhyst_plant_polarisation(&steel->curve, away > 0.0 ? at - r : at + r, &steep);
+    own->part[i] = part;
+    density += part;
     slope += steel->weight[i] * steep;
   }
   own->moved = i;
-  goal->field = goal->at;
+  goal->field = at;
   goal->field_slope = 1.0;
   goal->density = density + cells->rest[i];
   goal->density_slope = slope;
+}
+
+static void field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
+                  double b, double r, double tolerance, const anhyst_plant_beyond *beyond,
+                  anhyst_plant_goal *goal)
+{
+  anhyst_plant_search(look, iron, memory, a, b, r, tolerance, beyond, goal);
 }
 
 static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
@@ -37,13 +46,16 @@ static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
 {
   const anhyst_plant_cell_steel *steel = &iron->steel.cells;
   anhyst_plant_cells *cells = &memory->own.cells;
-  int i;
-  for (i = goal->own.cells.moved - 1; i >= 0; i--) {
+  const double at = goal->at;
+  int i = goal->own.cells.moved;
+  double rest = cells->rest[i];
+  for (i--; i >= 0; i--) {
     const double r = steel->threshold[i];
-    cells->place[i] = goal->at > cells->place[i] ? goal->at - r : goal->at + r;
-    cells->rest[i] = cells->rest[i + 1] + goal->own.cells.part[i];
+    rest += goal->own.cells.part[i];
+    cells->place[i] = at > cells->place[i] ? at - r : at + r;
+    cells->rest[i] = rest;
   }
-  memory->density = ANHYST_PLANT_MU0 * goal->at + cells->rest[0];
+  memory->density = ANHYST_PLANT_MU0 * at + rest;
 }
 
-const anhyst_plant_family anhyst_plant_of_cells = {look, move};
+const anhyst_plant_family anhyst_plant_of_cells = {look, field, move};

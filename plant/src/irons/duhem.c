@@ -2,7 +2,7 @@
 #include <math.h>
 
 #include "anhyst/numeric/elementary.h"
-#include "anhyst_plant/iron.h"
+#include "anhyst_plant/search.h"
 
 /* The parabola over the polarisation to which h goes while that rises, A/m. */
 static double parabola(const anhyst_plant_duhem_steel *steel, double polarisation)
@@ -14,8 +14,8 @@ static double parabola(const anhyst_plant_duhem_steel *steel, double polarisatio
   return steel->coercivity * (1.0 - steel->fading * fades);
 }
 
-static void look(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
-                 anhyst_plant_goal *goal)
+static inline void look(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
+                        anhyst_plant_goal *goal)
 {
   const anhyst_plant_duhem_steel *steel = &iron->steel.duhem;
   const anhyst_plant_duhem *now = &memory->own.duhem;
@@ -38,6 +38,13 @@ static void look(const anhyst_plant_iron *iron, const anhyst_plant_memory *memor
   goal->density_slope = ANHYST_PLANT_MU0 * goal->field_slope + slope;
 }
 
+static void field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
+                  double b, double r, double tolerance, const anhyst_plant_beyond *beyond,
+                  anhyst_plant_goal *goal)
+{
+  anhyst_plant_search(look, iron, memory, a, b, r, tolerance, beyond, goal);
+}
+
 static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
                  const anhyst_plant_goal *goal)
 {
@@ -46,4 +53,4 @@ static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
   memory->density = goal->density;
 }
 
-const anhyst_plant_family anhyst_plant_of_duhem = {look, move};
+const anhyst_plant_family anhyst_plant_of_duhem = {look, field, move};

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "anhyst_plant/iron.h"
+#include "anhyst_plant/search.h"
 
 /* Where an effective field lies among the nodes. */
 typedef struct {
@@ -93,8 +93,8 @@ static int turns_left(const anhyst_plant_memory *memory, double x)
   return left;
 }
 
-static void look(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
-                 anhyst_plant_goal *goal)
+static inline void look(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory,
+                        anhyst_plant_goal *goal)
 {
   const anhyst_plant_preisach_steel *steel = &iron->steel.preisach;
   const anhyst_plant_preisach *own = &memory->own.preisach;
@@ -123,6 +123,13 @@ static void look(const anhyst_plant_iron *iron, const anhyst_plant_memory *memor
   goal->density_slope = ANHYST_PLANT_MU0 * goal->field_slope + slope;
 }
 
+static void field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
+                  double b, double r, double tolerance, const anhyst_plant_beyond *beyond,
+                  anhyst_plant_goal *goal)
+{
+  anhyst_plant_search(look, iron, memory, a, b, r, tolerance, beyond, goal);
+}
+
 static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
                  const anhyst_plant_goal *goal)
 {
@@ -138,4 +145,4 @@ static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
   memory->density = goal->density;
 }
 
-const anhyst_plant_family anhyst_plant_of_preisach = {look, move};
+const anhyst_plant_family anhyst_plant_of_preisach = {look, field, move};

@@ -27,11 +27,16 @@ inline Out make_array(size_t n)
   return Out(data, {n}, owner);
 }
 
-inline OutTable make_table(size_t rows, size_t columns)
+// Takes over an array of doubles that new[] made.
+inline OutTable own_table(double *data, size_t rows, size_t columns)
 {
-  double *data = new double[rows * columns];
   nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<double *>(p); });
   return OutTable(data, {rows, columns}, owner);
+}
+
+inline OutTable make_table(size_t rows, size_t columns)
+{
+  return own_table(new double[rows * columns], rows, columns);
 }
 
 inline void same_length(size_t expected, size_t found, const char *what)

@@ -2,6 +2,8 @@
 // A plant and its controller in lock-step.
 #include <nanobind/stl/optional.h>
 
+#include <memory>
+
 #include "anhyst_plant/loop.h"
 #include "plant.h"
 #include "position.h"
@@ -57,18 +59,16 @@ public:
     if (frame) {
       same_length((n + 1) * coordinates, frame->shape(0), "frame");
     }
-    std::vector<double> record(n * width);
+    std::unique_ptr<double[]> record(new double[n * width]);
     const anhyst_plant_events events = {target.data(),  load.data(),
                                         inject.data(),  feed.data(),
                                         command.data(), frame ? frame->data() : nullptr};
     size_t rows;
     {
       nb::gil_scoped_release release;
-      rows = anhyst_plant_loop_run(&loop_, &events, n, record.data());
+      rows = anhyst_plant_loop_run(&loop_, &events, n, record.get());
     }
-    OutTable out = make_table(rows, width);
-    std::copy(record.begin(), record.begin() + static_cast<long>(rows * width), out.data());
-    return out;
+    return own_table(record.release(), rows, width);
   }
 
 private:

@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The arc tangent inline, for loops that a call would slow down. elementary.h states its error. */
+#ifndef ANHYST_ARCTANGENT_H
+#define ANHYST_ARCTANGENT_H
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The number nearest to a constant, and the rest of the constant. */
+typedef struct {
+  double value, rest;
+} anhyst_pair;
+
+/* atan(c) of c = 0, then of the middle c of each eighth of an octave from 1/32 to 64. */
+extern const anhyst_pair anhyst_angles[89];
+
+static inline double anhyst_arctangent(double x)
+{
+  const double t = fabs(x);
+  double u;
+  double value;
+  double rest;
+  if (!(t < 64.0)) { /* nor what is not a number, which stays so */
+    value = 0x1.921fb54442d18p+0;
+    rest = 0x1.1a62633145c07p-54;
+    u = -1.0 / t;
+  } else {
+    /* atan(t) = atan(c) + atan((t - c)/(1 + t*c)) */
+    const uint64_t first = UINT64_C(0x3FA0000000000000) >> 49U; /* of 1/32 */
+    uint64_t eighths;
+    uint64_t bits;
+    double c = 0.0;
+    const anhyst_pair *at = anhyst_angles;
+    memcpy(&bits, &t, sizeof bits);
+    eighths = bits >> 49U;
+    if (eighths >= first) {
+      bits = (2U * eighths + 1U) << 48U;
+      memcpy(&c, &bits, sizeof c);
+      at += eighths - first + 1U;
+    }
+    value = at->value;
+    rest = at->rest;
+    u = (t - c) / (1.0 + t * c);
+  }
+  const double u2 = u * u;
+  const double u3 = u * u2;
+  const double u4 = u2 * u2;
+  const double low = 1.0 / 3.0 - u2 * (1.0 / 5.0);
+  const double high = (1.0 / 7.0 - u2 * (1.0 / 9.0)) + u4 * (1.0 / 11.0);
+  return copysign(value + (u + ((rest - u3 * low) - (u3 * u4) * high)), x);
+}
+
+#ifdef __cplusplus
+}
+#endif
+#endif
