@@ -483,11 +483,27 @@ def solid_numbers(model: Model, layers: Layers, rate: float) -> dict[str, float]
     }
 
 
+def lag_arm(model: Model, at: FloatArray, rate: float) -> FloatArray | None:
+    """Return the current for a flux that rises by 1 in a tick, one value a node; None without a lag.
+
+    ``c_H*(I - in_0) = H + rho*B/mu0 + gamma*dB/dt``, the derivative as a backward difference.
+    """
+    if model.layers is not None or not model.has_eddy_currents:
+        return None
+    gamma, turns = (model.over_schedule(name, at) for name in ("gamma", "c_H"))
+    return np.asarray(gamma * rate * flux_unit(model) / turns)
+
+
 def pack_arms(
-    pack: Packer, scales: Scales, bias: FloatArray, flux_arm: FloatArray, field_arm: FloatArray
+    pack: Packer,
+    scales: Scales,
+    bias: FloatArray,
+    flux_arm: FloatArray,
+    field_arm: FloatArray,
+    lag: FloatArray | None = None,
 ) -> None:
-    """Put how the current is made up, A for each unit of flux and field, one value a node."""
-    arms = bias, flux_arm, field_arm
+    """Put how the current is made up, A for each unit of flux, field and lag, one value a node."""
+    arms = (bias, flux_arm, field_arm) if lag is None else (bias, flux_arm + lag, lag, field_arm)
     spans = [max(np.abs(part).max(), np.abs(np.diff(part)).max()) for part in arms]
     largest = max(spans) / scales.current
     shift = max(0, int(np.ceil(np.log2(largest / LARGEST_WEIGHT)))) if pack.is_fixed else 0
@@ -503,3 +519,5 @@ def pack_arms(
     pack.table("GAP_BIAS", bias / unit, WEIGHT)
     pack.table("GAP_FLUX_ARM", flux_arm / unit, WEIGHT)
     pack.table("GAP_FIELD_ARM", field_arm / unit, WEIGHT, least=1)
+    if lag is not None:
+        pack.table("GAP_LAG_ARM", lag / unit, WEIGHT, least=0)

@@ -19,6 +19,7 @@ from anhyst.compensate.block import (
     arms_of,
     cell_weights,
     closed,
+    lag_arm,
     nodes,
     pack_arms,
     pack_common,
@@ -197,7 +198,7 @@ def build_cells(
 ) -> Block:
     """Make the parameter block of a law of play cells; as :func:`anhyst.compensate.full.build_full`.
 
-    `still` leaves layers out but for their reach.
+    `still` leaves out what answers late, but for the reach of layers.
     """
     refuse_uncompilable(model)
     sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
@@ -207,7 +208,8 @@ def build_cells(
     reach = rows.reach
     pack = Packer("cells", model_hash, number_format)
     pack_common(pack, model, scales, limits, sizes, conditioning)
-    pack_arms(pack, scales, arms.bias, arms.flux_arm, arms.field_arm * reach)
+    lag = None if still else lag_arm(model, at, conditioning.rate)
+    pack_arms(pack, scales, arms.bias, arms.flux_arm, arms.field_arm * reach, lag)
     pack.set_single("UNIT_FIELD", reach)
     pack.table("CELLS_THRESHOLDS", rows.thresholds / reach, 32768.0, least=1)
     pack.table("CELLS_ROWS", rows.rows, 32767.0)

@@ -17,6 +17,7 @@ from anhyst.compensate.block import (
     arms_of,
     closed,
     iron_of,
+    lag_arm,
     nodes,
     pack_arms,
     pack_common,
@@ -145,8 +146,10 @@ def build_full(
     conditioning: Conditioning | None = None,
     model_hash: int = 0,
     number_format: NumberFormat = "fixed",
+    *,
+    still: bool = False,
 ) -> Block:
-    """Make the parameter block of the full law."""
+    """Make the parameter block of the full law; `still` leaves its lag out."""
     refuse_uncompilable(model)
     sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
@@ -155,7 +158,8 @@ def build_full(
     reach = tables.reach
     pack = Packer("full", model_hash, number_format)
     pack_common(pack, model, scales, limits, sizes, conditioning)
-    pack_arms(pack, scales, law.bias, law.flux_arm, law.field_arm * reach)
+    lag = None if still else lag_arm(model, at, conditioning.rate)
+    pack_arms(pack, scales, law.bias, law.flux_arm, law.field_arm * reach, lag)
     pack.set_single("UNIT_FIELD", reach * iron_of(model)["a"])
 
     pack.table("FULL_CURVE", tables.curve, 32768.0)

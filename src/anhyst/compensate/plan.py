@@ -22,7 +22,7 @@ from anhyst.compensate.force_controller import Io
 from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History
-from anhyst.model.actuator import Model
+from anhyst.model.actuator import Model, has_lag, has_layers
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kept import c_name, check_name
@@ -213,8 +213,8 @@ def make_plan(
 ) -> Plan:
     """Decide how a model is compiled."""
     refuse_uncompilable(model)
-    late = None if model.layers is None else model
-    if late is not None and request.kind != "full":
+    late = model if has_layers(model) or has_lag(model) else None
+    if model.layers is not None and request.kind != "full":
         raise InputError(
             "layers: solid iron is compiled with --kind full; give that, or take the model at rest "
             "(at_rest)",

@@ -99,7 +99,7 @@ class Builder:
     limits: DemandLimits
     conditioning: Conditioning = field(default_factory=Conditioning)
     model_hash: int = 0
-    late: Model | None = None  # the model with its layers, where these are compiled
+    late: Model | None = None  # the model with its layers or its lag, where these are compiled
 
     @property
     def block_kind(self) -> Kind:
@@ -131,21 +131,21 @@ class Builder:
         return self.block(replace(sizes, iterations=FINE.iterations), "f64", still=True)
 
     def whole(self, sizes: TableSizes, number_format: NumberFormat | None = None) -> Block:
-        """Return the block with these sizes, with its layers if there are some."""
+        """Return the block with these sizes, with its layers or its lag if there are some."""
         return self.block(sizes, number_format or self.number_format, still=self.late is None)
 
     def block(self, sizes: TableSizes, number_format: NumberFormat, *, still: bool) -> Block:
-        """Return the block with these sizes in a number format; `still` leaves layers out."""
+        """Return the block with these sizes in a number format; `still` leaves out what answers late."""
         model = self.late or self.model
         parts = (model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
         match self.block_kind:
             case "full":
-                return build_full(*parts, number_format)
+                return build_full(*parts, number_format, still=still)
             case "cells":
                 return build_cells(*parts, number_format, still=still)
             case kind:
                 made: Kind = kind if number_format == "fixed" else "simplified"
-                return build_simplified(*parts, self.law, made, number_format)
+                return build_simplified(*parts, self.law, made, number_format, still=still)
 
 
 @dataclass(frozen=True)

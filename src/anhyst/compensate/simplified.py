@@ -27,6 +27,7 @@ from anhyst.compensate.block import (
     Packer,
     TableSizes,
     flux_unit,
+    lag_arm,
     nodes,
     pack_arms,
     pack_common,
@@ -376,6 +377,8 @@ def build_simplified(
     law: ClosedForm | None = None,
     kind: Kind = "simplified",
     number_format: NumberFormat = "fixed",
+    *,
+    still: bool = False,
 ) -> Block:
     """Make the parameter block of the simplified law; parameters as for `build_full`.
 
@@ -388,6 +391,6 @@ def build_simplified(
     law = law or fit_closed_form(model, limits, at, sizes)
     pack = Packer(kind, model_hash, number_format)
     pack_common(pack, model, scales, limits, sizes, conditioning, law.offset_over(at))
-    pack_arms(pack, scales, *law.over(at))
+    pack_arms(pack, scales, *law.over(at), None if still else lag_arm(model, at, conditioning.rate))
     _pack_law(pack, law.rate, law.nu, 0.0 if kind == "euler" else law.dead_band, sizes)
     return pack.close(scales, limits)

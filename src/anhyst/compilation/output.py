@@ -44,7 +44,7 @@ from anhyst.compilation.vectors import (
     vectors_csv,
 )
 from anhyst.control.controller_file import read_controller
-from anhyst.model.actuator import Model, has_layers, read_model
+from anhyst.model.actuator import Model, has_lag, has_layers, read_model
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, json_text
 from anhyst.support.errors import InputError, NegativeResult
@@ -175,7 +175,7 @@ def compile_model(
 
 def compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:
     """Return what of a model is compiled, and say what is not."""
-    if has_layers(model) and request.kind == "full":
+    if has_lag(model) or (has_layers(model) and request.kind == "full"):
         return model, not_compiled(model, layers=True)
     return model.at_rest, not_compiled(model)
 

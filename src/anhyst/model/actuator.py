@@ -293,7 +293,7 @@ def obstacle(model: Model) -> str | None:
             f"gap map 'free' cannot be compiled: the iron itself would change with the {over}; "
             f"identify with --gap-map {others}"
         )
-    if model.has_eddy_currents and not has_layers(model):
+    if model.has_eddy_currents and not (has_layers(model) or has_lag(model)):
         return "gamma: what answers late cannot be compiled; take the model at rest (at_rest)"
     return _jump(model)
 
@@ -322,6 +322,11 @@ def has_layers(model: Model) -> bool:
     if model.layers.count > MOST_LAYERS or model.fixed_gap_only or "gamma" in model.varying:
         return False
     return not jumps_alone(model)
+
+
+def has_lag(model: Model) -> bool:
+    """Whether solid iron answers late by a single lag, which a compensator of every kind follows."""
+    return model.has_eddy_currents and model.layers is None
 
 
 def jumps_alone(model: Model) -> bool:
