@@ -41,7 +41,7 @@ def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> 
         lines += _unused(block, at, word.at)
         at = word.at
         value = block.single(word.name) if word.size == 2 else float(block.words[at])
-        if word.axis:
+        if word.axis and value:
             tables.setdefault(int(value), []).append(word)
             text = f"{word.doc}, table at {int(value)}"
         else:
