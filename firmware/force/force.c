@@ -212,6 +212,9 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
   body->flags = 0;
   watch_sample(body, sample, ticks);
   const int32_t gap = app_sensor_q31(anhyst_clamp(body->gap.value, 0, PORT_ONE));
+  if (body->gap.value < 0 || body->gap.value > PORT_ONE) {
+    body->flags |= ANHYST_GAP_LIMITED;
+  }
   if (follow && compensator->words != NULL) {
     anhyst_compensator_commit_q31(compensator, app_sensor_q31(body->current.value), gap);
   }

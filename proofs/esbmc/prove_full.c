@@ -10,23 +10,31 @@
 #include "any.h"
 
 /* The search turns as often as the block says, up to 16 times. In its proof, proofs.toml puts
-   ANY_TURN at the beginning and at the end of a turn: the invariant is shown, everything forgotten
-   but the invariant, and so one turn stands for all. */
+   ANY_TURN at the beginning of a turn and NEXT_TURN at its end: the invariant is shown, everything
+   forgotten but the invariant, and so one turn stands for all. */
 #define INVARIANT                                                                                  \
-  (inside(at.x) && inside(find.low) && find.low <= at.x && at.x <= find.high && find.high < ONE && \
-   furthest >= 0 && next > at.x - 4 * ONE && next < at.x + 4 * ONE && find.residual > -2 * ONE &&  \
-   find.residual < 2 * ONE)
+  (along->x <= within.low && within.low <= next && next <= within.high && within.high < UNIT &&    \
+   last_step >= 0 && within.low_residual > -2 * UNIT && within.low_residual < 2 * UNIT &&          \
+   within.high_residual > -2 * UNIT && within.high_residual < 2 * UNIT)
 #define ANY_TURN                                                                                   \
   SHOW(INVARIANT);                                                                                 \
-  at.x = nondet_i32();                                                                             \
-  find.low = nondet_i32();                                                                         \
-  find.high = nondet_i32();                                                                        \
-  find.residual = nondet_i32();                                                                    \
-  furthest = nondet_i32();                                                                         \
+  left = any_within(1, 16);                                                                        \
+  within.low = nondet_i32();                                                                       \
+  within.high = nondet_i32();                                                                      \
+  within.low_residual = nondet_i32();                                                              \
+  within.high_residual = nondet_i32();                                                             \
+  last_step = nondet_i32();                                                                        \
   next = nondet_i32();                                                                             \
+  is_stuck = nondet_i16();                                                                         \
+  if (limit != 0 && nondet_i16() != 0) {                                                           \
+    of = limit;                                                                                    \
+  }                                                                                                \
   ASSUME(INVARIANT);
+#define NEXT_TURN                                                                                  \
+  SHOW(INVARIANT);                                                                                 \
+  ASSUME(0);
 
-#define inside(a) ((a) >= -ONE && (a) < ONE)
+#define inside(a) ((a) >= -UNIT && (a) < UNIT)
 
 /* The iron's weight in the search, of either sign, or below zero alone where a fault shows there.
  */
@@ -37,7 +45,6 @@
 #endif
 
 #include "compensator/full.c"
-#include "compensator/full_block.c"
 
 /* The tables of a path; what stands in for value() tells them by their place. */
 enum { CURVE_AT = ANHYST_BLOCK_LEAST_WORDS, BRANCH_AT, INVERSE_AT };
@@ -48,49 +55,74 @@ static const int16_t *const inverse_words = block_words + INVERSE_AT;
 
 static int32_t steepest(uint16_t n) { return ANHYST_Q15_MAX >> (n > 5U ? n - 5U : 0U); }
 
-/* The path as prepare() makes it. */
-static path any_prepared(void)
+/* The head of a block that passed its check; no table is read. */
+static void fill_words(int16_t *words)
 {
-  path along;
-  block_words[ANHYST_WORD_FULL_BRANCH] = BRANCH_AT;
-  block_words[ANHYST_WORD_FULL_INVERSE] = INVERSE_AT;
-  block_words[ANHYST_WORD_FULL_INVERSE_SEGMENTS] = (int16_t)any_within(3, 9);
-  block_words[ANHYST_WORD_FULL_RATE] = (int16_t)any_within(1, ANHYST_Q15_MAX);
-  block_words[ANHYST_WORD_FULL_RATE_SHIFT] = (int16_t)any_within(0, 12);
-  along.words = block_words;
-  along.curve.at = curve_words;
-  along.curve.n = (uint16_t)any_within(3, 9);
-  along.x = any_within(-ONE, ONE - 1);
-  along.y = any_within(-ONE, ONE - 1);
-  along.p = any_within(-ONE, ONE - 1);
-  along.turn = any_within(-ONE, ONE - 1);
-  along.level = any_within(-ONE, ONE - 1);
-  along.play = any_within(0, ANHYST_Q15_MAX) * 8192;
-  along.steepness = (int16_t)any_within(1, ANHYST_Q15_MAX);
-  along.reversible = (int16_t)any_within(0, ANHYST_Q15_MAX);
-  along.near = any_within(0, NEAR_WAY);
-  return along;
+  words[ANHYST_WORD_FULL_CURVE] = CURVE_AT;
+  words[ANHYST_WORD_FULL_BRANCH] = BRANCH_AT;
+  words[ANHYST_WORD_FULL_INVERSE] = INVERSE_AT;
+  words[ANHYST_WORD_FULL_CURVE_SEGMENTS] = (int16_t)any_within(3, 9);
+  words[ANHYST_WORD_FULL_INVERSE_SEGMENTS] = (int16_t)any_within(3, 9);
+  words[ANHYST_WORD_FULL_RATE] = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  words[ANHYST_WORD_FULL_RATE_SHIFT] = (int16_t)any_within(0, 12);
+  words[ANHYST_WORD_FULL_AIR] = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  words[ANHYST_WORD_FULL_PLAY] = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  words[ANHYST_WORD_FULL_STEEPNESS] = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  words[ANHYST_WORD_FULL_REVERSIBLE] = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  words[ANHYST_WORD_FULL_ITERATIONS] = (int16_t)any_within(2, 16);
+  words[ANHYST_WORD_CURRENT_SHIFT] = (int16_t)any_within(0, 8);
+  words[ANHYST_WORD_CURRENT_LOW] = (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX);
+  words[ANHYST_WORD_CURRENT_HIGH] = (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX);
+}
+
+static anhyst_full_memory any_memory(void)
+{
+  const anhyst_full_memory any = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(),
+                                  nondet_i32()};
+  return any;
+}
+
+/* A path as begin() makes it; m as a search expects it. */
+static int has_begun(const path *along)
+{
+  return inside(along->x) && inside(along->y) && inside(along->p) && inside(along->m) &&
+         along->play >= 0 && along->play < UNIT && along->tangent_step >= 0 &&
+         along->tangent_step <= MAX_TANGENT_STEP;
 }
 
 static int departed(const path *along)
 {
-  return inside(along->departure) && along->offset > -2 * ONE && along->offset < 2 * ONE;
+  return inside(along->departure) && along->offset > -2 * UNIT && along->offset < 2 * UNIT;
 }
 
 /* The path as depart() leaves it. */
 static path any_path(void)
 {
-  path along = any_prepared();
+  path along;
+  along.x = nondet_i32();
+  along.y = nondet_i32();
+  along.p = nondet_i32();
+  along.m = nondet_i32();
+  along.play = nondet_i32();
+  along.tangent_step = nondet_i32();
+  along.curve.at = curve_words;
+  along.curve.n = (uint16_t)any_within(3, 9);
   along.branch.at = branch_words;
   along.branch.n = (uint16_t)(along.curve.n + 1U);
   along.inverse.at = inverse_words;
   along.inverse.n = (uint16_t)any_within(3, 9);
-  along.rate = (int16_t)any_within(1, ANHYST_Q15_MAX);
-  along.rate_shift = (uint16_t)any_within(0, 12);
+  along.fades.rate = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  along.fades.shift = (uint16_t)any_within(0, 12);
+  along.turn = any_within(-UNIT, UNIT - 1);
+  along.level = any_within(-UNIT, UNIT - 1);
   along.departure = nondet_i32();
   along.offset = nondet_i32();
+  along.kappa = any_within(0, UNIT);
   along.lead = nondet_i16();
-  ASSUME(departed(&along));
+  along.steepness = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  along.reversible = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  along.evaluations = (int16_t)any_within(2, 16);
+  ASSUME(has_begun(&along) && departed(&along));
   return along;
 }
 
@@ -98,7 +130,7 @@ static int is_slope(int32_t slope) { return slope >= 0 && slope <= ANHYST_SLOPE_
 
 static int is_answer(const path *along, const answer *at)
 {
-  return inside(at->x) && inside(at->p) && at->p >= along->p && at->y >= along->y && at->y < ONE &&
+  return inside(at->x) && inside(at->p) && at->p >= along->p && at->y >= along->y && at->y < UNIT &&
          inside(at->m) && is_slope(at->y_slope) && is_slope(at->m_slope);
 }
 
@@ -110,12 +142,25 @@ static answer any_answer(const path *along)
   return at;
 }
 
+static int is_equation(const equation *of)
+{
+  return of->air > 0 && of->iron >= -ANHYST_Q15_MAX && inside(of->target);
+}
+
+static equation any_equation(void)
+{
+  const equation of = {(int16_t)any_within(1, ANHYST_Q15_MAX),
+                       (int16_t)any_within(-ANHYST_Q15_MAX, MOST_IRON),
+                       any_within(-UNIT, UNIT - 1)};
+  return of;
+}
+
 /* ---- contracts ---- */
 
 #ifdef VALUE_BY_CONTRACT
-static inline int32_t value(table t, int32_t u, int32_t *rise)
+static inline number value(table t, number u, number *rise)
 {
-  SHOW(u >= 0 && u < ONE);
+  SHOW(u >= 0 && u < UNIT);
   const int32_t least = t.at == branch_words ? -ANHYST_Q15_MAX : 0;
   const uint16_t n = t.at == branch_words ? (uint16_t)(t.n - 1U) : t.n;
   *rise = any_within(0, t.at == inverse_words ? ANHYST_Q15_MAX : steepest(n));
@@ -124,131 +169,131 @@ static inline int32_t value(table t, int32_t u, int32_t *rise)
 #endif
 
 #ifdef SMALL_BY_CONTRACT
-static int32_t forgotten(int32_t way)
+static inline number forgotten(int32_t t)
 {
-  SHOW(way >= 0);
-  return any_within(0, ONE);
+  SHOW(t >= 0);
+  return any_within(0, UNIT);
 }
 
-static inline int32_t slope_of(const path *along, int32_t rise)
+static inline slope slope_of(table curve, number rise)
 {
-  SHOW(rise >= 0 && rise <= steepest(along->curve.n));
+  SHOW(rise >= 0 && rise <= steepest(curve.n));
   return any_within(0, ANHYST_SLOPE_MAX);
 }
 
-static int32_t pulled(const path *along, int32_t above)
+static inline slope pulled(number above, entry steepness)
 {
-  SHOW(along->steepness > 0 && above >= -2 * ONE && above <= 2 * ONE);
+  SHOW(steepness > 0 && above >= -2 * UNIT && above <= 2 * UNIT);
   return any_within(-262144, 262144);
 }
 
-static inline int32_t slope_of_m(const path *along, int32_t y_slope, int32_t x_slope)
+static inline slope mixed_slope(slope y_slope, slope x_slope, entry part)
 {
-  SHOW(along->reversible >= 0 && is_slope(y_slope) && is_slope(x_slope));
+  SHOW(part >= 0 && is_slope(y_slope) && is_slope(x_slope));
   return any_within(0, ANHYST_SLOPE_MAX);
 }
 
-static int32_t quotient(int32_t n, int32_t d)
+static inline number quotient(number n, number d)
 {
-  SHOW(d > 0 && n >= 0 && n < 2 * ONE);
-  return any_within(0, 4 * ONE - 1);
+  SHOW(d > 0 && n >= 0);
+  return any_within(0, 4 * UNIT - 1);
+}
+
+static inline number chord(number width, number part, number whole)
+{
+  SHOW(width >= 0 && width < 2 * UNIT && part > 0 && part <= whole);
+  return any_within(0, width);
 }
 #endif
 
 #ifdef STEPS_BY_CONTRACT
-static void evaluate(const path *along, int32_t x, answer *at)
+static inline answer evaluate(const path *along, number x)
 {
-  SHOW(inside(x));
-  SHOW(departed(along));
-  *at = any_answer(along);
-  ASSUME(at->x == x);
+  SHOW(inside(x) && departed(along));
+  answer at = any_answer(along);
+  ASSUME(at.x == x);
+  return at;
 }
 
-static int32_t look(search *find, const answer *at)
+static number leave_hold(const path *along, const equation *of, number end, interval *within)
 {
-  SHOW(find->air > 0 && find->iron >= -ANHYST_Q15_MAX && inside(find->target));
-  SHOW(inside(at->x) && inside(at->m) && is_slope(at->m_slope));
-  find->residual = any_within(1 - 2 * ONE, 2 * ONE - 1);
-  if (find->residual < 0) {
-    find->low = at->x;
-  } else {
-    find->high = at->x;
-  }
-  return at->x - any_within(1 - 4 * ONE, 4 * ONE - 1);
-}
-
-static int32_t follow_curve(const path *along, const search *find, int32_t x, int32_t residual)
-{
-  SHOW(inside(x) && residual > -2 * ONE && residual < 2 * ONE);
-  SHOW(find->air > 0 && find->iron >= -ANHYST_Q15_MAX);
-  return any_within(-ONE, ONE - 1);
-}
-
-static int32_t leave_hold(const path *along, search *find, int32_t end, int32_t tangent)
-{
-  SHOW(inside(end) && inside(find->target) && find->low <= end && end <= find->high);
-  SHOW(find->air > 0 && find->iron >= -ANHYST_Q15_MAX);
+  SHOW(inside(end) && is_equation(of) && within->low <= end && end <= within->high);
   if (nondet_i16() != 0) {
-    find->low = end;
+    within->low = end;
+    within->low_residual = any_within(1 - 2 * UNIT, 2 * UNIT - 1);
   } else {
-    find->high = end;
+    within->high = end;
+    within->high_residual = any_within(0, 2 * UNIT - 1);
   }
-  return any_within(find->low, find->high);
+  return any_within(within->low, within->high);
 }
 
-static void slide(const path *along, int32_t x, answer *at)
+static number look_elsewhere(const path *along, const equation *of, const interval *within,
+                             number x, number residual, int is_stuck)
 {
-  SHOW(inside(x));
+  SHOW(inside(x) && is_equation(of) && residual > -2 * UNIT && residual < 2 * UNIT);
+  SHOW(within->low <= within->high && inside(within->low) && inside(within->high));
+  return any_within(within->low, within->high);
+}
+
+static inline void slide(const path *along, number goal, answer *at)
+{
+  SHOW(inside(goal));
   *at = any_answer(along);
 }
 #endif
 
 #ifdef RISE_BY_CONTRACT
-static answer rise(const path *along, search find, int16_t evaluations, answer at)
+static int rise(const path *along, const equation *of, const equation *limit, answer *found)
 {
-  SHOW(departed(along) && is_answer(along, &at));
-  SHOW(find.air > 0 && find.iron >= -ANHYST_Q15_MAX && inside(find.target));
-  return any_answer(along);
-}
-
-static int slid(const path *along, search find, answer *at)
-{
-  SHOW(is_answer(along, at));
-  SHOW(find.air > 0 && find.iron >= -ANHYST_Q15_MAX && inside(find.target));
-  *at = any_answer(along);
+  SHOW(has_begun(along) && departed(along) && inside(found->x) && found->x >= along->x);
+  SHOW(inside(found->m) && is_slope(found->m_slope) && is_equation(of));
+  SHOW(limit == 0 || is_equation(limit));
+  *found = any_answer(along);
   return nondet_i16();
 }
 #endif
 
 #ifdef REMEMBER_BY_CONTRACT
-static void remember(const path *along, const anhyst_full_memory *from, int32_t falling,
-                     const answer *at, anhyst_full_memory *to)
+static inline void remember(compensator *c, const path *along, mirror way, const answer *at)
 {
-  SHOW(inside(at->x) && inside(at->y) && inside(at->p));
-  SHOW(inside(along->turn) && inside(along->level));
-  to->x = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
-  to->y = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
-  to->p = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE - 4);
-  to->turn = nondet_i32();
-  to->level = nondet_i32();
+  SHOW(inside(at->x) && inside(at->y) && inside(at->p) && inside(at->m));
+  SHOW(is_slope(at->y_slope) && is_slope(at->m_slope));
+  c->next.memory.full = any_memory();
+  c->next.memory.full.x = any_within(-UNIT, UNIT - 1) * 4;
+  c->next.of.full.m = any_within(-UNIT, UNIT - 1);
 }
 #endif
 
+#ifdef END_BY_CONTRACT
+static int find_from_end(compensator *c, number wanted)
+{
+  SHOW(wanted >= -3 * UNIT && wanted <= 3 * UNIT);
+  c->next.memory.full = any_memory();
+  c->next.memory.full.x = any_within(-UNIT, UNIT - 1) * 4;
+  c->next.of.full.m = any_within(-UNIT, UNIT - 1);
+  return nondet_i16();
+}
+#endif
+
+#ifdef UNIT_BY_CONTRACT
 /* Proved in prove_block.c. */
-int32_t anhyst_in_unit(int32_t a, const int16_t *before, const int16_t *words, int16_t word)
+static inline number in_unit(number a, const entry *before, const entry *words, int16_t word)
 {
   SHOW(a >= -ANHYST_Q30_ONE && a <= ANHYST_Q30_ONE);
   return nondet_i32();
 }
+#endif
 
 #ifdef CARRIED_BY_CONTRACT
-static int32_t carried_to(path *along, const carried *from, int32_t way, int16_t air, int32_t flux)
+static number carried_to(path *along, const entry *words, const carried *from, number shift,
+                         number flux)
 {
-  SHOW(inside(from->x) && inside(from->p) && inside(from->behind));
-  SHOW(from->rest > -2 * ONE && from->rest < 2 * ONE && way >= -2 * ONE && way <= 2 * ONE);
-  along->x = any_within(1 - ONE, ONE - 1);
-  along->y = any_within(1 - ONE, ONE - 1);
-  along->p = any_within(1 - ONE, ONE - 1);
+  SHOW(inside(from->x) && inside(from->p) && inside(from->equal_field));
+  SHOW(from->rest > -2 * UNIT && from->rest < 2 * UNIT && shift >= -2 * UNIT && shift <= 2 * UNIT);
+  along->x = any_within(1 - UNIT, UNIT - 1);
+  along->y = any_within(1 - UNIT, UNIT - 1);
+  along->p = any_within(1 - UNIT, UNIT - 1);
   return nondet_i32();
 }
 #endif
@@ -263,7 +308,7 @@ static void prove_place(void)
   const int32_t first = any_within(ANHYST_BLOCK_LEAST_WORDS, ANHYST_BLOCK_MOST_WORDS);
   ASSUME(first + (1 << n) + 1 <= ANHYST_BLOCK_MOST_WORDS);
   const table t = {words + first, (uint16_t)n};
-  const int32_t u = any_within(0, ONE - 1);
+  const int32_t u = any_within(0, UNIT - 1);
   const int32_t i = first + (u >> (28 - n));
   int32_t rise;
   ASSUME(words[i] >= -ANHYST_Q15_MAX && words[i] <= words[i + 1]);
@@ -275,138 +320,110 @@ static void prove_place(void)
 static void prove_forgotten(void)
 {
   const int32_t gone = forgotten(any_within(0, ANHYST_Q31_MAX));
-  SHOW(gone >= 0 && gone <= ONE);
+  SHOW(gone >= 0 && gone <= UNIT);
 }
 
 static void prove_slopes(void)
 {
   const path along = any_path();
   const int32_t rise = any_within(0, steepest(along.curve.n));
-  SHOW(is_slope(slope_of(&along, rise)));
-  const int32_t pull = pulled(&along, any_within(-2 * ONE, 2 * ONE));
+  SHOW(is_slope(slope_of(along.curve, rise)));
+  const int32_t pull = pulled(any_within(-2 * UNIT, 2 * UNIT), along.steepness);
   SHOW(pull >= -262144 && pull <= 262144);
 }
 
 static void prove_quotient(void)
 {
-  const int32_t found = quotient(any_within(0, 2 * ONE - 1), any_within(1, ANHYST_Q31_MAX));
-  SHOW(found >= 0 && found < 4 * ONE);
+  const int32_t found = quotient(any_within(0, ANHYST_Q31_MAX), any_within(1, ANHYST_Q31_MAX));
+  SHOW(found >= 0 && found < 4 * UNIT);
 }
 
 static void prove_evaluate(void)
 {
   const path along = any_path();
-  const int32_t x = any_within(-ONE, ONE - 1);
-  answer at;
-  evaluate(&along, x, &at);
+  const int32_t x = any_within(-UNIT, UNIT - 1);
+  const answer at = evaluate(&along, x);
   SHOW(at.x == x);
   SHOW(is_answer(&along, &at));
 }
 
 static void prove_depart(void)
 {
-  path along = any_prepared();
-  int32_t x_rise;
-  answer at = {along.x, along.y, along.p, any_within(-ONE, ONE - 1), 0, 0};
-  set_out(&along, nondet_i16() != 0 ? -1 : 0);
-  depart(&along);
-  SHOW(departed(&along));
-  at.x = along.x;
-  at.y = along.y;
-  at.p = along.p;
-  rise_from_start(&along, odd_value(along.curve, along.x, &x_rise), x_rise, &at);
-  SHOW(is_answer(&along, &at));
+  const anhyst_full_memory from = any_memory();
+  const mirror way = nondet_i16() != 0 ? -1 : 0;
+  path along;
+  answer at = {0, 0, 0, any_within(-UNIT, UNIT - 1), 0, 0};
+  fill_words(block_words);
+  begin(&along, block_words, &from, way);
+  along.m = at.m;
+  SHOW(has_begun(&along));
+  depart(&along, block_words, &from, way);
+  SHOW(departed(&along) && along.kappa >= 0 && along.kappa <= UNIT);
+  find_start_slopes(&along, any_within(0, steepest(along.curve.n)), &at);
+  SHOW(is_slope(at.y_slope) && is_slope(at.m_slope));
 }
 
 static void prove_steps(void)
 {
   const path along = any_path();
   answer at = any_answer(&along);
-  search find = {(int16_t)any_within(1, ANHYST_Q15_MAX),
-                 (int16_t)any_within(-ANHYST_Q15_MAX, MOST_IRON),
-                 any_within(-ONE, ONE - 1),
-                 nondet_i32(),
-                 nondet_i32(),
-                 nondet_i32()};
-  const int32_t x = at.x;
-  const int32_t next = look(&find, &at);
-  SHOW(find.residual > -2 * ONE && find.residual < 2 * ONE);
-  SHOW(next - x > -4 * ONE && next - x < 4 * ONE);
-  SHOW(find.residual < 0 ? find.low == x : find.high == x);
-  SHOW(inside(follow_curve(&along, &find, x, find.residual)));
-  const int32_t end = any_within(-ONE, ONE - 1);
-  const int32_t low = any_within(-ONE, end);
-  const int32_t high = any_within(end, ONE - 1);
-  find.low = low;
-  find.high = high;
-  const int32_t first = leave_hold(&along, &find, end, next);
-  SHOW((find.low == end && find.high == high) || (find.low == low && find.high == end));
-  SHOW(first >= find.low && first <= find.high);
-  slide(&along, any_within(-ONE, ONE - 1), &at);
-  SHOW(is_answer(&along, &at));
-}
-
-static void prove_slid(void)
-{
-  const path along = any_path();
-  answer at = any_answer(&along);
-  const search find = {(int16_t)any_within(1, ANHYST_Q15_MAX),
-                       (int16_t)any_within(-ANHYST_Q15_MAX, MOST_IRON),
-                       any_within(-ONE, ONE - 1),
-                       nondet_i32(),
-                       nondet_i32(),
-                       nondet_i32()};
-  (void)slid(&along, find, &at);
+  const equation of = any_equation();
+  const int32_t residual = sum_at(&of, at.x, at.m) - of.target;
+  SHOW(residual > -2 * UNIT && residual < 2 * UNIT);
+  const int32_t step = step_against(residual, sum_slope(&of, at.m_slope));
+  SHOW(step > -4 * UNIT && step < 4 * UNIT);
+  SHOW(inside(follow_curve(&along, &of, at.x, residual)));
+  const int32_t end = any_within(-UNIT, UNIT - 1);
+  interval within = {any_within(-UNIT, end), any_within(end, UNIT - 1),
+                     any_within(1 - 2 * UNIT, 2 * UNIT - 1),
+                     any_within(1 - 2 * UNIT, 2 * UNIT - 1)};
+  const interval before = within;
+  const int32_t first = leave_hold(&along, &of, end, &within);
+  SHOW((within.low == end && within.high == before.high) ||
+       (within.low == before.low && within.high == end));
+  SHOW(first >= within.low && first <= within.high);
+  const int32_t other = look_elsewhere(&along, &of, &before, at.x, residual, nondet_i16());
+  SHOW(other >= before.low && other <= before.high);
+  slide(&along, any_within(-UNIT, UNIT - 1), &at);
   SHOW(is_answer(&along, &at));
 }
 
 static void prove_rise(void)
 {
   const path along = any_path();
+  const equation of = any_equation();
+  const equation limit = any_equation();
   answer at = any_answer(&along);
-  search find = {(int16_t)any_within(1, ANHYST_Q15_MAX),
-                 (int16_t)any_within(-ANHYST_Q15_MAX, MOST_IRON),
-                 any_within(-ONE, ONE - 1),
-                 nondet_i32(),
-                 nondet_i32(),
-                 nondet_i32()};
   ASSUME(at.x >= along.x);
-  at = rise(&along, find, (int16_t)any_within(2, 16), at);
+  (void)rise(&along, &of, nondet_i16() != 0 ? &limit : 0, &at);
   SHOW(is_answer(&along, &at));
+}
+
+static int is_memory(const anhyst_full_memory *memory)
+{
+  return memory->x >= -ANHYST_Q30_ONE && memory->x < ANHYST_Q30_ONE &&
+         memory->y >= -ANHYST_Q30_ONE && memory->y < ANHYST_Q30_ONE &&
+         memory->p >= -ANHYST_Q30_ONE && memory->p < ANHYST_Q30_ONE;
 }
 
 static void prove_remember(void)
 {
   const path along = any_path();
   const answer at = any_answer(&along);
-  const anhyst_full_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
-  anhyst_full_memory to;
-  remember(&along, &from, nondet_i16() != 0 ? -1 : 0, &at, &to);
-  SHOW(to.x >= -ANHYST_Q30_ONE && to.x < ANHYST_Q30_ONE);
-  SHOW(to.y >= -ANHYST_Q30_ONE && to.y < ANHYST_Q30_ONE);
-  SHOW(to.p >= -ANHYST_Q30_ONE && to.p < ANHYST_Q30_ONE);
-}
-
-/* The head of a block that passed its check. */
-static void assume_valid(const int16_t *words)
-{
-  const int32_t air = words[ANHYST_WORD_FULL_AIR];
-  const int32_t n = words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
-  const int32_t n_inverse = words[ANHYST_WORD_FULL_INVERSE_SEGMENTS];
-  ASSUME(air > 0 && words[ANHYST_WORD_FULL_REVERSIBLE] >= 0 && words[ANHYST_WORD_FULL_PLAY] >= 0);
-  ASSUME(words[ANHYST_WORD_FULL_RATE] > 0 && words[ANHYST_WORD_FULL_STEEPNESS] > 0);
-  ASSUME(anhyst_within(words[ANHYST_WORD_FULL_RATE_SHIFT], 0, 12));
-  ASSUME(anhyst_within(words[ANHYST_WORD_FULL_ITERATIONS], 2, 16));
-  ASSUME(n >= 3 && n <= 9 && n_inverse >= 3 && n_inverse <= 9);
+  anhyst_compensator c;
+  c.memory.full = any_memory();
+  remember(&c, &along, nondet_i16() != 0 ? -1 : 0, &at);
+  SHOW(is_memory(&c.next.memory.full));
+  SHOW(is_slope(c.next.of.full.y_slope) && is_slope(c.next.of.full.m_slope));
 }
 
 static void prove_carried(void)
 {
-  path along = any_prepared();
-  const carried from = {any_within(1 - ONE, ONE - 1), any_within(1 - ONE, ONE - 1),
-                        any_within(1 - ONE, ONE - 1), any_within(1 - 2 * ONE, 2 * ONE - 1)};
-  (void)carried_to(&along, &from, any_within(-2 * ONE, 2 * ONE),
-                   (int16_t)any_within(1, ANHYST_Q15_MAX),
+  path along = any_path();
+  const carried from = {any_within(1 - UNIT, UNIT - 1), any_within(1 - UNIT, UNIT - 1),
+                        any_within(1 - UNIT, UNIT - 1), any_within(1 - 2 * UNIT, 2 * UNIT - 1)};
+  fill_words(block_words);
+  (void)carried_to(&along, block_words, &from, any_within(-2 * UNIT, 2 * UNIT),
                    any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
   SHOW(inside(along.x) && inside(along.y) && inside(along.p));
   SHOW(along.x - along.p <= along.play && along.p - along.x <= along.play);
@@ -414,52 +431,54 @@ static void prove_carried(void)
 
 static void prove_carry(void)
 {
-  int16_t before[ANHYST_BLOCK_LEAST_WORDS]; /* any; no table is read */
-  int16_t words[ANHYST_BLOCK_LEAST_WORDS];
-  assume_valid(before);
-  assume_valid(words);
+  int16_t words[INVERSE_AT + 1];
+  fill_words(block_words);
+  fill_words(words);
   anhyst_compensator c;
-  const anhyst_full_memory any = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
-  c.words = before;
-  c.memory.full = any;
-  anhyst_full_carry(&c, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
-  SHOW(c.memory.full.x > -ANHYST_Q30_ONE && c.memory.full.x < ANHYST_Q30_ONE);
-  SHOW(c.memory.full.y > -ANHYST_Q30_ONE && c.memory.full.y < ANHYST_Q30_ONE);
-  SHOW(c.memory.full.p > -ANHYST_Q30_ONE && c.memory.full.p < ANHYST_Q30_ONE);
+  c.words = block_words;
+  c.memory.full = any_memory();
+  carry(&c, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
+  SHOW(is_memory(&c.memory.full));
 }
 
-static void prove_kernel(void)
+/* A compensator as a kernel finds it. */
+static anhyst_compensator any_compensator(void)
 {
-  int16_t words[ANHYST_BLOCK_LEAST_WORDS]; /* any; no table is read */
-  assume_valid(words);
-  const anhyst_full_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
   anhyst_compensator c;
-  c.words = words;
-  c.memory.full = from;
-#ifdef FIELD
-  c.flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);
-  (void)full_field(&c);
-  SHOW(is_slope(c.next.y_slope) && is_slope(c.next.m_slope));
-#else
-  const anhyst_candidate solved = {
-      {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()},
-      nondet_i32(),
-      0,
-      nondet_i16(),
-      (int16_t)any_within(0, ANHYST_SLOPE_MAX),
-      (int16_t)any_within(0, ANHYST_SLOPE_MAX),
-      0};
   const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
                             (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
-  c.next = solved;
+  fill_words(block_words);
+  c.words = block_words;
   c.arms = arms;
-  (void)full_flux(&c, nondet_i32());
-#endif
-  const anhyst_full_memory to = c.next.memory.full;
-  SHOW(to.x >= -ANHYST_Q30_ONE && to.x < ANHYST_Q30_ONE);
-  SHOW(to.y >= -ANHYST_Q30_ONE && to.y < ANHYST_Q30_ONE);
-  SHOW(to.p >= -ANHYST_Q30_ONE && to.p < ANHYST_Q30_ONE);
+  c.stage = nondet_u16();
+  c.memory.full = any_memory();
+  c.next.memory.full = any_memory();
+  c.next.of.full.m = nondet_i32();
+  c.next.of.full.y_slope = nondet_i16();
+  c.next.of.full.m_slope = nondet_i16();
+  c.next.of.full.direction = nondet_i16();
+  return c;
+}
+
+static void prove_end(void)
+{
+  anhyst_compensator c = any_compensator();
+  (void)find_from_end(&c, any_within(-3 * UNIT, 3 * UNIT));
+}
+
+static void prove_field(void)
+{
+  anhyst_compensator c = any_compensator();
+  c.flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);
+  const int32_t found = field_for_flux(&c);
+  SHOW(found >= -ANHYST_Q30_ONE && found < ANHYST_Q30_ONE);
+}
+
+static void prove_flux(void)
+{
+  anhyst_compensator c = any_compensator();
+  (void)flux_for_current(&c, nondet_i32());
 }
 
 int main(void)

@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import twin_of
 from anhyst.compensate.measure import against_demand, paths, run_with_losses
 from anhyst.compensate.plan import CompileRequest, full_scale
@@ -128,7 +127,8 @@ def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) 
         plan.request.io == "f32" and plan.block.kind == "full"
     )
     assert compiled.manifest["memory"]["parameters_bytes"] <= 2048
-    assert compiled.manifest["memory"]["state_bytes"] <= 140
+    most = 140 if plan.block.is_fixed else 164
+    assert compiled.manifest["memory"]["state_bytes"] <= most
 
 
 @pytest.mark.slow
@@ -190,14 +190,11 @@ def test_manifest_reports_what_the_folder_is(compiled: Compiled) -> None:
     assert manifest["conditioning"]["remaining_percent"] < 0.1
     assert all(manifest["plan"].values())
     words = {word["name"]: word for word in manifest["parameters"]}
-    if isinstance(plan.block, Block):
-        assert set(words) == {word.name for word in BODY[plan.block.kind]}
-        high = words["CURRENT_HIGH"]
-        value = plan.block.words[high["first"]] / 32768.0 * high["scale"]
-        assert value == pytest.approx(plan.block.limits.current[1], abs=2.0**-15 * high["scale"])
-        assert (words["GAP_BIAS"]["entries"] - 1).bit_count() == 1
-    else:
-        assert not words
+    assert set(words) == {word.name for word in BODY[plan.block.kind]}
+    high, one = words["CURRENT_HIGH"], 32768.0 if plan.block.is_fixed else 1.0
+    value = float(plan.block.words[high["first"]]) / one * high["scale"]
+    assert value == pytest.approx(plan.block.limits.current[1], abs=2.0**-15 * high["scale"])
+    assert (words["GAP_BIAS"]["entries"] - 1).bit_count() == 1
 
 
 def test_budget_names_every_part(compiled: Compiled) -> None:
@@ -222,7 +219,7 @@ def test_rounding_costs_less_the_finer_the_format(folder: Path) -> None:
             compile_model(folder / "magnet.toml", place.parent, CompileRequest("full", io, 1e4))
         parts = json.loads(place.read_text())["parts"]
         costs[io] = next(p["rms"] for p in parts if p["name"] == "quantisation")
-    assert costs["f32"] < 0.1 * costs["q31"]
+    assert costs["f32"] < 0.2 * costs["q31"]
     assert costs["q31"] < costs["q15"]
 
 
@@ -321,7 +318,6 @@ def test_parameters_in_c_are_the_block(folder: Path) -> None:
     text = (compiled.out / "magnet_parameters.c").read_text()
     rows = text[text.index("= {") :]
     words = [int(word) for word in re.findall(r"-?\d+", re.sub(r"/\*.*?\*/", "", rows, flags=re.S))]
-    assert isinstance(compiled.plan.block, Block)
     assert words == compiled.plan.block.words.tolist()
 
 
@@ -329,7 +325,7 @@ def test_parameters_in_c_are_the_block(folder: Path) -> None:
 @pytest.mark.parametrize("io", ["q15", "f32"])
 def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io: Any) -> None:
     """Here pointers have 64 bits: so much more for each, and padded to eight bytes."""
-    place, pointers, suffix = (folder / "out", 2, "") if io == "q15" else (tmp_path, 1, "_f32")
+    place, suffix = (folder / "out", "") if io == "q15" else (tmp_path, "_f32")
     if io == "q15":
         manifest = full(folder).manifest
     else:
@@ -351,7 +347,7 @@ def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io
     ]
     subprocess.run(command, check=True)
     said = int(subprocess.run([program], capture_output=True, text=True, check=True).stdout)
-    assert said == -(-(manifest["memory"]["state_bytes"] + 4 * pointers) // 8) * 8
+    assert said == -(-(manifest["memory"]["state_bytes"] + 4 * 2) // 8) * 8
 
 
 @pytest.mark.slow

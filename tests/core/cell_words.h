@@ -19,10 +19,10 @@ static int16_t words[1024];
 static inline double curve(int cell, double play) { return WEIGHTS[cell] * tanh(play / WIDTH); }
 
 /* Where a row has an entry. */
-static inline double field_of(int entry)
+static inline double field_of(int column)
 {
   const int middle = STRIDE / 2;
-  const double from_middle = (entry - middle) / 128.0;
+  const double from_middle = (column - middle) / 128.0;
   const double beyond = fabs(from_middle) - 0.5;
   return beyond > 0.0 ? copysign(0.5 + 2.0 * beyond, from_middle) : from_middle;
 }

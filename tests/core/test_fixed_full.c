@@ -2,13 +2,12 @@
 /* Claims of the parts of the full law in fixed point: table, fading, and one evaluation of a path,
    against double and long double precision. */
 /* Their static functions are meant. */
-#include "compensator/full.c"       /* NOLINT(bugprone-suspicious-include) */
-#include "compensator/full_block.c" /* NOLINT(bugprone-suspicious-include) */
+#include "compensator/full.c" /* NOLINT(bugprone-suspicious-include) */
 
 #include "check.h"
+#include "full_words.h"
 #include "truth.h"
 
-enum { MOST_SEGMENTS = 512, BRANCH_SEGMENTS = 10 };
 static const double FULL_Q26 = 67108864.0;
 static const double FULL_Q28 = 268435456.0;
 
@@ -34,7 +33,7 @@ static void tables_are_straight_between_their_entries(void)
     const table t = {entries, n};
     fill(entries, count, &seed);
     for (int i = 0; i < 50000; i++) {
-      const int32_t u = (int32_t)(random_bits(&seed) % (uint64_t)ONE);
+      const int32_t u = (int32_t)(random_bits(&seed) % (uint64_t)UNIT);
       const double place = (double)u / FULL_Q28 * count;
       const int segment = (int)place;
       const double step = (double)entries[segment + 1] - entries[segment];
@@ -47,7 +46,7 @@ static void tables_are_straight_between_their_entries(void)
     }
     for (int i = 0; i < count; i++) {
       int32_t rise;
-      CHECK(value(t, i * (ONE >> n), &rise) == entries[i] * 8192);
+      CHECK(value(t, i * (UNIT >> n), &rise) == entries[i] * 8192);
     }
   }
   CHECK_BELOW("table, units in the last place over the rise of a segment", worst, 1.0);
@@ -67,7 +66,7 @@ static void forgetting_is_exponential(void)
     if (way > 0 && octaves < 1.0) {
       keep_worst(&relative, (fabs((double)found - exact * FULL_Q28) - 1.0) / (exact * FULL_Q28));
     }
-    CHECK(found >= 0 && found <= ONE);
+    CHECK(found >= 0 && found <= UNIT);
     keep_worst(&fall, (double)(before - found) / FULL_Q28);
     before = found;
   }
@@ -76,54 +75,11 @@ static void forgetting_is_exponential(void)
   CHECK_BELOW("fall of 1 - 2^-t where an octave ends", fall, 7e-5);
 }
 
-/* The law with tables of 2^9 segments, x reaching to 4 times its shape field. */
-static const double REACH = 4.0;
-static int16_t words[ANHYST_BLOCK_LEAST_WORDS + 3 * (2 * MOST_SEGMENTS + 1)];
-
-static double langevin(double x) { return (double)true_langevin((long double)x); }
-
-static double inverse_langevin(double y) { return (double)true_inverse_langevin((long double)y); }
-
-static double branch_at(double kappa, double x)
-{
-  return (double)true_branch((long double)kappa, (long double)x);
-}
-
 /* The irreversible part after a rise from x0, y0 to x1. */
 static double lagged(double kappa, double x0, double y0, double x1)
 {
   return (double)true_irreversible((long double)kappa, (long double)x0, (long double)y0,
                                    (long double)x1);
-}
-
-static int16_t nearest(double x) { return (int16_t)lrint(fmin(x, 32767.0)); }
-
-static void prepare_law(double kappa, double c, double play)
-{
-  const int first = ANHYST_BLOCK_LEAST_WORDS;
-  const int last = first + MOST_SEGMENTS + 1;
-  const double rate = REACH / (kappa * log(2.0)) / 16.0;
-  const int shift = rate < 0.49 ? 0 : (int)ceil(log2(rate / 0.49));
-  words[ANHYST_WORD_FULL_REVERSIBLE] = nearest(c * 32768.0);
-  words[ANHYST_WORD_FULL_PLAY] = nearest(play / REACH * 32768.0);
-  words[ANHYST_WORD_FULL_RATE] = nearest(rate / pow(2.0, shift) * 65536.0);
-  words[ANHYST_WORD_FULL_RATE_SHIFT] = (int16_t)shift;
-  words[ANHYST_WORD_FULL_STEEPNESS] = nearest(REACH / kappa * 256.0);
-  words[ANHYST_WORD_FULL_CURVE_SEGMENTS] = 9;
-  words[ANHYST_WORD_FULL_CURVE] = (int16_t)first;
-  words[ANHYST_WORD_FULL_BRANCH] = (int16_t)last;
-  words[ANHYST_WORD_FULL_INVERSE_SEGMENTS] = 9;
-  words[ANHYST_WORD_FULL_INVERSE] = (int16_t)(last + 2 * MOST_SEGMENTS + 1);
-  for (int i = 0; i <= MOST_SEGMENTS; i++) {
-    const double share = (double)i / (double)MOST_SEGMENTS;
-    words[first + i] = nearest(langevin(share * REACH) * 32768.0);
-    const double field = inverse_langevin(fmin(share, 0.9));
-    words[words[ANHYST_WORD_FULL_INVERSE] + i] = nearest(fmin(field / REACH, 1.0) * 32767.0);
-  }
-  for (int i = 0; i <= 2 * MOST_SEGMENTS; i++) {
-    const double x = REACH * ((double)i / (double)MOST_SEGMENTS - 1.0);
-    words[last + i] = nearest(branch_at(kappa, x) * 32768.0);
-  }
 }
 
 /* Error of y and of m after one straight way from a place on the demagnetised curve. */
@@ -136,17 +92,15 @@ static void walk(double kappa, double c, double *error_y, double *error_m)
     const double y0 = lagged(kappa, 0.0, 0.0, x0);
     const double x1 = uniform(&seed, x0, 3.9);
     path along;
-    answer at;
     anhyst_full_memory from;
     from.x = (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE);
     from.y = (int32_t)lrint(y0 * ANHYST_Q30_ONE);
     from.p = from.x;
     from.turn = from.x;
     from.level = from.y;
-    prepare(&along, words, &from);
-    set_out(&along, 0);
-    depart(&along);
-    evaluate(&along, (int32_t)lrint(x1 / REACH * FULL_Q28), &at);
+    begin(&along, words, &from, 0);
+    depart(&along, words, &from, 0);
+    const answer at = evaluate(&along, (int32_t)lrint(x1 / REACH * FULL_Q28));
     const double y1 = lagged(kappa, x0, y0, x1);
     const double m1 = (1.0 - c) * y1 + c * langevin(x1);
     keep_worst(error_y, fabs((double)at.y / FULL_Q28 - y1));
@@ -190,17 +144,17 @@ static double against_the_air(double kappa, double c, double share, int16_t eval
     const double x1 = uniform(&seed, -3.5, 3.5);
     const double m1 = magnetised(kappa, c, start, x1);
     const int32_t target = (int32_t)lrint((air * x1 / REACH + iron * m1) / 65536.0 * FULL_Q28);
-    anhyst_compensator compensator = {0};
+    anhyst_compensator state = {0};
     const anhyst_full_memory from = {
         (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(start[1] * ANHYST_Q30_ONE),
         (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE),
         (int32_t)lrint(start[1] * ANHYST_Q30_ONE)};
     const anhyst_arms arms = {0, iron, air};
-    compensator.words = words;
-    compensator.memory.full = from;
-    compensator.arms = arms;
-    const int32_t flux = full_flux(&compensator, target * 4);
-    const anhyst_full_memory to = compensator.next.memory.full;
+    state.words = words;
+    state.memory.full = from;
+    state.arms = arms;
+    const int32_t flux = flux_for_current(&state, target * 4);
+    const anhyst_full_memory to = state.next.memory.full;
     const double m =
         (flux - anhyst_scale(to.x, words[ANHYST_WORD_FULL_AIR]) * 4) / (FULL_Q28 * 4.0);
     keep_worst(&worst, fabs((double)to.x / ANHYST_Q30_ONE - x1 / REACH));
@@ -237,12 +191,12 @@ static void a_current_that_falls_is_refused(void)
   for (int gap = 0; gap < 2; gap++) {
     words[first] = words[first + 1] = 5000;
     words[first + 2] = words[first + 3] = 20000;
-    CHECK(current_rises(words));
+    CHECK(does_current_rise(words));
     const double most = 20000.0 / (steepest + 4.0 * 300.0 / 65536.0);
     words[first + gap] = (int16_t)-lrint(0.98 * most);
-    CHECK(current_rises(words));
+    CHECK(does_current_rise(words));
     words[first + gap] = (int16_t)-lrint(1.02 * most);
-    CHECK(!current_rises(words));
+    CHECK(!does_current_rise(words));
   }
 }
 

@@ -41,11 +41,12 @@ uint16_t anhyst_block_misfit(const int16_t *words, const int16_t *scales)
   return same ? 0 : ANHYST_WORD_SCALE_DEMAND;
 }
 
-anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel *kernel,
-                                      const int16_t *words, uint16_t capacity)
+anhyst_status anhyst_compensator_init_sized(anhyst_compensator *c, size_t size,
+                                            const anhyst_kernel *kernel, const int16_t *words,
+                                            uint16_t capacity)
 {
   const anhyst_compensator fresh = {0};
-  if (anhyst_block_check(kernel, words, capacity) != ANHYST_OK) {
+  if (size != sizeof *c || anhyst_block_check(kernel, words, capacity) != ANHYST_OK) {
     return ANHYST_BAD_PARAMETER;
   }
   *c = fresh;
@@ -58,7 +59,7 @@ void anhyst_compensator_demagnetise(anhyst_compensator *c)
 {
   const anhyst_memory demagnetised = {{0, 0, 0, 0, 0}};
   c->memory = demagnetised;
-  c->solved = 0;
+  c->stage = ANHYST_STAGE_UNKNOWN;
 }
 
 void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words) { c->words = words; }

@@ -2,7 +2,7 @@
 /* The check of a block in single precision; its text is generic/block.h. */
 #include "formats/f32.h"
 
-#include "formats/block_real.h"
+#include "generic/block_real.h"
 #include "generic/block.h"
 
 anhyst_status anhyst_block_check_f32(const anhyst_kernel_f32 *kernel, const float *words,

@@ -2,7 +2,7 @@
 /* The check of a block in double precision; its text is generic/block.h. */
 #include "formats/f64.h"
 
-#include "formats/block_real.h"
+#include "generic/block_real.h"
 #include "generic/block.h"
 
 anhyst_status anhyst_block_check_f64(const anhyst_kernel_f64 *kernel, const double *words,

@@ -33,6 +33,12 @@ static inline number clamped(number a, number low, number high)
   return anhyst_clamp(a, low, high);
 }
 
+/* Whether x is within -half .. half. */
+static inline int is_around_zero(number x, number half)
+{
+  return (uint32_t)x + (uint32_t)half < 2U * (uint32_t)half;
+}
+
 /* Saturates to -1 .. 1. */
 static inline number inside(number a) { return anhyst_sat_q30(a); }
 

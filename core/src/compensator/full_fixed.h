@@ -9,13 +9,13 @@
 
 #include "formats/block_fixed.h"
 
-#define UNIT ((number)268435456)    /* 1.0 */
-#define MAX_FIELD (UNIT - 1)        /* the largest field */
-#define RESIDUAL_DEADBAND 32        /* a residual that is not more than rounding, 1.2e-7 */
-#define PLAY_SLACK 0                /* what rounding leaves between the play and its stop */
+#define UNIT ((number)268435456) /* 1.0 */
+#define MAX_FIELD (UNIT - 1)     /* the largest field */
+#define RESIDUAL_DEADBAND 32     /* a residual that is not more than rounding, 1.2e-7 */
+#define PLAY_SLACK 0             /* what rounding leaves between the play and its stop */
 #define MAX_TANGENT_STEP (UNIT / 256)
-#define MIN_SLOPE ((number)1)       /* the least slope of a sum that is divided by, a weight */
-#define QUARTER ((entry)16384)      /* 1/4 as a weight */
+#define MIN_SLOPE ((number)1)  /* the least slope of a sum that is divided by, a weight */
+#define QUARTER ((entry)16384) /* 1/4 as a weight */
 
 #define MAX_SEGMENTS_EXPONENT 9
 #define MAX_RATE_SHIFT 12
@@ -44,12 +44,9 @@ static inline table table_at(const entry *words, entry first, uint16_t n)
   return t;
 }
 
-static inline uint16_t exponent_of(entry word) { return (uint16_t)word; }
-
 static inline fading fading_of(const entry *words)
 {
-  const fading fades = {words[ANHYST_WORD_FULL_RATE],
-                        (uint16_t)words[ANHYST_WORD_FULL_RATE_SHIFT]};
+  const fading fades = {words[ANHYST_WORD_FULL_RATE], (uint16_t)words[ANHYST_WORD_FULL_RATE_SHIFT]};
   return fades;
 }
 
@@ -60,9 +57,6 @@ static inline number to_memory(number a) { return a * 4; }
 
 static inline number to_outer(number a) { return anhyst_shl_q31(a, 2); } /* saturates */
 
-/* A quarter of a q30. */
-static inline number quarter_of(number a) { return a >> 4; }
-
 /* The number of -1..1 nearest to a. */
 static inline number within_unit(number a) { return anhyst_sat_q28(a); }
 
@@ -72,9 +66,6 @@ static inline number clamped(number a, number low, number high)
 }
 
 static inline number size_of(number a) { return a < 0 ? -a : a; }
-
-/* A word of the format q15. */
-static inline number from_q15(entry word) { return (number)word * 8192; }
 
 static inline mirror mirror_of(int is_falling) { return is_falling ? -1 : 0; }
 
@@ -152,14 +143,17 @@ static inline number sum_rounding(entry air, slope steepest)
 }
 
 /* The largest rise of a segment, for which slopes stay within ANHYST_SLOPE_MAX. */
-static inline entry max_rise(uint16_t n) { return (entry)(ANHYST_Q15_MAX >> (n > 5U ? n - 5U : 0U)); }
+static inline entry max_rise(uint16_t n)
+{
+  return (entry)(ANHYST_Q15_MAX >> (n > 5U ? n - 5U : 0U));
+}
 
 /* n over the slope d for n >= 0, d > 0, to 14 bits or exact; at most 4. */
 static inline number quotient(number n, number d)
 {
-  const uint16_t room = anhyst_headroom(n | 1);
-  const uint16_t down = room < 16U ? (uint16_t)(16U - room) : 0U;
-  const int32_t ratio = (int32_t)((uint32_t)n << (16U - down)) / d;
+  const int32_t over = 16 - (int32_t)anhyst_headroom(n | 1);
+  const int32_t down = over > 0 ? over : 0;
+  const int32_t ratio = (int32_t)((uint32_t)n << (16 - down)) / d;
   const int32_t most = (UNIT * 4 - 1) >> down;
   return (int32_t)((uint32_t)(ratio < most ? ratio : most) << down);
 }
@@ -194,12 +188,30 @@ static inline number forgotten_along(fading fades, number travel)
   return forgotten((int32_t)((uint32_t)octaves << fades.shift));
 }
 
+/* width*part/whole for 0 < part <= whole, to 14 bits. */
+static inline number chord(number width, number part, number whole)
+{
+  return anhyst_scale(width, anhyst_sat_q15(anhyst_quotient(part, whole) >> 1)) * 2;
+}
+
+/* The field in which the memory fades to 1/e, at most 1. */
+static inline number kappa_of(entry steepness)
+{
+  return steepness > 256 ? UNIT / steepness * 256 : UNIT;
+}
+
+/* a*share for a share of 0..1. */
+static inline number share_of(number a, number share)
+{
+  return anhyst_scale(a, anhyst_sat_q15(share >> 13)) * 2;
+}
+
 /* A quarter of a number of -2..2 as a weight, and a part of it. */
 static inline entry lead_of(number a) { return anhyst_sat_q15((0x2000 + a) >> 14); }
 
 static inline number part_of_lead(number part, entry lead) { return anhyst_scale(part, lead) * 4; }
 
-static inline number within_current(number a) { return anhyst_sat_q28(a); }
+static inline number bounded(number a) { return anhyst_sat_q28(a); }
 
 /* A limit of the current at this word of the block, as a number inside. */
 static inline number current_limit(const entry *words, int16_t word)

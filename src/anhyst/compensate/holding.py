@@ -48,7 +48,7 @@ noise, and the sensor's own."""
 
 SEED = 5
 RISE = 100
-"""Ticks in which a demand rises to the largest and falls to where it is held."""
+"""Half of the ticks in which a demand rises to where it is held, or rises to the largest and falls."""
 
 _CLOSED = 1e-12
 
@@ -121,30 +121,41 @@ def _noise(random: np.random.Generator, ticks: int) -> tuple[FloatArray, FloatAr
 
 
 def _hold(plan: Plan, reach: Reach, case: _Case, level: float) -> Held:
-    """Hold one demand; a movement that repeats itself ends where everything does."""
+    """Hold one demand after a rise and after a descent; return the larger drift."""
     scales = plan.block.scales
     span, home = scales.gap_span, 0.5 * (scales.gap_low + scales.gap_high)
     farthest = np.array([home - case.widest * span, home, home + case.widest * span])
     bottom = float(reach.demand(np.zeros(3), farthest, lifted=True).max())
     top = float(reach.demand(np.ones(3), farthest).min())
     demand = bottom + level * (top - bottom)
+    rise = np.linspace(bottom, demand, 2 * RISE)
+    descent = np.concatenate([np.linspace(bottom, top, RISE), np.linspace(top, demand, RISE)])
+    drift = max(_drift(plan, home, case, approach, top - bottom) for approach in (rise, descent))
+    return Held(case.title, demand, case.seconds, drift)
+
+
+def _drift(plan: Plan, home: float, case: _Case, approach: FloatArray, height: float) -> float:
+    """Return the largest change of the output at home since its first return, in its unit.
+
+    A movement that repeats itself ends as soon as everything repeats itself.
+    """
     random = np.random.default_rng(SEED)
     rate = min(plan.request.rate, MOST_RATE)
     ticks = max(round(RETURN * rate), LEAST_TICKS)
     pair = _Pair(plan, home)
-    up, down = np.linspace(bottom, top, RISE), np.linspace(top, demand, RISE)
-    pair.run(np.concatenate([up, down]), np.full(2 * RISE, home))
+    pair.run(approach, np.full(approach.size, home))
+    demand, span = float(approach[-1]), plan.block.scales.gap_span
     first: float | None = None
     drift, memory = 0.0, pair.memory
     for _ in range(max(round(case.seconds * rate / (TOGETHER * ticks)), 1)):
         moved, gap = np.hstack([case.movement(random, ticks) for _ in range(TOGETHER)])
-        back = pair.run(demand + (top - bottom) * moved, home + span * gap)[ticks - 1 :: ticks]
+        back = pair.run(demand + height * moved, home + span * gap)[ticks - 1 :: ticks]
         first = float(back[0]) if first is None else first
         drift = max(drift, float(np.abs(back - first).max()))
         if case.periodic and pair.is_back(memory):
             break
         memory = pair.memory
-    return Held(case.title, demand, case.seconds, drift)
+    return drift
 
 
 class _Pair:

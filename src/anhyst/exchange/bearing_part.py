@@ -37,7 +37,7 @@ CORE_OF_PLANT = (
     *(f"compensator/{name}_{of}.c" for name in ("full", "cells", "simplified") for of in FORMATS),
     *(
         f"compensator/{name}_{of}.c"
-        for name in ("compensator", "map", "play_map")
+        for name in ("block", "compensator", "map", "play_map")
         for of in FORMATS
     ),
     *("compensator/play_map.c", *(f"compensator/force_controller_{of}.c" for of in FORMATS)),

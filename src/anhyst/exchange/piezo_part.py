@@ -20,7 +20,7 @@ _CORE = (
     *(f"compensator/{name}.c" for name in ("map", "force_controller")),
     *(
         f"compensator/{name}_f64.c"
-        for name in ("force_coded", "force_controller", "map", "compensator")
+        for name in ("force_coded", "force_controller", "map", "block", "compensator")
     ),
     *(f"control/{name}_f64.c" for name in ("allocation", "biquad", "tracking")),
 )

@@ -207,7 +207,7 @@ BAND = (
         42,
         "SIMPLE_BAND",
         "weight",
-        "reversals of the flux up to this size leave the bounded state unchanged when the flux returns",
+        "largest reversal of the flux that does not begin a new path",
         0,
         32767,
     ),

@@ -120,9 +120,9 @@ enum {
   /* Euler only. */
   ANHYST_WORD_EULER_SUBSTEPS = 41, /* 1..16: explicit Euler steps a sample */
 
-  /* The dead band of simplified and Euler. */
-  /* weight: reversals of the flux up to this size leave the bounded state unchanged when the flux
-     returns */
+  /* Simplified and Euler: the dead band. The bounded state returns with the flux from such a
+     reversal. */
+  /* weight: largest reversal of the flux that does not begin a new path */
   ANHYST_WORD_SIMPLE_BAND = 42,
 
   /* Cells: plays in the effective field. The field is in units of the largest one the tables reach,

@@ -19,5 +19,5 @@ typedef anhyst_kernel_f32 kernel_type;
 
 #define NUMBER_EPS 1.1920929e-7f /* distance from 1 to the next number */
 
-#include "real.h"
+#include "../generic/real.h"
 #endif

@@ -19,5 +19,5 @@ typedef anhyst_kernel_f64 kernel_type;
 
 #define NUMBER_EPS 2.220446049250313e-16 /* distance from 1 to the next number */
 
-#include "real.h"
+#include "../generic/real.h"
 #endif

@@ -25,7 +25,7 @@
  */
 #define LONG_PATH_RESIDUAL POWER_OF_HALF(6)
 
-/* The equation to solve, over 4. */
+/* The equation to solve, over 4, in the direction of the path. */
 typedef struct {
   entry air;
   const arms_type *arms; /* of a current; 0: the equation of a flux */
@@ -38,19 +38,22 @@ static inline number flux_at(const equation *solve, number x, number m)
   return quarter(m) + scaled(x, solve->air);
 }
 
+/* The current of a flux and a field without its bias, over 4. */
+static inline number current_at(const arms_type *arms, number flux, number x)
+{
+  return scaled(flux, arms->flux_arm) + quarter(scaled(x, arms->field_arm));
+}
+
 /* The left side of the equation, over 4. */
 static inline number left_side(const equation *solve, number flux, number x)
 {
-  if (solve->arms == 0) {
-    return flux;
-  }
-  return scaled(flux, solve->arms->flux_arm) + quarter(scaled(x, solve->arms->field_arm));
+  return solve->arms == 0 ? flux : current_at(solve->arms, flux, x);
 }
 
-/* Target minus left side at a position of the row. */
-static number missing_at(const cell_path *along, const equation *solve, number x, spot at)
+/* Target minus left side at a field and a magnetisation. */
+static inline number missing_at(const equation *solve, number x, number m)
 {
-  return solve->target - left_side(solve, flux_at(solve, x, value_at(at) + along->rest), x);
+  return solve->target - left_side(solve, flux_at(solve, x, m), x);
 }
 
 /* The field at the lower end of a segment. */
@@ -114,7 +117,7 @@ static void find_left(cell_path *along, int last)
 }
 
 /* The magnetisation with which the next cell, which joins here, was counted in the sum of the
-   resting cells. */
+   resting cells: where its own path left it. */
 static number rests_with(cell_path *along, spot here, int last)
 {
   if (follows(along, along->active)) {
@@ -127,23 +130,23 @@ static number rests_with(cell_path *along, spot here, int last)
   return -beyond(along, there);
 }
 
-/* Moves to the target on the row of the moving cells, between low, which is here, and high. After
-   the segment of low, the search selects the last segment whose lower end is below the target. */
-static void go(cell_path *along, const equation *solve, spot here, number low, number high)
+/* Moves to the target on the row of the moving cells, between low, which is on the segment here,
+   and high. After this segment, the search selects the last one whose lower end is below the
+   target. */
+static void go(cell_path *along, const equation *solve, const entry *here, number low, number high)
 {
   grid width = grid_on(along, low);
   number begin = begin_of(low, width);
-  spot first = {here.at, 0};
-  number part = part_with_target(solve, here.at, width, missing_at(along, solve, begin, first));
+  number missing = missing_at(solve, begin, level_of(here[0]) + along->rest);
+  number part = part_with_target(solve, here, width, missing);
   if (part >= WHOLE_SEGMENT) {
-    int segment = (int)(here.at - along->row);
+    int segment = (int)(here - along->row);
     int end = (int)(spot_on(along, along->row, high).at - along->row);
-    number missing = FIELD_MAX;
+    missing = FIELD_MAX;
     while (segment < end) {
       const int middle = (segment + end + 1) / 2;
       const number place = node(along, middle);
-      first.at = along->row + middle;
-      const number left = missing_at(along, solve, place, first);
+      const number left = missing_at(solve, place, level_of(along->row[middle]) + along->rest);
       if (left <= 0) {
         end = middle - 1;
       } else {
@@ -152,58 +155,52 @@ static void go(cell_path *along, const equation *solve, spot here, number low, n
         missing = left;
       }
     }
-    first.at = along->row + segment;
+    here = along->row + segment;
     width = grid_on(along, begin);
-    part = part_with_target(solve, first.at, width, missing);
+    part = part_with_target(solve, here, width, missing);
   }
-  along->segment = first.at;
+  along->segment = here;
   along->x = clamped(place_in(begin, width, inner_part(part)), low, high);
 }
 
-/* Sets the number of moving cells, among those that the reversal of this path has left. */
-static void let_move(cell_path *along, int cells)
-{
-  const spot now = {along->left.at + rows_on(along, along->active - 1), along->left.part};
-  const entry *then = along->left.at + rows_on(along, cells - 1);
-  along->rest = inside(along->rest + between(now, then));
-  along->active = cells;
-  along->row = row_of(along, cells);
-}
-
 /* Lets the cells that the reversal of this path has left join again, up to the target, by
-   bisection. Returns the field where the last of them joins. */
+ * bisection. Returns the field where the last of them joins. */
 static number rejoin(cell_path *along, const equation *solve, number low)
 {
+  const spot now = {along->left.at + rows_on(along, along->active - 1), along->left.part};
+  const number begin = along->rest;
   int least = along->active;
   int most = along->moved;
-  number place = low;
   while (least < most) {
     const int cells = (least + most + 1) / 2;
     const number next = joins_at(along, cells - 1, low);
-    let_move(along, cells);
-    if (missing_at(along, solve, next, spot_on(along, along->row, next)) > 0) {
-      least = cells;
-      place = next;
-    } else {
+    const entry *row = row_of(along, cells);
+    const number rest = inside(begin + between(now, along->left.at + rows_on(along, cells - 1)));
+    if (missing_at(solve, next, value_at(spot_on(along, row, next)) + rest) <= 0) {
       most = cells - 1;
+    } else {
+      least = cells;
+      along->rest = rest;
+      along->row = row;
+      low = next;
     }
   }
-  let_move(along, least);
-  return place;
+  along->active = least;
+  return low;
 }
 
-/* Follows a path that begins below the target: lets the cells join up to the target, and moves to
-   it. Returns the field where the next cell joins. Cells left together are looked for up to the
-   given last one, and among all cells after one has joined: a short path ends before the second
-   cell joins. */
-static number pursue(cell_path *along, const equation *solve, spot here, int last)
+/* Lets cells join up to the target of a path that begins at a spot; returns the segment of the last
+   join. Sets the field of this join, and that of the next one. Cells left together are looked for
+   up to the given last one, and among all cells after one has joined: a short path ends before the
+   second cell joins. */
+static const entry *join(cell_path *along, const equation *solve, spot here, int last, number *end)
 {
   number low = along->x;
   number next = joins_at(along, along->active, low);
-  int is_bounded = 0;
-  while (is_bounded == 0 && along->active <= along->cells) {
+  int is_ended = 0;
+  while (is_ended == 0 && along->active <= along->cells) {
     const spot there = spot_on(along, along->row, next);
-    if (next > low && missing_at(along, solve, next, there) <= 0) {
+    if (next > low && missing_at(solve, next, value_at(there) + along->rest) <= 0) {
       break;
     }
     low = next;
@@ -220,14 +217,24 @@ static number pursue(cell_path *along, const equation *solve, spot here, int las
       low = rejoin(along, solve, low);
       here = spot_on(along, along->row, low);
       next = joins_at(along, along->active, low);
-      is_bounded = along->active < along->moved; /* the next of them joins after the target */
+      is_ended = along->active < along->moved; /* the next of them joins after the target */
     }
   }
+  along->low = low;
+  *end = next;
+  return here.at;
+}
+
+/* Follows a path that begins below the target: lets cells join, and moves to the target. Returns
+   the field where the next cell joins. */
+static number pursue(cell_path *along, const equation *solve, spot begin, int last)
+{
+  number next;
+  const entry *here = join(along, solve, begin, last, &next);
   if (along->active > along->cells) {
     along->rest = 0; /* no cell rests */
   }
-  along->low = low;
-  go(along, solve, here, low, next);
+  go(along, solve, here, along->low, next);
   return next;
 }
 
@@ -290,13 +297,13 @@ static number travel(const entry *words, const cells_memory *from, const number 
   begin_path(&along, words, from, plays);
   solve.target = mirrored(wanted, along.mirror);
   spot here = spot_on(&along, along.row, along.x);
-  number missing = missing_at(&along, &solve, along.x, here);
+  number missing = missing_at(&solve, along.x, value_at(here) + along.rest);
   along.segment = here.at;
   if (missing < -RESIDUAL_DEADBAND) {
     turn(&along, here);
     solve.target = mirrored(solve.target, -1);
     here = spot_on(&along, along.row, along.x);
-    missing = missing_at(&along, &solve, along.x, here);
+    missing = missing_at(&solve, along.x, value_at(here) + along.rest);
     if (missing <= RESIDUAL_DEADBAND) {
       begin_path(&along, words, from, plays);
     }
@@ -310,6 +317,9 @@ static number travel(const entry *words, const cells_memory *from, const number 
   }
   return arrive(&along, words, to);
 }
+
+/* Results of a search on the segment of a candidate. */
+enum { NOT_MET, MET, BEYOND };
 
 /* Moves a candidate to the beginning of the next segment, unless a cell joins before; returns
    whether it did. */
@@ -336,9 +346,6 @@ static int step_segment(const entry *words, candidate *at)
   describe(words, (int)next, end, width, mirrored(at->memory.cells.rest, mirror), at);
   return 1;
 }
-
-/* Results of a search on the segment of a candidate. */
-enum { NOT_MET, MET, BEYOND };
 
 /* Moves a candidate to the target on its segment, not below the field where the step began or the
    last cell joined, and not beyond the field where the next cell joins. Sets h*x + m there, over 4.
@@ -375,8 +382,8 @@ static inline int meet_on_segment(const entry *words, const arms_type *arms, num
   return is_flux(*flux) && x <= at->of.cells.joins ? MET : NOT_MET;
 }
 
-/* Moves on to a target after the segment of a candidate, or solves from the memory; returns
-   h*x + m there, over 4. */
+/* Solves from a candidate near the target, otherwise from the memory; returns h*x + m there,
+   over 4. met: the result on the segment of the candidate. */
 static number go_beyond(const entry *words, const cells_memory *from, const number *plays,
                         const arms_type *arms, number wanted, candidate *at, int met)
 {
@@ -388,10 +395,11 @@ static number go_beyond(const entry *words, const cells_memory *from, const numb
   return met == MET ? flux : travel(words, from, plays, arms, wanted, at);
 }
 
-/* Solves from a candidate if it is known, otherwise from the memory; returns h*x + m there, over
-   4. */
-static number reach(const entry *words, const cells_memory *from, const number *plays,
-                    const arms_type *arms, number wanted, candidate *at, int is_known)
+/* Solves for a current without its bias, over 4, from a candidate if it is known; returns h*x + m
+   there, over 4. */
+static inline number reach_current(const entry *words, const cells_memory *from,
+                                   const number *plays, const arms_type *arms, number wanted,
+                                   candidate *at, int is_known)
 {
   number flux = 0;
   const int met =
@@ -401,42 +409,41 @@ static number reach(const entry *words, const cells_memory *from, const number *
 
 static number cells_flux(compensator *c, number current)
 {
-  const arms_type *arms = &c->arms;
-  const number target = quarter(current) - quarter(arms->bias);
-  const number flux = reach(c->words, &c->memory.cells, c->plays, arms, target, &c->next,
-                            c->stage != ANHYST_STAGE_UNKNOWN);
-  return four_times(flux);
+  return four_times(reach_current(c->words, &c->memory.cells, c->plays, &c->arms,
+                                  quarter(current) - quarter(c->arms.bias), &c->next,
+                                  c->stage != ANHYST_STAGE_UNKNOWN));
 }
 
-/* A flux that needs more than a current limit even with the present field, which moves in the same
-   direction, leads to that limit. The field is then the largest there is. */
-static number cells_field(compensator *c)
+/* Solves for a flux that is not on the segment of the candidate. A flux that needs more current
+   than a limit leads to this limit, where the commit of the limited current finds its candidate.
+   Returns a field that is at the flux, or at the limit or beyond. */
+static number field_beyond(compensator *c, int met)
 {
-  const entry *words = c->words;
   const arms_type *arms = &c->arms;
-  candidate *at = &c->next;
-  const number target = quarter(c->flux);
-  number flux;
-  int met = NOT_MET;
-  if (c->stage == ANHYST_STAGE_HERE && is_placed(at)) {
-    at->memory.cells.joined =
-        inside(mirrored(c->memory.cells.x, at->memory.cells.active < 0 ? -1 : 0));
-    met = meet_on_segment(words, 0, target, at, &flux);
-  }
-  if (met == MET) {
-    return at->memory.cells.x;
-  }
   const int rises = c->flux > c->flux_applied;
   const number limit =
-      inner_limit(words, rises ? ANHYST_WORD_CURRENT_HIGH : ANHYST_WORD_CURRENT_LOW);
+      inner_limit(c->words, rises ? ANHYST_WORD_CURRENT_HIGH : ANHYST_WORD_CURRENT_LOW);
   const number least = arms->bias + scaled(c->flux, arms->flux_arm) +
                        scaled(inside(c->memory.cells.x), arms->field_arm);
   if (arms->flux_arm >= 0 && (rises ? least > limit : least < limit)) {
     (void)cells_flux(c, limit);
     return rises ? FIELD_MAX : FIELD_MIN;
   }
-  (void)go_beyond(words, &c->memory.cells, c->plays, 0, target, at, met);
-  return at->memory.cells.x;
+  (void)go_beyond(c->words, &c->memory.cells, c->plays, 0, quarter(c->flux), &c->next, met);
+  return c->next.memory.cells.x;
+}
+
+static number cells_field(compensator *c)
+{
+  candidate *at = &c->next;
+  number flux;
+  int met = NOT_MET;
+  if (c->stage == ANHYST_STAGE_HERE && is_placed(at)) { /* the path can reverse here */
+    at->memory.cells.joined =
+        inside(mirrored(c->memory.cells.x, at->memory.cells.active < 0 ? -1 : 0));
+    met = meet_on_segment(c->words, 0, quarter(c->flux), at, &flux);
+  }
+  return met == MET ? at->memory.cells.x : field_beyond(c, met);
 }
 
 static void cells_keep(compensator *c)

@@ -44,7 +44,7 @@ static inline const entry *row_of(const cell_path *along, int cells)
 /* Whether x is in the zone of narrow segments. */
 static inline int is_near(const cell_path *along, number x)
 {
-  return x >= -along->inner && x < along->inner;
+  return is_around_zero(x, along->inner);
 }
 
 static inline grid grid_on(const cell_path *along, number x)
@@ -55,11 +55,13 @@ static inline grid grid_on(const cell_path *along, number x)
 /* The spot of x on a row. Requires |x| < 1. */
 static inline spot spot_on(const cell_path *along, const entry *row, number x)
 {
-  const entry *zero = row + along->centre;
-  if (is_near(along, x)) {
-    return spot_from(zero, x, along->narrow);
+  grid width = along->narrow;
+  row += along->centre;
+  if (!is_near(along, x)) {
+    width = along->wide;
+    row += x > 0 ? along->outer : -along->outer;
   }
-  return spot_from(x > 0 ? zero + along->outer : zero - along->outer, x, along->wide);
+  return spot_from(row, x, width);
 }
 
 /* The magnetisation of a cell whose play was moved by the field: its row minus the row before, of

@@ -40,6 +40,9 @@ static inline number mirrored(number a, int mirror) { return mirror != 0 ? -a : 
 
 static inline number clamped(number a, number low, number high) { return within(a, low, high); }
 
+/* Whether x is within -half .. half. */
+static inline int is_around_zero(number x, number half) { return x >= -half && x < half; }
+
 /* Saturates to -1 .. 1; the lower end for what is not a number. */
 static inline number inside(number a) { return within(a, FIELD_MIN, FIELD_MAX); }
 

@@ -102,8 +102,6 @@ static void init(compensator *c, const kernel_type *kernel, const entry *words)
   demagnetise(c);
 }
 
-/* A current at its limit is solved for twice: its flux is found here, so that its commit is a
-   copy. */
 static void solve(compensator *c, number demand, number gap)
 {
   const entry *words = c->words;
@@ -121,19 +119,20 @@ static void solve(compensator *c, number demand, number gap)
       limited(c, needed, current_limit(words, ANHYST_WORD_CURRENT_LOW),
               current_limit(words, ANHYST_WORD_CURRENT_HIGH), 0, ANHYST_CURRENT_LIMITED);
   c->stage = ANHYST_STAGE_AHEAD;
-  if (current != needed) {
-    c->flux = c->kernel->flux(c, current);
-  }
   c->current = outer_current(words, current);
   leave(c);
 }
 
-/* Leaves the memory alone if the applied current is not a number. */
+/* What was solved is committed by a copy, unless a limit of the current was in the way: its flux is
+   searched here. A law has its candidate at the limit then, so that this search is short. Leaves
+   the memory alone if the applied current is not a number. */
 static void commit(compensator *c, number applied, number gap)
 {
   const entry *words = c->words;
   const int is_ahead = c->stage == ANHYST_STAGE_AHEAD;
   const int is_at_gap = is_ahead && gap == c->gap;
+  const int is_solved =
+      is_at_gap && applied == c->current && (c->flags & ANHYST_CURRENT_LIMITED) == 0U;
   enter(c, is_ahead ? c->flags : 0U);
   (void)limited(c, applied, signal_of(words[ANHYST_WORD_CURRENT_LOW]),
                 signal_of(words[ANHYST_WORD_CURRENT_HIGH]), CURRENT_CODE, ANHYST_CURRENT_LIMITED);
@@ -145,9 +144,7 @@ static void commit(compensator *c, number applied, number gap)
     leave(c);
     return;
   }
-  c->flux_applied = is_at_gap && applied == c->current
-                        ? c->flux
-                        : c->kernel->flux(c, inner_current(words, applied));
+  c->flux_applied = is_solved ? c->flux : c->kernel->flux(c, inner_current(words, applied));
   if (c->kernel->keep != 0) {
     c->kernel->keep(c);
   }

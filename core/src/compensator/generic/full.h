@@ -27,72 +27,56 @@
 
 #include "full_block.h"
 
-/* The magnetisation at the memory. A candidate HERE knows it, and one AHEAD that stays. */
-static inline number start_magnetisation(const compensator *c, const path *along)
-{
-  number rise;
-  if (c->stage == ANHYST_STAGE_HERE ||
-      (c->stage == ANHYST_STAGE_AHEAD && c->next.of.full.direction == 0)) {
-    return within_unit(c->next.of.full.m);
-  }
-  return magnetisation(along, along->y, odd_value(along->curve, along->x, &rise));
-}
-
 /* The direction of a mirror. */
 static inline int16_t direction_of(mirror way) { return way < 0 ? -1 : 1; }
 
-/* Sets out from the memory, where the magnetisation is m. A candidate HERE of the same direction
-   knows the slopes. */
-static void start(const compensator *c, path *along, mirror way, number m, answer *at)
+/* The place of the memory, in no direction; *rise is that of the anhysteretic curve there. */
+static inline answer at_memory(const compensator *c, number *rise)
 {
-  const candidate *known = &c->next;
-  set_out(along, way);
-  depart(along);
-  at->x = along->x;
-  at->y = along->y;
-  at->p = along->p;
-  at->m = turned(m, way);
-  if (c->stage == ANHYST_STAGE_HERE && known->of.full.direction == direction_of(way)) {
-    at->y_slope = rising(known->of.full.y_slope);
-    at->m_slope = rising(known->of.full.m_slope);
-  } else {
-    find_start_slopes(along, at);
-  }
+  const full_memory *from = &c->memory.full;
+  answer at = {within_unit(to_inner(from->x)), within_unit(to_inner(from->y)), 0, 0, 0, 0};
+  at.m = magnetisation(at.y, odd_value(curve_of(c->words), at.x, rise),
+                       c->words[ANHYST_WORD_FULL_REVERSIBLE]);
+  return at;
 }
 
-/* The end of a solved path of the same start and direction. */
-static void take_end(const path *along, const candidate *solved, mirror way, answer *at)
+/* Sets out from the memory. */
+static inline void start(const compensator *c, path *along, mirror way, number rise, answer *at)
 {
-  at->x = above(turned(to_inner(solved->memory.full.x), way), along->x);
-  at->y = above(turned(to_inner(solved->memory.full.y), way), along->y);
-  at->p = above(turned(to_inner(solved->memory.full.p), way), along->p);
-  at->m = within_unit(turned(solved->of.full.m, way));
-  at->y_slope = rising(solved->of.full.y_slope);
-  at->m_slope = rising(solved->of.full.m_slope);
+  begin(along, c->words, &c->memory.full, way);
+  along->m = turned(at->m, way);
+  depart(along, c->words, &c->memory.full, way);
+  at->x = along->x;
+  at->m = along->m;
+  find_start_slopes(along, rise, at);
 }
 
 /* Stores a place on a path as the candidate, in the direction that the path really had. If the play
    has not moved, it has not turned either. */
-static void remember(compensator *c, const path *along, mirror way, const answer *at)
+static inline void remember(compensator *c, const path *along, mirror way, const answer *at)
 {
   const full_memory *from = &c->memory.full;
-  full_memory *to = &c->next.memory.full;
-  const int is_moved = at->p > along->p;
-  to->x = to_memory(turned(at->x, way));
-  to->y = to_memory(turned(at->y, way));
-  to->p = to_memory(turned(at->p, way));
-  to->turn = is_moved ? to_memory(turned(along->turn, way)) : from->turn;
-  to->level = is_moved ? to_memory(turned(along->level, way)) : from->level;
-  c->next.of.full.m = turned(at->m, way);
-  c->next.of.full.y_slope = (candidate_slope)at->y_slope;
-  c->next.of.full.m_slope = (candidate_slope)at->m_slope;
-  c->next.of.full.direction = direction_of(way);
+  candidate *to = &c->next;
+  to->memory.full.x = to_memory(turned(at->x, way));
+  to->memory.full.y = to_memory(turned(at->y, way));
+  to->memory.full.p = to_memory(turned(at->p, way));
+  to->memory.full.turn = from->turn;
+  to->memory.full.level = from->level;
+  if (at->p > along->p && on_path(from->turn, way) >= along->p) {
+    to->memory.full.turn = from->p;
+    to->memory.full.level = from->y;
+  }
+  to->of.full.m = turned(at->m, way);
+  to->of.full.y_slope = (candidate_slope)at->y_slope;
+  to->of.full.m_slope = (candidate_slope)at->m_slope;
+  to->of.full.direction = direction_of(way);
 }
 
-/* The iron stays where it is, exactly. */
+/* The iron stays where it is, exactly, unless the memory was damaged. */
 static void stay(compensator *c, number m)
 {
   c->next.memory = c->memory;
+  c->next.memory.full.x = to_memory(within_unit(to_inner(c->memory.full.x)));
   c->next.of.full.m = m;
   c->next.of.full.direction = 0;
 }
@@ -109,101 +93,102 @@ static inline number current_at(const compensator *c, number x, number m)
   return scaled(flux_at(c->words, x, m), c->arms.flux_arm) + scaled(x, c->arms.field_arm);
 }
 
-/* Lets the search stop as soon as the solution needs a current beyond its limit. */
-static void stop_at_limit(const compensator *c, mirror way, search *find)
+/* The equation of a current; its air is rounded in fixed point. */
+static inline equation of_current(const compensator *c, number target)
 {
-  const int16_t limit = way < 0 ? ANHYST_WORD_CURRENT_LOW : ANHYST_WORD_CURRENT_HIGH;
-  const number most = current_limit(c->words, limit) - to_inner(c->arms.bias);
-  find->stop_air = air_of_current(c->words[ANHYST_WORD_FULL_AIR], &c->arms);
-  find->stop_iron = c->arms.flux_arm;
-  find->stop = turned(most, way) + LIMIT_MARGIN;
+  const equation of = {air_of_current(c->words[ANHYST_WORD_FULL_AIR], &c->arms), c->arms.flux_arm,
+                       bounded(target)};
+  return of;
 }
 
-/* The field that belongs to the flux of a compensator. If its current is beyond a limit, the
-   largest field: the candidate is a place before it then. */
+/* Returns the field that belongs to the flux of a compensator. If its current is beyond a limit,
+   returns the largest field instead, and the candidate is where the current reaches the limit. */
 static number field_for_flux(compensator *c)
 {
-  path along;
-  search find;
-  answer at;
-  prepare(&along, c->words, &c->memory.full);
-  find.air = c->words[ANHYST_WORD_FULL_AIR];
-  find.iron = QUARTER;
-  at.x = along.x;
-  at.m = start_magnetisation(c, &along);
-  const number target = quarter_of(c->flux);
-  const number residual = sum_at(find.air, find.iron, &at) - target;
+  number segment_rise;
+  answer at = at_memory(c, &segment_rise);
+  equation of = {c->words[ANHYST_WORD_FULL_AIR], QUARTER, scaled(to_inner(c->flux), QUARTER)};
+  const number residual = sum_at(&of, at.x, at.m) - of.target;
   if (!is_residual(residual)) {
     stay(c, at.m);
-    return c->memory.full.x;
+    return c->next.memory.full.x;
   }
-  const mirror way = mirror_of(residual > 0);
-  find.target = turned(target, way);
-  stop_at_limit(c, way, &find);
-  start(c, &along, way, at.m, &at);
-  const int is_found = rise(&along, &find, &at);
+  const int is_falling = residual > 0;
+  const mirror way = mirror_of(is_falling);
+  const number limit =
+      current_limit(c->words, is_falling ? ANHYST_WORD_CURRENT_LOW : ANHYST_WORD_CURRENT_HIGH) -
+      to_inner(c->arms.bias);
+  if (turned(limit - current_at(c, at.x, at.m), way) <= RESIDUAL_DEADBAND) {
+    stay(c, at.m);
+    return to_memory(turned(MAX_FIELD, way));
+  }
+  path along;
+  const equation of_limit = of_current(c, turned(limit, way));
+  of.target = turned(of.target, way);
+  start(c, &along, way, segment_rise, &at);
+  const int is_limited = rise(&along, &of, &of_limit, &at);
   remember(c, &along, way, &at);
-  return is_found ? c->next.memory.full.x : to_memory(turned(MAX_FIELD, way));
+  return is_limited ? to_memory(turned(MAX_FIELD, way)) : c->next.memory.full.x;
 }
 
-/* Sets the target to what is missing from here on: air is rounded in fixed point. */
-static inline void aim(search *find, const answer *at, number missing)
+/* The equation of a current of which this much is missing at a place. */
+static inline equation aim(const compensator *c, const answer *at, number missing)
 {
-  find->target = within_current(sum_at(find->air, find->iron, at) + missing);
+  equation of = of_current(c, 0);
+  of.target = bounded(sum_at(&of, at->x, at->m) + missing);
+  return of;
 }
 
-/* Finds the place of a current from the end of the path that was solved last, if the current is on
-   this path. Returns 0 if it is not. */
-static int find_from_end(compensator *c, path *along, search *find, number wanted)
+/* Finds the place of a current from the end of the path that was solved last. Returns 0 if the
+   current is not on this path. */
+static int find_from_end(compensator *c, number wanted)
 {
-  const candidate *solved = &c->next;
-  const mirror way = mirror_of(solved->of.full.direction < 0);
+  const candidate *end = &c->next;
+  const mirror way = mirror_of(end->of.full.direction < 0);
+  path along;
   answer at;
-  set_out(along, way);
-  take_end(along, solved, way, &at);
+  begin(&along, c->words, &c->memory.full, way);
+  at.x = above(turned(to_inner(end->memory.full.x), way), along.x);
+  at.y = turned(to_inner(end->memory.full.y), way);
+  at.m = within_unit(turned(end->of.full.m, way));
+  at.y_slope = rising(end->of.full.y_slope);
+  at.m_slope = rising(end->of.full.m_slope);
+  const equation of = of_current(c, 0);
   const number missing = turned(wanted, way) - current_at(c, at.x, at.m);
-  aim(find, &at, missing);
-  const number next = look(find, &at);
-  if (next >= along->x && next <= MAX_FIELD && is_near(along, at.x, next)) {
-    slide(along, next, &at);
-    remember(c, along, way, &at);
+  const number next = at.x + step_against(-missing, sum_slope(&of, at.m_slope));
+  if (next >= along.x && next <= MAX_FIELD && is_near(&along, at.x, next)) {
+    slide(&along, next, &at);
+    remember(c, &along, way, &at);
     return 1;
   }
-  depart(along);
-  if (missing < 0) {
-    const number from_start =
-        turned(wanted, way) - current_at(c, along->x, start_magnetisation(c, along));
-    if (!is_residual(from_start) || from_start < 0) {
-      return 0;
-    }
+  number segment_rise;
+  const answer from = at_memory(c, &segment_rise);
+  along.m = turned(from.m, way);
+  if (missing < 0 && turned(wanted - current_at(c, from.x, from.m), way) <= RESIDUAL_DEADBAND) {
+    return 0;
   }
-  (void)rise(along, find, &at);
-  remember(c, along, way, &at);
+  depart(&along, c->words, &c->memory.full, way);
+  const equation of_rest = aim(c, &at, missing);
+  (void)rise(&along, &of_rest, 0, &at);
+  remember(c, &along, way, &at);
   return 1;
 }
 
+/* Returns the flux to which a current leads. */
 static number flux_for_current(compensator *c, number current)
 {
-  path along;
-  search find;
-  answer at;
   const number wanted = to_inner(current) - to_inner(c->arms.bias);
-  prepare(&along, c->words, &c->memory.full);
-  find.air = air_of_current(c->words[ANHYST_WORD_FULL_AIR], &c->arms);
-  find.iron = c->arms.flux_arm;
-  find.stop_air = 0;
-  find.stop_iron = 0;
-  find.stop = UNIT;
   if (c->stage != ANHYST_STAGE_AHEAD || c->next.of.full.direction == 0 ||
-      !find_from_end(c, &along, &find, wanted)) {
-    prepare(&along, c->words, &c->memory.full);
-    at.m = start_magnetisation(c, &along);
-    const number missing = wanted - current_at(c, along.x, at.m);
+      !find_from_end(c, wanted)) {
+    number segment_rise;
+    answer at = at_memory(c, &segment_rise);
+    const number missing = wanted - current_at(c, at.x, at.m);
     if (is_residual(missing)) {
       const mirror way = mirror_of(missing < 0);
-      start(c, &along, way, at.m, &at);
-      aim(&find, &at, turned(missing, way));
-      (void)rise(&along, &find, &at);
+      path along;
+      start(c, &along, way, segment_rise, &at);
+      const equation of = aim(c, &at, turned(missing, way));
+      (void)rise(&along, &of, 0, &at);
       remember(c, &along, way, &at);
     } else {
       stay(c, at.m);

@@ -1,15 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Template: what the law of Jiles and Atherton requires of a block, and how a memory is brought from
-   one block to another; for full.h. */
+/* Template: what the law of Jiles and Atherton requires of a block, and how a memory is brought
+   from one block to another; for full.h. */
 
 /* The largest slope of m in valid tables, as it may have been before their entries were rounded,
    which makes a segment steeper by up to TABLE_ROUNDING. No path is steeper than the ascending
    branch and the anhysteretic curve together. */
 static slope steepest_slope(const entry *words)
 {
-  const table curve = table_at(words, words[ANHYST_WORD_FULL_CURVE],
-                               exponent_of(words[ANHYST_WORD_FULL_CURVE_SEGMENTS]));
-  const int32_t segments = (int32_t)1 << exponent_of(words[ANHYST_WORD_FULL_CURVE_SEGMENTS]);
+  const table curve = curve_of(words);
+  const int32_t segments = (int32_t)1 << (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS];
   const entry *rising_half = words + (int32_t)words[ANHYST_WORD_FULL_BRANCH] + segments;
   slope most = 0;
   for (int32_t i = 0; i < segments; i++) {
@@ -23,11 +22,11 @@ static slope steepest_slope(const entry *words)
   return most;
 }
 
-/* Whether more field needs more current at every gap: field_arm + flux_arm*(h + slope of m) is above
-   zero by more than rounding between two entries of the tables over the gap can remove. */
+/* Whether more field needs more current at every gap: field_arm + flux_arm*(h + slope of m) is
+   above zero by more than rounding between two entries of the tables over the gap can remove. */
 static int does_current_rise(const entry *words)
 {
-  const int32_t gaps = (int32_t)1 << exponent_of(words[ANHYST_WORD_GAP_SEGMENTS]);
+  const int32_t gaps = (int32_t)1 << (uint16_t)words[ANHYST_WORD_GAP_SEGMENTS];
   const entry *flux_arm = words + (int32_t)words[ANHYST_WORD_GAP_FLUX_ARM];
   const entry *field_arm = words + (int32_t)words[ANHYST_WORD_GAP_FIELD_ARM];
   const entry air = words[ANHYST_WORD_FULL_AIR];
@@ -50,8 +49,8 @@ static int is_valid(const entry *words)
       !is_integer(n_inverse, 3, MAX_SEGMENTS_EXPONENT)) {
     return 0;
   }
-  const int32_t segments = (int32_t)1 << exponent_of(n);
-  const int32_t inverse_segments = (int32_t)1 << exponent_of(n_inverse);
+  const int32_t segments = (int32_t)1 << (uint16_t)n;
+  const int32_t inverse_segments = (int32_t)1 << (uint16_t)n_inverse;
   return is_in_range(words[ANHYST_WORD_FULL_AIR], ENTRY_LEAST, ENTRY_MOST) &&
          is_in_range(words[ANHYST_WORD_FULL_REVERSIBLE], 0, ENTRY_ONE) &&
          is_in_range(words[ANHYST_WORD_FULL_PLAY], 0, ENTRY_ONE) &&
@@ -61,9 +60,9 @@ static int is_valid(const entry *words)
          is_integer(words[ANHYST_WORD_FULL_ITERATIONS], 2, 16) &&
          is_single(words, ANHYST_WORD_UNIT_FIELD) &&
          is_table_rising(words, words[ANHYST_WORD_FULL_CURVE], segments + 1, 0,
-                         max_rise(exponent_of(n))) &&
+                         max_rise((uint16_t)n)) &&
          is_table_rising(words, words[ANHYST_WORD_FULL_BRANCH], 2 * segments + 1, -ENTRY_ONE,
-                         max_rise(exponent_of(n))) &&
+                         max_rise((uint16_t)n)) &&
          is_table_rising(words, words[ANHYST_WORD_FULL_INVERSE], inverse_segments + 1, 0,
                          ENTRY_ONE) &&
          does_current_rise(words);
@@ -82,18 +81,19 @@ static inline number within_tables(number x) { return clamped(x, -MAX_FIELD, MAX
 
 /* Moves a memory along the field and takes it for the start of a path. Returns the residual of
    h*x + m = flux there, over 4, which rises with the shift. */
-static number carried_to(path *along, const carried *from, number shift, number flux)
+static number carried_to(path *along, const entry *words, const carried *from, number shift,
+                         number flux)
 {
   number rise;
   along->x = within_tables(from->x + shift);
-  along->p = clamped(within_tables(from->p + shift), along->x - along->play,
-                     along->x + along->play);
-  const number pull =
-      odd_value(along->curve, within_tables(from->equal_field + shift), &rise);
+  along->p =
+      clamped(within_tables(from->p + shift), along->x - along->play, along->x + along->play);
+  const number pull = odd_value(curve_of(words), within_tables(from->equal_field + shift), &rise);
   along->y = within_tables(pull + from->rest);
-  const number m = magnetisation(along, along->y, odd_value(along->curve, along->x, &rise));
-  return scaled(along->x, along->words[ANHYST_WORD_FULL_AIR]) + scaled(m, QUARTER) -
-         quarter_of(flux);
+  const number m = magnetisation(along->y, odd_value(curve_of(words), along->x, &rise),
+                                 words[ANHYST_WORD_FULL_REVERSIBLE]);
+  return scaled(along->x, words[ANHYST_WORD_FULL_AIR]) + scaled(m, QUARTER) -
+         scaled(to_inner(flux), QUARTER);
 }
 
 /* The iron keeps its distance from the anhysteretic, in field, and so does its play. All move along
@@ -106,18 +106,18 @@ static void carry(compensator *c, const entry *words, number flux)
   path along;
   carried from;
   number rise;
-  prepare(&along, before, memory);
+  begin(&along, before, memory, mirror_of(0));
   const number equal_field = odd_value(inverse_of(before), along.y, &rise);
-  from.rest = along.y - odd_value(along.curve, equal_field, &rise);
+  from.rest = along.y - odd_value(curve_of(before), equal_field, &rise);
   from.x = within_tables(in_unit(along.x, before, words, ANHYST_WORD_UNIT_FIELD));
   from.p = within_tables(in_unit(along.p, before, words, ANHYST_WORD_UNIT_FIELD));
   from.equal_field = within_tables(in_unit(equal_field, before, words, ANHYST_WORD_UNIT_FIELD));
-  prepare(&along, words, memory);
+  begin(&along, words, memory, mirror_of(0));
   number low = -2 * UNIT;
   number high = 2 * UNIT;
   for (int16_t i = 0; i < BISECTIONS; i++) {
     const number middle = half_of(low + high);
-    if (carried_to(&along, &from, middle, flux) < 0) {
+    if (carried_to(&along, words, &from, middle, flux) < 0) {
       low = middle;
     } else {
       high = middle;

@@ -8,25 +8,28 @@
    play p follows the field x at a distance. The memory only ever fades, so an error of a table
    appears in y at most once, whatever the length of the path. */
 
-/* A rising path, prepared for evaluation at many places. */
+/* A rising path. */
 typedef struct {
-  const entry *words;
-  table curve;
-  table branch; /* this, inverse and fades: after depart() */
-  table inverse;
-  fading fades;
   number x; /* where it begins */
   number y;
   number p;
+  number m;            /* before a search */
+  number play;         /* half-width */
+  number tangent_step; /* the longest step along a tangent without an evaluation */
+  /* After depart(): */
+  table curve;
+  table branch;
+  table inverse;
+  fading fades;
   number turn;      /* play where it turned into this direction ... */
   number level;     /* ... and y there */
-  number play;      /* half-width */
   number departure; /* of the irreversible part, from there */
   number offset;    /* level - A(departure) */
   entry lead;       /* -offset, see lead_of() */
+  number kappa;     /* the field in which the memory fades to 1/e */
   entry steepness;
   entry reversible;
-  number tangent_step; /* the longest step along a tangent without an evaluation */
+  int16_t evaluations; /* at most */
 } path;
 
 /* A place on a path. */
@@ -60,60 +63,57 @@ static inline number branch_value(const path *along, number x, number *rise)
 }
 
 /* m = y + c*(L - y). */
-static inline number magnetisation(const path *along, number y, number anhysteretic)
+static inline number magnetisation(number y, number anhysteretic, entry reversible)
 {
-  return y + part_of(anhysteretic - y, along->reversible);
+  return y + part_of(anhysteretic - y, reversible);
 }
 
-/* The field over the anhysteretic. */
+static inline table curve_of(const entry *words)
+{
+  return table_at(words, words[ANHYST_WORD_FULL_CURVE],
+                  (uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS]);
+}
+
 static inline table inverse_of(const entry *words)
 {
   return table_at(words, words[ANHYST_WORD_FULL_INVERSE],
-                  exponent_of(words[ANHYST_WORD_FULL_INVERSE_SEGMENTS]));
+                  (uint16_t)words[ANHYST_WORD_FULL_INVERSE_SEGMENTS]);
 }
 
-/* A path from a memory whose direction is not known yet. */
-static inline void prepare(path *along, const entry *words, const full_memory *from)
+/* A number of a memory on a path. */
+static inline number on_path(number a, mirror way) { return turned(within_unit(to_inner(a)), way); }
+
+/* A path from a memory. */
+static inline void begin(path *along, const entry *words, const full_memory *from, mirror way)
 {
-  along->words = words;
-  along->curve = table_at(words, words[ANHYST_WORD_FULL_CURVE],
-                          exponent_of(words[ANHYST_WORD_FULL_CURVE_SEGMENTS]));
-  along->play = from_q15(words[ANHYST_WORD_FULL_PLAY]);
+  along->x = on_path(from->x, way);
+  along->y = on_path(from->y, way);
+  along->p = on_path(from->p, way);
+  along->play = part_of(UNIT, words[ANHYST_WORD_FULL_PLAY]);
+  along->tangent_step = tangent_step_of(words[ANHYST_WORD_FULL_STEEPNESS]);
+}
+
+/* Finds where the play turned, where the irreversible part departs and what it has to forget. The
+   play turns here if it moved the other way, or not yet. y is held until the anhysteretic has
+   crossed it. An error of that place barely matters, since y leaves with slope zero. */
+static inline void depart(path *along, const entry *words, const full_memory *from, mirror way)
+{
+  number rise;
+  along->curve = curve_of(words);
+  along->branch = table_at(words, words[ANHYST_WORD_FULL_BRANCH],
+                           (uint16_t)((uint16_t)words[ANHYST_WORD_FULL_CURVE_SEGMENTS] + 1U));
+  along->inverse = inverse_of(words);
+  along->fades = fading_of(words);
   along->steepness = words[ANHYST_WORD_FULL_STEEPNESS];
   along->reversible = words[ANHYST_WORD_FULL_REVERSIBLE];
-  along->tangent_step = tangent_step_of(along->steepness);
-  along->x = within_unit(to_inner(from->x));
-  along->y = within_unit(to_inner(from->y));
-  along->p = within_unit(to_inner(from->p));
-  along->turn = within_unit(to_inner(from->turn));
-  along->level = within_unit(to_inner(from->level));
-}
-
-/* Gives a path its direction. The play turns here if it moved the other way, or not yet. */
-static inline void set_out(path *along, mirror way)
-{
-  along->x = turned(along->x, way);
-  along->y = turned(along->y, way);
-  along->p = turned(along->p, way);
-  along->turn = turned(along->turn, way);
-  along->level = turned(along->level, way);
+  along->kappa = kappa_of(along->steepness);
+  along->evaluations = (int16_t)words[ANHYST_WORD_FULL_ITERATIONS];
+  along->turn = on_path(from->turn, way);
+  along->level = on_path(from->level, way);
   if (along->turn >= along->p) {
     along->turn = along->p;
     along->level = along->y;
   }
-}
-
-/* Finds where the irreversible part departs and what it has to forget. It is held until the
-   anhysteretic has crossed y. An error of that place barely matters, since y leaves with slope
-   zero. */
-static void depart(path *along)
-{
-  const entry *words = along->words;
-  number rise;
-  along->branch = table_at(words, words[ANHYST_WORD_FULL_BRANCH],
-                           exponent_of(words[ANHYST_WORD_FULL_CURVE_SEGMENTS]) + 1U);
-  along->inverse = inverse_of(words);
-  along->fades = fading_of(words);
   const number crossing = odd_value(along->inverse, along->level, &rise);
   along->departure = crossing > along->turn ? crossing : along->turn;
   along->offset = along->level - branch_value(along, along->departure, &rise);
@@ -137,32 +137,28 @@ static inline number irreversible(const path *along, number p, slope *y_slope)
 }
 
 /* The place at x. While x is inside the play, y is exactly what it was. */
-static inline void evaluate(const path *along, number x, answer *at)
+static inline answer evaluate(const path *along, number x)
 {
+  answer at = {x, along->y, along->p, 0, 0, 0};
   number rise;
   const number anhysteretic = odd_value(along->curve, x, &rise);
   const number pulls = x - along->play;
-  at->x = x;
-  at->p = along->p;
-  at->y = along->y;
-  at->y_slope = 0;
   if (pulls >= along->p) {
-    at->p = pulls;
-    at->y = irreversible(along, pulls, &at->y_slope);
+    at.p = pulls;
+    at.y = irreversible(along, pulls, &at.y_slope);
   }
-  at->m = magnetisation(along, at->y, anhysteretic);
-  at->m_slope = mixed_slope(at->y_slope, slope_of(along->curve, rise), along->reversible);
+  at.m = magnetisation(at.y, anhysteretic, along->reversible);
+  at.m_slope = mixed_slope(at.y_slope, slope_of(along->curve, rise), along->reversible);
+  return at;
 }
 
-/* The slopes beyond the start of a path that has departed. */
-static void find_start_slopes(const path *along, answer *at)
+/* The slopes beyond the start of a path that has departed; x_rise is that of the curve there. */
+static inline void find_start_slopes(const path *along, number x_rise, answer *at)
 {
-  number x_rise;
-  number p_rise;
-  (void)odd_value(along->curve, along->x, &x_rise);
   at->y_slope = 0;
   if (along->p >= along->departure && along->x - along->p >= along->play - PLAY_SLACK) {
-    const number pull = odd_value(along->curve, along->p, &p_rise);
+    number rise;
+    const number pull = odd_value(along->curve, along->p, &rise);
     at->y_slope = rising(pulled(pull - along->y, along->steepness));
   }
   at->m_slope = mixed_slope(at->y_slope, slope_of(along->curve, x_rise), along->reversible);
@@ -176,4 +172,11 @@ static inline void slide(const path *along, number goal, answer *at)
   at->y = above(at->y + along_slope(step, at->y_slope), along->y);
   at->m = within_unit(at->m + along_slope(step, at->m_slope));
   at->p = above(at->x - along->play, along->p);
+}
+
+/* Whether the tangents lead to a place: near, and not beyond where the play begins to pull y. */
+static inline int is_near(const path *along, number x, number next)
+{
+  const number taken_up = along->p + along->play - PLAY_SLACK;
+  return size_of(next - x) <= along->tangent_step && (x >= taken_up || next <= taken_up);
 }

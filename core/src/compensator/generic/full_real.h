@@ -4,12 +4,13 @@
 #ifndef ANHYST_FULL_REAL_H
 #define ANHYST_FULL_REAL_H
 
-#include "../formats/block_real.h"
+#include "block_real.h"
 
 #define UNIT ((number)1)
 #define MAX_FIELD UNIT                             /* the largest field */
 #define RESIDUAL_DEADBAND ((number)4 * NUMBER_EPS) /* a residual that is not more than rounding */
-#define PLAY_SLACK ((number)4 * NUMBER_EPS) /* what rounding leaves between the play and its stop */
+#define PLAY_SLACK ((number)4 * NUMBER_EPS) /* what rounding leaves between the play and its stop  \
+                                             */
 #define MIN_SLOPE ((number)1e-6)            /* the least slope of a sum that is divided by */
 #define MAX_SLOPE ((number)1e6)
 #define QUARTER ((entry)0.25)
@@ -40,8 +41,6 @@ static inline table table_at(const entry *words, entry first, uint16_t n)
   return t;
 }
 
-static inline uint16_t exponent_of(entry word) { return (uint16_t)word; }
-
 static inline fading fading_of(const entry *words)
 {
   return words[ANHYST_WORD_FULL_RATE] * (number)16;
@@ -53,13 +52,9 @@ static inline number to_memory(number a) { return a; }
 
 static inline number to_outer(number a) { return a; }
 
-static inline number quarter_of(number a) { return a * (number)0.25; }
-
 static inline number within_unit(number a) { return within(a, -UNIT, UNIT); }
 
 static inline number clamped(number a, number low, number high) { return within(a, low, high); }
-
-static inline number from_q15(entry word) { return word; }
 
 static inline mirror mirror_of(int is_falling) { return is_falling ? (mirror)-1 : (mirror)1; }
 
@@ -138,8 +133,8 @@ static inline number tangent_step_of(entry steepness)
   return step < MAX_TANGENT_STEP ? step : MAX_TANGENT_STEP;
 }
 
-/* 1 - 2^(-t) for t octaves, t >= 0. Below one octave a polynomial for (1 - 2^-f)/f, whole octaves by
-   an exact power of two. Error below 1e-9 before rounding, relative to t where t is small. */
+/* 1 - 2^(-t) for t octaves, t >= 0. Below one octave a polynomial for (1 - 2^-f)/f, whole octaves
+   by an exact power of two. Error below 1e-9 before rounding, relative to t where t is small. */
 static inline number forgotten(number t)
 {
   if (t >= (number)31) {
@@ -147,8 +142,8 @@ static inline number forgotten(number t)
   }
   const int32_t whole = (int32_t)t;
   const number f = t - (number)whole;
-  number ratio = (number)0.0013299398836141 +
-                 f * ((number)-1.488923773820e-4 + f * (number)1.13038439e-5);
+  number ratio =
+      (number)0.0013299398836141 + f * ((number)-1.488923773820e-4 + f * (number)1.13038439e-5);
   ratio = (number)0.0555039138729150 + f * ((number)-0.0096169507101000 + f * ratio);
   ratio = (number)0.6931471804363274 + f * ((number)-0.2402264948347643 + f * ratio);
   return UNIT - (UNIT - f * ratio) / (number)((uint32_t)1 << whole);
@@ -159,11 +154,17 @@ static inline number forgotten_along(fading fades, number travel)
   return forgotten(travel * fades);
 }
 
+static inline number chord(number width, number part, number whole) { return width * part / whole; }
+
+static inline number kappa_of(entry steepness) { return UNIT / steepness; }
+
+static inline number share_of(number a, number share) { return a * share; }
+
 static inline number lead_of(number a) { return a; }
 
 static inline number part_of_lead(number part, number lead) { return part * lead; }
 
-static inline number within_current(number a) { return a; }
+static inline number bounded(number a) { return a; }
 
 static inline number current_limit(const entry *words, int16_t word) { return words[word]; }
 

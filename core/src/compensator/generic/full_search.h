@@ -2,153 +2,172 @@
 /* Template: the search along a path, for full.h. A flux and a current are both one equation,
    air*x + iron*m = target. Iron that couples to itself more than the gap decouples it makes the
    flux arm, and so iron, negative. air stays above 0, and the sum rises with x as long as m is
-   nowhere steeper than air/-iron, which the check of a block requires. So the solution is unique. */
+   nowhere steeper than air/-iron, which the check of a block requires. So the solution is unique.
+ */
 
-/* air*x + iron*m = target along a rising path, and the interval that contains the solution. */
+/* air*x + iron*m = target. */
 typedef struct {
   entry air;
   entry iron;
   number target;
-  number low;
-  number high;
-  number residual; /* at the last evaluated place */
-  entry stop_air;  /* the search stops where stop_air*x + stop_iron*m is beyond `stop` and ... */
-  entry stop_iron;
-  number stop; /* ... the solution is further on: it needs a current beyond its limit */
-} search;
+} equation;
 
-static inline number sum_at(entry air, entry iron, const answer *at)
+static inline number sum_at(const equation *of, number x, number m)
 {
-  return scaled(at->x, air) + scaled(at->m, iron);
+  return scaled(x, of->air) + scaled(m, of->iron);
+}
+
+/* The slope of a sum, above 0. */
+static inline number sum_slope(const equation *of, slope m_slope)
+{
+  const number found = slope_of_sum(of->air, of->iron, m_slope);
+  return found > MIN_SLOPE ? found : MIN_SLOPE;
 }
 
 /* A residual over a slope, in the direction that removes the residual. */
-static inline number step_against(number residual, number rise)
+static inline number step_against(number residual, number steepness)
 {
-  return residual < 0 ? quotient(-residual, rise) : -quotient(residual, rise);
+  return residual < 0 ? quotient(-residual, steepness) : -quotient(residual, steepness);
 }
 
-/* Narrows the interval by an evaluated place; returns where its tangent meets the target. */
-static inline number look(search *find, const answer *at)
-{
-  const number steepness = slope_of_sum(find->air, find->iron, at->m_slope);
-  find->residual = sum_at(find->air, find->iron, at) - find->target;
-  if (find->residual < 0) {
-    find->low = at->x;
-  } else {
-    find->high = at->x;
-  }
-  return at->x + step_against(find->residual, steepness > MIN_SLOPE ? steepness : MIN_SLOPE);
-}
-
-/* Returns where the path would meet its target if m rose like the anhysteretic curve: a guess for
-   long steps, for which a tangent is wrong. */
-static number follow_curve(const path *along, const search *find, number x)
+/* Returns where the path would meet its target from x on if m rose like the anhysteretic curve: a
+   guess for long steps, for which a tangent is wrong. */
+static number follow_curve(const path *along, const equation *of, number x, number residual)
 {
   number rise;
   const number start = odd_value(along->curve, x, &rise);
-  if (find->iron >= 0) { /* without the air, which counts little */
-    const number level = start + step_against(find->residual, find->iron + MIN_SLOPE);
+  if (of->iron >= 0) { /* without the air, which counts little */
+    const number level = start + step_against(residual, of->iron + MIN_SLOPE);
     return odd_value(along->inverse, within_unit(level), &rise);
   }
-  /* Against the air: as far as the air alone would lead, then with the iron up to there, which never
-     leads too far. */
+  /* Against the air: as far as the air alone would lead, then with the iron up to there, which
+     never leads too far. */
   number next = x;
-  number missing = find->residual;
+  number missing = residual;
   for (int16_t i = 0; i < CHORD_STEPS; i++) {
-    next = within_unit(x + step_against(missing, find->air));
+    next = within_unit(x + step_against(missing, of->air));
     const number risen = odd_value(along->curve, next, &rise) - start;
-    missing = clamped(find->residual + scaled(risen, find->iron), -MAX_RESIDUAL, MAX_RESIDUAL);
+    missing = clamped(residual + scaled(risen, of->iron), -MAX_RESIDUAL, MAX_RESIDUAL);
   }
   return next;
 }
 
-/* Returns where to look first on a path that begins held, up to a known end. There m needs no
-   evaluation of the path, and it shows on which side the solution is. The tangent at the start does
-   not know the path beyond the end. */
-static number leave_hold(const path *along, search *find, number end, number tangent)
+/* The interval of a rising path that contains the solution. */
+typedef struct {
+  number low;
+  number high;
+  number low_residual;  /* < 0 */
+  number high_residual; /* >= 0; -1: high is a bound, the path was not evaluated there */
+} interval;
+
+/* Returns where to look first on a path that begins held, if the tangent leads beyond the hold. At
+   its end m needs no evaluation of the path, and it shows on which side the solution is. Beyond the
+   end the path falls behind the curve, by the share of a lag of kappa that is forgotten. */
+static number leave_hold(const path *along, const equation *of, number end, interval *within)
 {
   number rise;
-  answer at;
-  number first = tangent;
-  at.x = end;
-  at.m = magnetisation(along, along->y, odd_value(along->curve, end, &rise));
-  find->residual = sum_at(find->air, find->iron, &at) - find->target;
-  if (find->residual < 0) {
-    find->low = end;
-    first = follow_curve(along, find, end);
-  } else {
-    find->high = end;
+  const number anhysteretic = odd_value(along->curve, end, &rise);
+  const number m = magnetisation(along->y, anhysteretic, along->reversible);
+  const number residual = sum_at(of, end, m) - of->target;
+  if (residual >= 0) {
+    within->high = end;
+    within->high_residual = residual;
+    return end;
   }
-  return clamped(first, find->low, find->high);
+  within->low = end;
+  within->low_residual = residual;
+  const number guess = clamped(follow_curve(along, of, end, residual), end, within->high);
+  const number lag = along->kappa - part_of(along->kappa, along->reversible);
+  const number behind = share_of(lag, forgotten_along(along->fades, guess - end));
+  return clamped(guess + behind, end, within->high);
 }
 
-/* Whether the tangents lead to a place: near, and not beyond where the play begins to pull y. */
-static inline int is_near(const path *along, number x, number next)
+/* Returns where to look after a Newton step that was not accepted: where a chord meets the target,
+   or along the anhysteretic curve if the path was not evaluated at the high end. If the last step
+   did not help, in the middle. */
+static number look_elsewhere(const path *along, const equation *of, const interval *within,
+                             number x, number residual, int is_stuck)
 {
-  const number taken_up = along->p + along->play - PLAY_SLACK;
-  return size_of(next - x) <= along->tangent_step && (x >= taken_up || next <= taken_up);
-}
-
-/* Whether a step remains inside the interval and is shorter by a quarter than the last one, since
-   tangents can swing across the two bends of the curve; or is too short to matter. */
-static inline int is_step_accepted(const search *find, number x, number next, number last_step)
-{
-  const number step = size_of(next - x);
-  return step <= MIN_CHECKED_STEP || (next > find->low && next < find->high &&
-                                      step <= last_step - half_of(half_of(last_step)));
-}
-
-/* Returns where to look after a Newton step that was not accepted: along the anhysteretic curve, or
-   in the middle. With iron against the air the curve leads a little way at a time if the sum is
-   almost flat; there it is the middle as soon as the last step was longer than the interval. */
-static number find_next(const path *along, const search *find, number x, int16_t i,
-                        number last_step)
-{
-  const number width = find->high - find->low;
-  number next = find->low;
-  if (width > MIN_CURVE_INTERVAL && (find->iron >= 0 || i < 2 || last_step < width)) {
-    next = follow_curve(along, find, x);
+  const number width = within->high - within->low;
+  number next = within->low;
+  if (!is_stuck && within->high_residual >= 0) {
+    const number missing = within->low_residual < 0 ? -within->low_residual : RESIDUAL_DEADBAND;
+    next += chord(width, missing, missing + within->high_residual);
+  } else if (!is_stuck && width > MIN_CURVE_INTERVAL) {
+    next = follow_curve(along, of, x, residual);
   }
-  if (next <= find->low || next >= find->high) {
-    next = find->low + half_of(width);
-  }
-  return next;
+  return next > within->low && next < within->high ? next : within->low + half_of(width);
 }
 
 /* Solves from a place on a path that has departed, at whose start the residual is negative. Makes
-   Newton steps inside an interval that always contains the solution. The number of evaluations is
-   bounded, and at least 1, since tangents at the start would add up errors of many short steps; the
-   last step is taken along the tangents. Returns 0 if the search stopped before the solution. */
-static int rise(const path *along, search *find, answer *at)
+   Newton steps inside an interval that always contains the solution. A step is accepted if it
+   remains inside and is shorter by a quarter than the last one, since tangents can swing across the
+   two bends of the curve, or if it is too short to matter. The number of evaluations is bounded,
+   and at least 1, since tangents at the start would add up errors of many short steps; the last
+   step is taken along the tangents. If the solution is beyond that of the equation `limit`, solves
+   that one instead and returns 1. */
+static int rise(const path *along, const equation *of, const equation *limit, answer *found)
 {
-  const int16_t evaluations = (int16_t)along->words[ANHYST_WORD_FULL_ITERATIONS];
   const number moves = along->departure > along->p ? along->departure : along->p;
   const number freed = moves + along->play;
-  number last_step = 4 * MAX_FIELD;
-  find->low = along->x;
-  find->high = MAX_FIELD;
-  number next = look(find, at);
-  for (int16_t i = 0; i < evaluations; i++) {
-    const number x = at->x;
-    if (i == 0 && freed - x > PLAY_SLACK && freed < find->high) {
-      next = leave_hold(along, find, freed, next);
-    } else if (is_step_accepted(find, x, next, last_step)) {
-      next = clamped(next, find->low, find->high);
-      last_step = size_of(next - x);
-    } else {
-      next = find_next(along, find, x, i, last_step);
-      last_step = find->high - find->low;
+  const equation *const wanted = of;
+  interval within = {along->x, MAX_FIELD, sum_at(of, along->x, along->m) - of->target, -1};
+  answer at = *found;
+  number residual = sum_at(of, at.x, at.m) - of->target;
+  number next = at.x + step_against(residual, sum_slope(of, at.m_slope));
+  number last_step = MAX_FIELD + MAX_FIELD;
+  int is_stuck = 0;
+  if (residual >= 0) {
+    within.high = at.x;
+    within.high_residual = residual;
+  }
+  if (freed - at.x > PLAY_SLACK && next > freed && freed < within.high) {
+    next = leave_hold(along, of, freed, &within);
+  } else if (next <= within.low || next >= within.high) {
+    next = look_elsewhere(along, of, &within, at.x, residual, 0);
+  } else {
+    last_step = size_of(next - at.x);
+  }
+  for (int32_t left = along->evaluations;; left--) {
+    at = evaluate(along, next);
+    residual = sum_at(of, at.x, at.m) - of->target;
+    if (residual < 0 && limit != 0 && of == wanted &&
+        sum_at(limit, at.x, at.m) > limit->target + LIMIT_MARGIN) {
+      of = limit;
+      within.low = along->x;
+      within.low_residual = sum_at(of, along->x, along->m) - of->target;
+      residual = sum_at(of, at.x, at.m) - of->target;
     }
-    evaluate(along, next, at);
-    next = look(find, at);
-    if (is_near(along, at->x, next)) {
+    const number steepness = sum_slope(of, at.m_slope);
+    number room; /* to the end of the interval */
+    number step;
+    if (residual < 0) {
+      within.low = at.x;
+      within.low_residual = residual;
+      room = within.high - at.x;
+      step = quotient(-residual, steepness);
+      next = at.x + (step < room ? step : room);
+    } else {
+      within.high = at.x;
+      within.high_residual = residual;
+      room = at.x - within.low;
+      step = quotient(residual, steepness);
+      next = at.x - (step < room ? step : room);
+    }
+    if (left <= 1 || is_near(along, at.x, next)) {
       break;
     }
-    if (find->residual < 0 && sum_at(find->stop_air, find->stop_iron, at) > find->stop) {
-      return 0;
+    if (step > MIN_CHECKED_STEP &&
+        (step >= room || step > last_step - half_of(half_of(last_step)))) {
+      next = look_elsewhere(along, of, &within, at.x, residual, is_stuck);
+      last_step = within.high - within.low;
+      is_stuck = 1;
+    } else {
+      last_step = step;
+      is_stuck = 0;
     }
   }
-  slide(along, clamped(next, find->low, find->high), at);
-  return 1;
+  slide(along, next, &at);
+  *found = at;
+  return of != wanted;
 }

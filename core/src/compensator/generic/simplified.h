@@ -38,6 +38,9 @@ static simplified_memory facing(const simplified_memory *memory, int falling)
 /* The bounded state at the flux of a memory. */
 static number state_at(const entry *words, const simplified_memory *at)
 {
+  if (at->flux == at->peak) {
+    return at->u;
+  }
   const number change = held_change(words, size_of(difference(at->flux, at->peak)));
   const number state = at->flux < at->peak ? difference(at->u, change) : sum(at->u, change);
   return within(state, -ONE, ONE);

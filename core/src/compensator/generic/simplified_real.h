@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Arithmetic of the simplified law in floating point, for simplified.h and closed_form.h. */
 
-#include "../formats/block_real.h"
+#include "block_real.h"
 
 #define ONE ((number)1)
 #define CURRENT_MAX ((number)1)

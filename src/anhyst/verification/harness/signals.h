@@ -18,12 +18,7 @@ typedef anhyst_compensator_f32 compensator_state;
 #define OUTPUT anhyst_compensator_output_f32
 #define CONDITIONING anhyst_conditioning_f32
 #define CONDITIONING_LENGTH anhyst_conditioning_length_f32
-#define PARAMETERS_WORDS 0U /* a structure with tables, not a row of words */
-
-static inline anhyst_status take_parameters(compensator_state *c)
-{
-  return anhyst_compensator_init_f32(c, &ACTUATOR_PARAMETERS);
-}
+#define INIT anhyst_compensator_init_f32
 
 static inline uint32_t word_of(signal a)
 {
@@ -51,21 +46,32 @@ static inline signal part_of(int32_t a, signal range)
   return (signal)a * (1.1F / 2147483648.0F) * range;
 }
 
-static inline signal demand_of(int32_t a) { return part_of(a, ACTUATOR_PARAMETERS.demand_high); }
+/* The high limit of a signal in its unit. */
+static inline signal high_of(int limit, int scale)
+{
+  return ACTUATOR_PARAMETERS[limit] * ACTUATOR_PARAMETERS[scale];
+}
 
-static inline signal current_of(int32_t a) { return part_of(a, ACTUATOR_PARAMETERS.current_high); }
+static inline signal demand_of(int32_t a)
+{
+  return part_of(a, high_of(ANHYST_WORD_DEMAND_HIGH, ANHYST_WORD_SCALE_DEMAND));
+}
+
+static inline signal current_of(int32_t a)
+{
+  return part_of(a, high_of(ANHYST_WORD_CURRENT_HIGH, ANHYST_WORD_SCALE_CURRENT));
+}
 
 static inline signal gap_of(int32_t a)
 {
-  const signal rows = ACTUATOR_PARAMETERS.gap_rows;
-  const signal span = rows > 0.0F ? (signal)ACTUATOR_PARAMETERS.gap_segments / rows : 0.0F;
-  return ACTUATOR_PARAMETERS.gap_low + part_of(a, span);
+  const signal low = ACTUATOR_PARAMETERS[ANHYST_WORD_SCALE_GAP_LOW];
+  return low + part_of(a, ACTUATOR_PARAMETERS[ANHYST_WORD_SCALE_GAP_HIGH] - low);
 }
 
 /* Where a converter of 12 bits between minus and plus the largest current puts it. */
 static inline signal on_grid(signal current)
 {
-  const signal step = ACTUATOR_PARAMETERS.current_high / 2048.0F;
+  const signal step = high_of(ANHYST_WORD_CURRENT_HIGH, ANHYST_WORD_SCALE_CURRENT) / 2048.0F;
   const int32_t code = (int32_t)(current / step + (current < 0.0F ? -0.5F : 0.5F));
   return (signal)code * step;
 }
@@ -74,8 +80,13 @@ static inline signal on_grid(signal current)
 
 static inline void record_memory(const compensator_state *c, uint32_t *record)
 {
+  union {
+    anhyst_memory_f32 memory;
+    uint32_t word[5];
+  } as;
+  as.memory = c->memory;
   for (int i = 0; i < 5; i++) {
-    record[HARNESS_MEMORY_A + i] = word_of(c->memory.number[i]);
+    record[HARNESS_MEMORY_A + i] = as.word[i];
   }
 }
 
@@ -129,13 +140,7 @@ static inline uint32_t inner_word(int32_t a) { return (uint32_t)a; }
 
 typedef anhyst_compensator compensator_state;
 #define CONDITIONING_LENGTH anhyst_conditioning_length
-#define PARAMETERS_WORDS ACTUATOR_PARAMETERS_WORDS
-
-static inline anhyst_status take_parameters(compensator_state *c)
-{
-  return anhyst_compensator_init(c, &ACTUATOR_KERNEL, ACTUATOR_PARAMETERS,
-                                 ACTUATOR_PARAMETERS_WORDS);
-}
+#define INIT anhyst_compensator_init
 
 static inline void record_memory(const compensator_state *c, uint32_t *record)
 {
@@ -150,7 +155,13 @@ static inline void record_memory(const compensator_state *c, uint32_t *record)
 #endif
 
 #ifndef HARNESS_PLAY
+#define PARAMETERS_WORDS ACTUATOR_PARAMETERS_WORDS
 #define FLUX_OF(c) INNER_WORD((c)->flux)
 #define FLUX_APPLIED_OF(c) INNER_WORD((c)->flux_applied)
+
+static inline anhyst_status take_parameters(compensator_state *c)
+{
+  return INIT(c, &ACTUATOR_KERNEL, ACTUATOR_PARAMETERS, ACTUATOR_PARAMETERS_WORDS);
+}
 #endif
 #endif

@@ -73,5 +73,5 @@ static inline number in_unit(number a, const entry *before, const entry *words, 
   return before[word] == words[word] ? a : a * (before[word] / words[word]);
 }
 
-#include "../generic/block_checks.h"
+#include "block_checks.h"
 #endif

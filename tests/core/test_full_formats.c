@@ -1,0 +1,300 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims of the law of Jiles and Atherton in fixed point, f32 and f64 together: the formats agree
+   on random paths, none of them creeps at rest, and damaged states and signals do no harm. The
+   number of ticks at rest may be given as an argument. */
+#include <string.h>
+
+#include "anhyst/compensator/compensator.h"
+#include "anhyst/compensator/compensator_f32.h"
+#include "anhyst/compensator/compensator_f64.h"
+
+#include "check.h"
+#include "full_words.h"
+
+enum { STEPS = 100000, WORDS = sizeof words / sizeof words[0] };
+
+static float words_f32[WORDS];
+static double words_f64[WORDS];
+
+/* The number that a word of the block is, in floating point. */
+static double number_of(int word)
+{
+  switch (word) {
+  case ANHYST_WORD_FULL_AIR:
+    return words[word] / 65536.0;
+  case ANHYST_WORD_FULL_RATE:
+    return words[word] / 65536.0 * pow(2.0, words[ANHYST_WORD_FULL_RATE_SHIFT]);
+  case ANHYST_WORD_FULL_RATE_SHIFT:
+    return 0.0;
+  case ANHYST_WORD_FULL_STEEPNESS:
+    return words[word] / 256.0;
+  case ANHYST_WORD_FULL_ITERATIONS:
+  case ANHYST_WORD_FULL_CURVE_SEGMENTS:
+  case ANHYST_WORD_FULL_CURVE:
+  case ANHYST_WORD_FULL_BRANCH:
+  case ANHYST_WORD_FULL_INVERSE_SEGMENTS:
+  case ANHYST_WORD_FULL_INVERSE:
+    return words[word];
+  default:
+    return words[word] / 32768.0;
+  }
+}
+
+static void fill(void)
+{
+  prepare_law(0.5, 0.2, 0.15);
+  words[ANHYST_WORD_FULL_AIR] = 300;
+  words[ANHYST_WORD_FULL_ITERATIONS] = 8;
+  words[ANHYST_WORD_CURRENT_LOW] = -32767;
+  words[ANHYST_WORD_CURRENT_HIGH] = 32767;
+  for (int i = 0; i < (int)WORDS; i++) {
+    words_f64[i] = number_of(i);
+    words_f32[i] = (float)words_f64[i];
+  }
+}
+
+/* The arms of the current at the gap of the tick, weights. */
+static int flux_arm = 12000;
+static int field_arm = 16000;
+
+/* A compensator of each format, and its steps in fractions. */
+#define FORMAT(name, type, arms_type, kernel_of_law, number, words_of_law, one, weight)            \
+  static type name;                                                                                \
+  static void name##_start(void)                                                                   \
+  {                                                                                                \
+    const type none = {.kernel = &kernel_of_law, .words = words_of_law};                           \
+    name = none;                                                                                   \
+  }                                                                                                \
+  static double name##_field(double flux)                                                          \
+  {                                                                                                \
+    const arms_type arms = {0, weight(flux_arm), weight(field_arm)};                               \
+    name.arms = arms;                                                                              \
+    name.flux = (number)(flux * (one));                                                            \
+    name.stage = name.stage == ANHYST_STAGE_HERE ? ANHYST_STAGE_HERE : ANHYST_STAGE_UNKNOWN;       \
+    const number x = name.kernel->field(&name);                                                    \
+    name.stage = ANHYST_STAGE_AHEAD;                                                               \
+    name.flux_applied = name.flux;                                                                 \
+    return (double)x / (one);                                                                      \
+  }                                                                                                \
+  static double name##_flux(double current)                                                        \
+  {                                                                                                \
+    name.flux_applied = name.kernel->flux(&name, (number)(current * (one)));                       \
+    return (double)name.flux_applied / (one);                                                      \
+  }                                                                                                \
+  static void name##_keep(void)                                                                    \
+  {                                                                                                \
+    name.memory = name.next.memory;                                                                \
+    name.stage = ANHYST_STAGE_HERE;                                                                \
+  }
+
+static int16_t weight_of(int arm) { return (int16_t)arm; }
+static float single_of(int arm) { return (float)arm / 65536.0F; }
+static double double_of(int arm) { return arm / 65536.0; }
+
+FORMAT(fixed, anhyst_compensator, anhyst_arms, anhyst_kernel_full, int32_t, words, 1073741824.0,
+       weight_of)
+FORMAT(f32, anhyst_compensator_f32, anhyst_arms_f32, anhyst_kernel_full_f32, float, words_f32, 1.0,
+       single_of)
+FORMAT(f64, anhyst_compensator_f64, anhyst_arms_f64, anhyst_kernel_full_f64, double, words_f64, 1.0,
+       double_of)
+
+/* The numbers of a walk are multiples of 2^-20: the same in every format. */
+static double rounded(double a) { return floor(a * 1048576.0) / 1048576.0; }
+
+/* A flux of the walk: steps of any size, down to noise, and jumps over the range. */
+static double next_flux(double flux, uint64_t *seed)
+{
+  const int shift = (int)(random_bits(seed) % 18U);
+  const double step = uniform(seed, -1.0, 1.0) / (double)(1L << shift);
+  return rounded(fmin(fmax(flux + step, -0.8), 0.8));
+}
+
+/* The gap moves the arms; a third of the currents is on the grid of a converter of 12 bits, and now
+   and then another current is applied. An error of a step decays along the path. */
+static void formats_agree_on_random_paths(int arm)
+{
+  uint64_t seed = 3;
+  double flux = 0.0;
+  double field_error[2] = {0.0, 0.0};
+  double flux_error[2] = {0.0, 0.0};
+  double squares[2] = {0.0, 0.0};
+  fixed_start();
+  f32_start();
+  f64_start();
+  for (int i = 0; i < STEPS; i++) {
+    flux = next_flux(flux, &seed);
+    flux_arm = arm - (int)(random_bits(&seed) % 1000U);
+    field_arm = 16000 + (int)(random_bits(&seed) % 1000U);
+    const double x = f64_field(flux);
+    const double errors[2] = {fabs(fixed_field(flux) - x), fabs(f32_field(flux) - x)};
+    for (int which = 0; which < 2; which++) {
+      keep_worst(&field_error[which], errors[which]);
+      squares[which] += errors[which] * errors[which] / STEPS;
+    }
+    double current = double_of(flux_arm) * flux + double_of(field_arm) * x;
+    current = i % 3 == 0 ? floor(current * 4096.0) / 4096.0 : rounded(current);
+    current = i % 17 == 0 ? rounded(uniform(&seed, -0.2, 0.2)) : current;
+    if (i % 3 != 1) {
+      flux = f64_flux(current);
+      keep_worst(&flux_error[0], fabs(fixed_flux(current) - flux));
+      keep_worst(&flux_error[1], fabs(f32_flux(current) - flux));
+    }
+    fixed_keep();
+    f32_keep();
+    f64_keep();
+  }
+  CHECK_BELOW("field, fixed point", field_error[0], 6e-3);
+  CHECK_BELOW("field, f32", field_error[1], 6e-3);
+  CHECK_BELOW("field, fixed point, root mean square", sqrt(squares[0]), 2e-4);
+  CHECK_BELOW("field, f32, root mean square", sqrt(squares[1]), 2e-4);
+  CHECK_BELOW("flux, fixed point", flux_error[0], 2e-3);
+  CHECK_BELOW("flux, f32", flux_error[1], 2e-3);
+}
+
+typedef struct {
+  void (*start)(void);
+  double (*field)(double flux);
+  double (*flux)(double current);
+  void (*keep)(void);
+  const char *name;
+} format;
+
+static const format FORMATS[3] = {{fixed_start, fixed_field, fixed_flux, fixed_keep, "fixed point"},
+                                  {f32_start, f32_field, f32_flux, f32_keep, "f32"},
+                                  {f64_start, f64_field, f64_flux, f64_keep, "f64"}};
+
+/* Solves for a flux, and applies the current on the grid of a converter if there is one; returns
+   the solved current. */
+static double tick(const format *law, double flux, int has_converter)
+{
+  const double x = law->field(flux);
+  const double current = double_of(flux_arm) * flux + double_of(field_arm) * x;
+  if (has_converter) {
+    (void)law->flux(floor(current * 4096.0 + 0.5) / 4096.0);
+  }
+  law->keep();
+  return current;
+}
+
+/* The iron comes to a demand over a rise, or over a descent from above. */
+static void approach(const format *law, double flux, int descends)
+{
+  law->start();
+  for (int i = 0; i <= 1000; i++) {
+    const double top = descends ? 0.7 : flux;
+    (void)tick(law, i < 700 ? top * i / 700.0 : top + (flux - top) * (i - 700) / 300.0, 0);
+  }
+}
+
+/* Noise of demand and gap widens the range of the path in its first ticks, and that is all. */
+static void no_format_creeps_at_rest(const format *law, long ticks)
+{
+  const double flux = 0.4;
+  double drift = 0.0;
+  for (int way = 0; way < 4; way++) {
+    uint64_t seed = 9;
+    double first = 0.0;
+    flux_arm = 12000;
+    field_arm = 16000;
+    approach(law, flux, way / 2);
+    for (long i = 0; i <= ticks; i++) {
+      flux_arm = 12000 - (int)(random_bits(&seed) % 4U);
+      (void)tick(law, rounded(flux + uniform(&seed, -1.3e-4, 1.3e-4)), way % 2);
+      if (i == ticks / 4 || i == ticks) {
+        flux_arm = 12000;
+        const double current = tick(law, flux, way % 2);
+        keep_worst(&drift, i == ticks ? fabs(current - first) : 0.0);
+        first = current;
+      }
+    }
+  }
+  printf("%s: ", law->name);
+  CHECK_BELOW("drift of the current at rest", drift, 2e-6);
+}
+
+/* Without noise the iron stays where it is, bit for bit. */
+static void a_constant_demand_moves_nothing(void)
+{
+  uint64_t seed = 21;
+  int changes = 0;
+  fixed_start();
+  f32_start();
+  f64_start();
+  for (int i = 0; i < STEPS / 10; i++) {
+    const double flux = next_flux(fixed.flux / 1073741824.0, &seed);
+    for (int more = 0; more < 4; more++) {
+      (void)tick(&FORMATS[0], flux, 0);
+      (void)tick(&FORMATS[1], flux, 0);
+    }
+    const anhyst_full_memory memory = fixed.memory.full;
+    const anhyst_full_memory_f32 memory_f32 = f32.memory.full;
+    (void)tick(&FORMATS[0], flux, 0);
+    (void)tick(&FORMATS[1], flux, 0);
+    changes += memcmp(&memory, &fixed.memory.full, sizeof memory) != 0;
+    changes += memcmp(&memory_f32, &f32.memory.full, sizeof memory_f32) != 0;
+  }
+  CHECK_BELOW("ticks of a constant demand in which the memory changes, share",
+              changes / (STEPS / 5.0), 1e-3);
+}
+
+/* Damages one word of the state. */
+static void damage(void *state, size_t size, uint64_t *seed)
+{
+  static const uint32_t PATTERNS[8] = {0x7FC00000U, 0x7F800000U, 0xFF800000U, 0x7FFFFFFFU,
+                                       0x80000000U, 0xFFFFFFFFU, 0x4B000000U, 0xFFF00000U};
+  const uint64_t choice = random_bits(seed);
+  const uint32_t word =
+      choice % 3U == 0U ? (uint32_t)random_bits(seed) : PATTERNS[choice / 3U % 8U];
+  const size_t at = (size_t)(random_bits(seed) % (size / 4U)) * 4U;
+  memcpy((char *)state + at, &word, 4);
+}
+
+/* Fields and fluxes stay numbers within their range, and no word out of the block is read, which
+   sanitizers see. */
+static void damage_and_signals_that_are_no_numbers_do_no_harm(void)
+{
+  const double odd[4] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e30};
+  uint64_t seed = 77;
+  int wrong = 0;
+  fixed_start();
+  f32_start();
+  f64_start();
+  for (int i = 0; i < STEPS; i++) {
+    const uint64_t choice = random_bits(&seed);
+    const double flux = uniform(&seed, -0.9, 0.9);
+    const double current = choice % 5U == 0U ? odd[choice / 5U % 4U] : uniform(&seed, -0.3, 0.3);
+    flux_arm = i % 2 == 0 ? 12000 : -2000;
+    (void)fixed_field(flux);
+    (void)f32_field(flux);
+    (void)f64_field(flux);
+    damage(&fixed.memory, sizeof fixed.memory, &seed);
+    damage(&fixed.next, sizeof fixed.next, &seed);
+    damage(&f32.memory, sizeof f32.memory, &seed);
+    damage(&f32.next, sizeof f32.next, &seed);
+    damage(&f64.memory, sizeof f64.memory, &seed);
+    damage(&f64.next, sizeof f64.next, &seed);
+    (void)fixed_flux(choice % 5U == 0U ? 0.9 : current);
+    wrong += !(fabs(f32_flux(current)) <= 4.0) + !(fabs(f64_flux(current)) <= 4.0);
+    fixed_keep();
+    f32_keep();
+    f64_keep();
+    f32.stage = f64.stage = fixed.stage = (uint16_t)(choice / 64U % 3U);
+    (void)fixed_field(flux);
+    wrong += !(fabs(f32_field(flux)) <= 1.0) + !(fabs(f64_field(flux)) <= 1.0);
+  }
+  CHECK(wrong == 0);
+}
+
+int main(int count, char **arguments)
+{
+  const long ticks = count > 1 ? strtol(arguments[1], NULL, 10) : STEPS;
+  fill();
+  formats_agree_on_random_paths(12000);
+  formats_agree_on_random_paths(-2000);
+  for (int law = 0; law < 3; law++) {
+    no_format_creeps_at_rest(&FORMATS[law], ticks);
+  }
+  a_constant_demand_moves_nothing();
+  damage_and_signals_that_are_no_numbers_do_no_harm();
+  return verdict();
+}
