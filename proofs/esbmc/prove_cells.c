@@ -12,6 +12,7 @@
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
+#define ONE ANHYST_Q30_ONE
 #define is_inside(a) ((a) >= -ONE && (a) < ONE)
 
 #define BEGIN_TURN(invariant, forget, condition)                                                   \
@@ -31,14 +32,11 @@
   missing = any_within(-MOST_MISSING, ANHYST_Q31_MAX);                                             \
   end = nondet_i16()
 
-#include "compensator/cells_path.h"
-
 #define HALF (ONE / 2)
 /* What may be missing of a target. */
 #define MOST_MISSING (ONE + HALF / 2)
 
 #include "compensator/cells.c"
-#include "compensator/cells_block.c"
 
 static int16_t block_words[ANHYST_BLOCK_MOST_WORDS]; /* any */
 static int32_t rested[ANHYST_CELLS];                 /* any plays */
@@ -58,7 +56,7 @@ static void any_block(int16_t *words)
     words[ANHYST_BLOCK_LEAST_WORDS + i] = (int16_t)any_within(1, ANHYST_Q15_MAX);
   }
   cell_path along;
-  anhyst_cells_rows(&along, words);
+  set_rows(&along, words);
   const int32_t end = words[ANHYST_WORD_CELLS_ROWS] + (count + 1) * along.stride;
   words[ANHYST_WORD_LENGTH] = (int16_t)any_within(end, ANHYST_BLOCK_MOST_WORDS);
   SHOW(along.stride >= 9 && along.outer >= 0 && along.stride > 2 * along.outer);
@@ -82,7 +80,7 @@ static int is_path(const cell_path *along)
 {
   return along->active >= 1 && along->active <= along->cells + 1 && along->moved >= 0 &&
          along->moved <= along->cells + 1 && is_inside(along->x) && is_inside(along->rest) &&
-         is_inside(along->low) && (along->falling == 0 || along->falling == -1) &&
+         is_inside(along->low) && (along->mirror == 0 || along->mirror == -1) &&
          place_of(along, along->row) == (along->active - 1) * along->stride &&
          is_on(along, along->left, 0);
 }
@@ -98,7 +96,7 @@ static cell_path any_path(void)
 {
   cell_path along;
   any_block(block_words);
-  anhyst_cells_rows(&along, block_words);
+  set_rows(&along, block_words);
   for (int16_t i = 0; i < ANHYST_CELLS; i++) {
     rested[i] = nondet_i32();
   }
@@ -111,7 +109,7 @@ static cell_path any_path(void)
   along.rest = any_within(-ONE, ONE - 1);
   along.x = any_within(-ONE, ONE - 1);
   along.low = any_within(-ONE, ONE - 1);
-  along.falling = nondet_i16() != 0 ? -1 : 0;
+  along.mirror = nondet_i16() != 0 ? -1 : 0;
   along.segment = along.row;
   SHOW(is_path(&along));
   return along;
@@ -151,7 +149,7 @@ static inline int32_t anhyst_value_at(anhyst_spot spot)
   return any_within(-ANHYST_Q15_MAX * 32768, ANHYST_Q15_MAX * 32768);
 }
 
-static inline int32_t between(anhyst_spot of, const int16_t *other)
+static inline number between(spot of, const entry *other)
 {
   SHOW(of.part >= 0 && of.part <= 0x7FFF);
   return any_within(-ANHYST_Q15_MAX * 32768, ANHYST_Q15_MAX * 32768);
@@ -159,7 +157,7 @@ static inline int32_t between(anhyst_spot of, const int16_t *other)
 #endif
 
 #ifdef SPOT_BY_CONTRACT
-static inline anhyst_spot spot_on(const cell_path *along, const int16_t *row, int32_t x)
+static inline spot spot_on(const cell_path *along, const entry *row, number x)
 {
   SHOW(is_inside(x));
   SHOW(place_of(along, row) >= 0 && place_of(along, row) <= along->cells * along->stride);
@@ -168,33 +166,33 @@ static inline anhyst_spot spot_on(const cell_path *along, const int16_t *row, in
 #endif
 
 #ifdef RESIDUAL_BY_CONTRACT
-static int32_t missing_at(const cell_path *along, const equation *solve, int32_t x,
-                          anhyst_spot spot)
+static inline number missing_at(const equation *solve, number x, number m)
 {
-  SHOW(is_inside(x) && is_inside(along->rest) && is_target(solve));
-  SHOW(is_on(along, spot, along->active - 1));
+  (void)m;
+  SHOW(is_inside(x) && is_target(solve));
   return any_within(-MOST_MISSING, MOST_MISSING);
 }
 
-static inline int32_t part_with_target(const equation *solve, const int16_t *segment, unsigned fine,
-                                       int32_t missing)
+static inline number part_with_target(const equation *solve, const entry *segment, grid width,
+                                      number missing)
 {
+  (void)segment;
   SHOW(missing >= -MOST_MISSING && is_target(solve));
-  SHOW(fine >= 2U && fine <= 13U);
+  SHOW(width >= 2U && width <= 13U);
   return any_within(0, 0x8000);
 }
 #endif
 
 #ifdef PART_BY_CONTRACT
-static inline int32_t part_of(int32_t n, int32_t d)
+static inline number ratio_part(number missing, number rise)
 {
-  SHOW(n >= 0 && n < d);
-  return any_within(0, 65535);
+  SHOW(missing >= 0 && missing < rise);
+  return any_within(0, 0x7FFF);
 }
 #endif
 
 #ifdef NODE_BY_CONTRACT
-static int32_t node(const cell_path *along, int segment)
+static number node(const cell_path *along, int segment)
 {
   SHOW(segment >= 0 && segment <= along->stride - 2);
   return any_within(-ONE, ONE - 1);
@@ -204,8 +202,8 @@ static int32_t node(const cell_path *along, int segment)
 static int is_candidate(const anhyst_candidate *at);
 
 #ifdef TRAVEL_BY_CONTRACT
-static int32_t travel(const int16_t *words, const anhyst_cells_memory *from, const int32_t *plays,
-                      const anhyst_arms *arms, int32_t wanted, anhyst_candidate *to)
+static number travel(const entry *words, const cells_memory *from, const number *plays,
+                     const arms_type *arms, number wanted, candidate *to)
 {
   const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
   SHOW(is_target(&solve));
@@ -215,8 +213,8 @@ static int32_t travel(const int16_t *words, const anhyst_cells_memory *from, con
 #endif
 
 #ifdef SEGMENT_BY_CONTRACT
-static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, int32_t wanted,
-                                 anhyst_candidate *at, int32_t *flux)
+static inline int meet_on_segment(const entry *words, const arms_type *arms, number wanted,
+                                  candidate *at, number *flux)
 {
   const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
   SHOW(is_target(&solve) && is_inside(at->memory.cells.joined));
@@ -225,8 +223,8 @@ static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, 
   return any_within(NOT_MET, BEYOND);
 }
 
-static int32_t go_beyond(const int16_t *words, const anhyst_cells_memory *from, const int32_t *plays,
-                         const anhyst_arms *arms, int32_t wanted, anhyst_candidate *at, int met)
+static number go_beyond(const entry *words, const cells_memory *from, const number *plays,
+                        const arms_type *arms, number wanted, candidate *at, int met)
 {
   const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
   SHOW(is_target(&solve) && met != MET);
@@ -235,15 +233,18 @@ static int32_t go_beyond(const int16_t *words, const anhyst_cells_memory *from, 
 #endif
 
 #ifdef DESCRIBE_BY_CONTRACT
-static void describe(const int16_t *words, int32_t begin, int32_t rest, anhyst_candidate *at)
+static void describe(const entry *words, int segment, number begin, grid width, number rest,
+                     candidate *at)
 {
   cell_path along;
-  anhyst_cells_rows(&along, words);
-  SHOW(is_inside(begin) && is_inside(rest));
-  SHOW(at->y_slope >= words[ANHYST_WORD_CELLS_ROWS]);
-  SHOW(at->y_slope <= words[ANHYST_WORD_CELLS_ROWS] + (along.cells + 1) * along.stride - 2);
-  at->m_slope = (int16_t)any_within(0, ANHYST_Q15_MAX);
-  at->flux = any_within(-ONE, ONE);
+  set_rows(&along, words);
+  SHOW(is_inside(begin) && is_inside(rest) && width >= 2U && width <= 13U);
+  SHOW(segment >= words[ANHYST_WORD_CELLS_ROWS]);
+  SHOW(segment <= words[ANHYST_WORD_CELLS_ROWS] + (along.cells + 1) * along.stride - 2);
+  at->of.cells.segment = (int16_t)segment;
+  at->of.cells.fineness = (uint16_t)width;
+  at->of.cells.rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  at->of.cells.flux = any_within(-ONE, ONE);
 }
 #endif
 
@@ -256,10 +257,10 @@ static void prove_rows(void)
   const int32_t x = any_within(-ONE, ONE - 1);
   const anhyst_spot spot = spot_on(&along, along.row, x);
   SHOW(is_on(&along, spot, along.active - 1));
-  const uint16_t fine = fineness(&along, x);
-  const int32_t begin = begin_of(x, fine);
-  SHOW(is_inside(begin) && begin <= x && x - begin < (int32_t)((uint32_t)0x8000 << fine));
-  SHOW(place_in(begin, fine, 0x8000) <= ONE && part_at(x, fine) == spot.part);
+  const grid width = grid_on(&along, x);
+  const int32_t begin = begin_of(x, width);
+  SHOW(is_inside(begin) && begin <= x && x - begin < width_of(width));
+  SHOW(begin + width_of(width) <= ONE && part_at(x, begin, width) == spot.part);
   const int16_t segment = (int16_t)any_within(0, along.stride - 2);
   SHOW(is_inside(node(&along, segment)));
 }
@@ -267,8 +268,8 @@ static void prove_rows(void)
 static void prove_part(void)
 {
   const int32_t d = any_within(1, ANHYST_Q31_MAX);
-  const int32_t found = part_of(any_within(0, d - 1), d);
-  SHOW(found >= 0 && found <= 65535);
+  const int32_t found = ratio_part(any_within(0, d - 1), d);
+  SHOW(found >= 0 && found <= 0x7FFF);
 }
 
 static void prove_residual(void)
@@ -279,10 +280,10 @@ static void prove_residual(void)
   const int32_t x = any_within(-ONE, ONE - 1);
   const anhyst_spot spot = any_spot(&along, along.row);
   ASSUME(spot.at[1] >= spot.at[0] && spot.at[1] - spot.at[0] <= ANHYST_Q15_MAX);
-  const int32_t missing = missing_at(&along, &solve, x, spot);
+  const int32_t missing = missing_at(&solve, x, value_at(spot) + along.rest);
   SHOW(missing >= -MOST_MISSING && missing <= MOST_MISSING);
   const int32_t left = any_within(-MOST_MISSING, ANHYST_Q31_MAX);
-  const int32_t part = part_with_target(&solve, spot.at, fineness(&along, x), left);
+  const int32_t part = part_with_target(&solve, spot.at, grid_on(&along, x), left);
   SHOW(part >= 0 && part <= 0x8000);
 }
 
@@ -309,12 +310,15 @@ static void prove_find_left(void)
   SHOW(is_path(&along) && along.moved > active && along.active == active);
 }
 
-static void prove_let_move(void)
+static void prove_rejoin(void)
 {
   cell_path along = any_path();
-  const int16_t cells = (int16_t)any_within(1, along.cells + 1);
-  let_move(&along, cells);
-  SHOW(is_path(&along) && along.active == cells);
+  const anhyst_arms arms = any_arms();
+  const equation solve = any_equation(&arms);
+  const int32_t low = any_within(-ONE, ONE - 1);
+  ASSUME(along.active < along.moved);
+  const int32_t last = rejoin(&along, &solve, low);
+  SHOW(is_path(&along) && last >= low && last < ONE);
 }
 
 static void prove_turn(void)
@@ -331,7 +335,7 @@ static void prove_go(void)
   const equation solve = any_equation(&arms);
   const int32_t low = any_within(-ONE, ONE - 1);
   const int32_t high = any_within(low, ONE - 1);
-  go(&along, &solve, any_spot(&along, along.row), low, high);
+  go(&along, &solve, any_spot(&along, along.row).at, low, high);
   SHOW(is_path(&along) && along.x >= low && along.x <= high);
 }
 
@@ -350,8 +354,9 @@ static anhyst_cells_memory any_memory(void)
 /* What a step leaves that a candidate is taken for. */
 static int is_candidate(const anhyst_candidate *at)
 {
-  return is_memory(&at->memory.cells) && is_inside(at->m) && at->flux >= -ONE && at->flux <= ONE &&
-         at->m_slope >= 0 && at->fine >= 2U && at->fine <= 13U;
+  return is_memory(&at->memory.cells) && is_inside(at->of.cells.joins) &&
+         at->of.cells.flux >= -ONE && at->of.cells.flux <= ONE && at->of.cells.rise >= 0 &&
+         at->of.cells.fineness >= 2U && at->of.cells.fineness <= 13U;
 }
 
 /* From the segment of a path on, that of a candidate which knows where it stands. */
@@ -361,19 +366,19 @@ static void prove_slid(void)
   const anhyst_arms arms = any_arms();
   const equation solve = any_equation(&arms);
   anhyst_compensator c;
-  const anhyst_cells_memory memory = {turned(along.x, along.falling), turned(along.rest, along.falling),
-                                along.falling == 0 ? along.active : -along.active, along.risen,
+  const anhyst_cells_memory memory = {mirrored(along.x, along.mirror), mirrored(along.rest, along.mirror),
+                                along.mirror == 0 ? along.active : -along.active, along.risen,
                                 any_within(-ONE, ONE - 1)};
   anhyst_candidate *at = &c.next;
   c.words = block_words;
   at->memory.cells = memory;
-  at->m = any_within(along.x, ONE - 1);
-  at->flux = any_within(-ONE, ONE);
-  at->y_slope = (int16_t)(spot_on(&along, along.row, along.x).at - block_words);
-  at->m_slope = (int16_t)any_within(0, ANHYST_Q15_MAX);
-  at->fine = (uint16_t)fineness(&along, along.x);
+  at->of.cells.joins = any_within(along.x, ONE - 1);
+  at->of.cells.flux = any_within(-ONE, ONE);
+  at->of.cells.segment = (int16_t)(spot_on(&along, along.row, along.x).at - block_words);
+  at->of.cells.rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  at->of.cells.fineness = (uint16_t)grid_on(&along, along.x);
   int32_t flux = 0;
-  const int met = met_on_segment(block_words, solve.arms, solve.target, at, &flux);
+  const int met = meet_on_segment(block_words, solve.arms, solve.target, at, &flux);
   if (met != MET) {
     (void)go_beyond(block_words, &c.memory.cells, c.plays, solve.arms, solve.target, at, met);
   }
@@ -390,8 +395,8 @@ static void prove_field(void)
   c.words = block_words;
   c.arms = any_arms();
   c.flux = any_within(-ONE, ONE);
+  c.stage = (uint16_t)any_within(ANHYST_STAGE_UNKNOWN, ANHYST_STAGE_HERE);
   (void)cells_field(&c);
-  SHOW(is_inside(c.next.memory.cells.joined));
   (void)cells_flux(&c, nondet_i32());
 }
 
@@ -399,7 +404,7 @@ static void prove_keep(void)
 {
   (void)any_path();
   const anhyst_cells_memory from = any_memory();
-  anhyst_cells_keep(block_words, &from, rested);
+  keep_plays(block_words, &from, rested);
 }
 
 int main(void)

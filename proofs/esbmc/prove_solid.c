@@ -16,24 +16,26 @@ static inline int32_t proof_quotient(int32_t numerator, int32_t denominator)
 }
 #define anhyst_quotient proof_quotient
 
-#include "compensator/solid.c"
+#include "compensator/cells.c"
 
-int32_t anhyst_cells_meet(const int16_t *words, const anhyst_cells_memory *from, const int32_t *plays,
-                          const anhyst_arms *arms, int32_t target, anhyst_candidate *to)
+static number reach_current(const entry *words, const cells_memory *from, const number *plays,
+                            const arms_type *arms, number wanted, candidate *at, int is_known)
 {
-  SHOW(target >= -MOST_TARGET && target <= MOST_TARGET && arms->field_arm >= 0);
+  SHOW(wanted >= -MOST_TARGET && wanted <= MOST_TARGET && arms->field_arm >= 0);
   SHOW(arms->flux_arm > -ANHYST_Q15_MAX - 1);
-  to->memory.cells.x = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  to->m_slope = (int16_t)any_within(0, ANHYST_Q15_MAX);
-  to->fine = (uint16_t)any_within(2, 13);
+  at->memory.cells.x = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  at->of.cells.rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  at->of.cells.fineness = (uint16_t)any_within(2, 13);
   return nondet_i32();
 }
+
+static number flux_of_candidate(const entry *words, const candidate *at) { return nondet_i32(); }
 
 /* A block that passed its check. */
 static void any_block(int16_t *words)
 {
   words[ANHYST_WORD_CELLS_AIR] = (int16_t)any_within(1, ANHYST_Q15_MAX);
-  ASSUME(anhyst_solid_is_valid(words));
+  ASSUME(solid_is_valid(words));
 }
 
 /* Any place in the search for a compensator, its own shares and slopes apart. */
@@ -43,13 +45,13 @@ static void any_tick(solid_tick *tick, anhyst_compensator *c)
   c->arms.flux_arm = (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX);
   c->arms.field_arm = (int16_t)any_within(1, ANHYST_Q15_MAX);
   tick->c = c;
-  tick->flux_given = nondet_i16() != 0;
+  tick->is_flux_given = nondet_i16() != 0;
   tick->layers = layers_of(words);
   tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
   tick->hold = any_within(1, ANHYST_Q30_ONE);
-  tick->own = (int32_t)words[ANHYST_WORD_SOLID_OWN] * 4;
+  tick->own = own_of(words);
   for (int16_t i = 0; i < ANHYST_MEMORIES; i++) {
-    tick->share[i] = (int16_t)any_within(LEAST_SHARE, ANHYST_Q15_MAX);
+    tick->share[i] = (int16_t)any_within(SHARE_MIN, ANHYST_Q15_MAX);
     tick->stiffness[i] = any_within(1, ANHYST_Q31_MAX);
   }
 }
@@ -90,8 +92,8 @@ static void prove_owed(void)
   any_block(words);
   c.words = words;
   any_tick(&tick, &c);
-  const int32_t owed = owed_by(&tick, 1);
-  SHOW(owed >= -MOST_OWED && owed <= MOST_OWED);
+  const int32_t owed = owed_flux(words, nondet_i32(), MAX_OWED);
+  SHOW(owed >= -MAX_OWED && owed <= MAX_OWED);
   (void)is_met(&tick);
 }
 

@@ -2,7 +2,7 @@
 /* Rows of cells: what stands between two entries of a row, and by how much two rows differ there,
    stays below 1. Every rise and every change of the difference at every place; both are straight in
    the entries, of which so the outermost stand for all. */
-#include "compensator/cells_path.h"
+#include "compensator/cells_fixed.h"
 
 #define MOST ((int32_t)ANHYST_Q15_MAX * 32768)
 

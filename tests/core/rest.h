@@ -31,7 +31,8 @@ enum { RAMP = 64, SETTLED = 20000 };
       const number gap = (number)((0.5 + uniform(&seed, -1.3e-4, 1.3e-4)) * unit);                 \
       const number current =                                                                       \
           anhyst_play_map_solve_##format(&c, (number)((0.5 + noise) * unit), gap);                 \
-      const number on_grid = (number)(floor((double)current / grid + 0.5) * grid);                 \
+      const number on_grid =                                                                       \
+          (number)(fmin(floor((double)current / grid + 0.5) * grid, unit - grid));                 \
       anhyst_play_map_commit_##format(&c, is_rounded ? on_grid : current, gap);                    \
       if (tick == SETTLED) {                                                                       \
         first = (double)anhyst_play_map_solve_##format(&c, rest, rest);                            \

@@ -210,9 +210,8 @@ static void a_constant_demand_reverses_no_path(void)
     }
     changes += fixed.memory.cells.x != memory.x || fixed.memory.cells.active != memory.active ||
                f32.memory.cells.x < memory_f32.x || f32.memory.cells.x > memory_f32.x ||
-               f32.memory.cells.active != memory_f32.active ||
-               f64.memory.cells.x < memory_f64.x || f64.memory.cells.x > memory_f64.x ||
-               f64.memory.cells.active != memory_f64.active;
+               f32.memory.cells.active != memory_f32.active || f64.memory.cells.x < memory_f64.x ||
+               f64.memory.cells.x > memory_f64.x || f64.memory.cells.active != memory_f64.active;
   }
   CHECK(changes == 0);
 }
@@ -223,7 +222,8 @@ static void damage(void *state, size_t size, uint64_t *seed)
   static const uint32_t PATTERNS[8] = {0x7FC00000U, 0x7F800000U, 0xFF800000U, 0x7FFFFFFFU,
                                        0x80000000U, 0xFFFFFFFFU, 0x4B000000U, 0xFFF00000U};
   const uint64_t choice = random_bits(seed);
-  const uint32_t word = choice % 3U == 0U ? (uint32_t)random_bits(seed) : PATTERNS[choice / 3U % 8U];
+  const uint32_t word =
+      choice % 3U == 0U ? (uint32_t)random_bits(seed) : PATTERNS[choice / 3U % 8U];
   const size_t at = (size_t)(random_bits(seed) % (size / 4U)) * 4U;
   memcpy((char *)state + at, &word, 4);
 }

@@ -23,7 +23,7 @@ SOLVE = (
 SCALE = "  return high * b + ((low * b) >> 16);"
 CLAMP = "  return a > high ? high : a;"
 POWER = "    2,             /* 10 POWER"
-CONDITIONING = "  return anhyst_sat_q15(low + (span * way) / ramp);"
+CONDITIONING = "  return (entry)(low + (span * (number)climbed) / (number)ramp);"
 
 
 def on_target(line: str, right: str, wrong: str) -> str:
@@ -45,9 +45,9 @@ FAULTS = {
         "",
     ),
     "a conditioning current off by one": (
-        "src/compensator/compensator.c",
+        "src/compensator/generic/compensator.h",
         CONDITIONING,
-        on_target(CONDITIONING, "/ ramp", "/ ramp + 1"),
+        on_target(CONDITIONING, "/ (number)ramp", "/ (number)ramp + 1"),
         "start 0: hash of the conditioning sequence",
     ),
     "another parameter": (

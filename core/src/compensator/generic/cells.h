@@ -21,7 +21,8 @@
 /* Maximum number of segments that a search moves on from a candidate before a full solve. */
 #define MAX_SEGMENT_STEPS 4
 
-/* A path whose residual is larger than this, over 4, looks for all cells that were left together. */
+/* A path whose residual is larger than this, over 4, looks for all cells that were left together.
+ */
 #define LONG_PATH_RESIDUAL POWER_OF_HALF(6)
 
 /* The equation to solve, over 4, in the direction of the path. */
@@ -129,8 +130,9 @@ static number rests_with(cell_path *along, spot here, int last)
   return -beyond(along, there);
 }
 
-/* Moves to the target on the row of the moving cells, between low, which is on the segment here, and
-   high. After this segment, the search selects the last one whose lower end is below the target. */
+/* Moves to the target on the row of the moving cells, between low, which is on the segment here,
+   and high. After this segment, the search selects the last one whose lower end is below the
+   target. */
 static void go(cell_path *along, const equation *solve, const entry *here, number low, number high)
 {
   grid width = grid_on(along, low);
@@ -161,20 +163,19 @@ static void go(cell_path *along, const equation *solve, const entry *here, numbe
   along->x = clamped(place_in(begin, width, inner_part(part)), low, high);
 }
 
-/* Lets the cells that the reversal of this path has left join again, up to the target, by bisection. Returns the field where the last of them joins. */
+/* Lets the cells that the reversal of this path has left join again, up to the target, by
+ * bisection. Returns the field where the last of them joins. */
 static number rejoin(cell_path *along, const equation *solve, number low)
 {
-  spot left = along->left;
-  left.at += rows_on(along, along->active - 1);
-  const number others = along->rest - value_at(left);
+  const spot now = {along->left.at + rows_on(along, along->active - 1), along->left.part};
+  const number begin = along->rest;
   int least = along->active;
   int most = along->moved;
   while (least < most) {
     const int cells = (least + most + 1) / 2;
     const number next = joins_at(along, cells - 1, low);
     const entry *row = row_of(along, cells);
-    left.at = along->left.at + (row - along->rows);
-    const number rest = inside(others + value_at(left));
+    const number rest = inside(begin + between(now, along->left.at + rows_on(along, cells - 1)));
     if (missing_at(solve, next, value_at(spot_on(along, row, next)) + rest) <= 0) {
       most = cells - 1;
     } else {
@@ -189,8 +190,8 @@ static number rejoin(cell_path *along, const equation *solve, number low)
 }
 
 /* Lets cells join up to the target of a path that begins at a spot; returns the segment of the last
-   join. Sets the field of this join, and that of the next one. Cells left together are looked for up
-   to the given last one, and among all cells after one has joined: a short path ends before the
+   join. Sets the field of this join, and that of the next one. Cells left together are looked for
+   up to the given last one, and among all cells after one has joined: a short path ends before the
    second cell joins. */
 static const entry *join(cell_path *along, const equation *solve, spot here, int last, number *end)
 {
@@ -224,8 +225,8 @@ static const entry *join(cell_path *along, const equation *solve, spot here, int
   return here.at;
 }
 
-/* Follows a path that begins below the target: lets cells join, and moves to the target. Returns the
-   field where the next cell joins. */
+/* Follows a path that begins below the target: lets cells join, and moves to the target. Returns
+   the field where the next cell joins. */
 static number pursue(cell_path *along, const equation *solve, spot begin, int last)
 {
   number next;
@@ -381,14 +382,14 @@ static inline int meet_on_segment(const entry *words, const arms_type *arms, num
   return is_flux(*flux) && x <= at->of.cells.joins ? MET : NOT_MET;
 }
 
-/* Solves from a candidate near the target, otherwise from the memory; returns h*x + m there, over 4.
-   met: the result on the segment of the candidate. */
+/* Solves from a candidate near the target, otherwise from the memory; returns h*x + m there,
+   over 4. met: the result on the segment of the candidate. */
 static number go_beyond(const entry *words, const cells_memory *from, const number *plays,
                         const arms_type *arms, number wanted, candidate *at, int met)
 {
   number flux = 0;
-  for (int more = MAX_SEGMENT_STEPS - 1;
-       met == BEYOND && more > 0 && step_segment(words, at); more--) {
+  for (int more = MAX_SEGMENT_STEPS - 1; met == BEYOND && more > 0 && step_segment(words, at);
+       more--) {
     met = meet_on_segment(words, arms, wanted, at, &flux);
   }
   return met == MET ? flux : travel(words, from, plays, arms, wanted, at);
@@ -413,9 +414,9 @@ static number cells_flux(compensator *c, number current)
                                   c->stage != ANHYST_STAGE_UNKNOWN));
 }
 
-/* Solves for a flux that is not on the segment of the candidate. A flux that needs more current than
-   a limit leads to this limit, where the commit of the limited current finds its candidate. Returns
-   a field that is at the flux, or at the limit or beyond. */
+/* Solves for a flux that is not on the segment of the candidate. A flux that needs more current
+   than a limit leads to this limit, where the commit of the limited current finds its candidate.
+   Returns a field that is at the flux, or at the limit or beyond. */
 static number field_beyond(compensator *c, int met)
 {
   const arms_type *arms = &c->arms;

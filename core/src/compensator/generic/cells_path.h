@@ -42,7 +42,10 @@ static inline const entry *row_of(const cell_path *along, int cells)
 }
 
 /* Whether x is in the zone of narrow segments. */
-static inline int is_near(const cell_path *along, number x) { return is_around_zero(x, along->inner); }
+static inline int is_near(const cell_path *along, number x)
+{
+  return is_around_zero(x, along->inner);
+}
 
 static inline grid grid_on(const cell_path *along, number x)
 {

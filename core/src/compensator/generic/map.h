@@ -11,7 +11,7 @@ static inline int is_map(const map_type *map)
   const entry *now = map->entries;
   const size_t length = columns_of(map) + 1U;
   for (size_t row = 0; row <= rows_of(map); row++) {
-    for (size_t column = 0; column < length; column++, now++) {
+    for (size_t column = 0; column < length; column++) {
       const number value = now[0];
       const number rise = column > 0U ? value - now[-1] : 0;
       const number change = row > 0U ? value - *(now - length) : 0;
@@ -19,6 +19,7 @@ static inline int is_map(const map_type *map)
             change >= -LARGEST && change <= LARGEST)) {
         return 0;
       }
+      now++;
     }
   }
   return 1;

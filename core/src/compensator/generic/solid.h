@@ -9,9 +9,9 @@
    A pass goes inwards and outwards. Inwards, everything further out is a straight line, from the
    tangents of the layers at their last positions. Outwards, each layer meets its line with its own
    law, exactly, from the middle on. The error of a pass is the difference between tangents and law.
-   The residual of the last pass is owed to the next tick: a tick of a slow drive changes the flux by
-   less than the resolution of a row, and the fields between the layers would have many times that
-   error.
+   The residual of the last pass is owed to the next tick: a tick of a slow drive changes the flux
+   by less than the resolution of a row, and the fields between the layers would have many times
+   that error.
 
    Slopes are of a field over a flux. They are approximate: a pass checks their result. */
 
@@ -42,7 +42,7 @@ typedef struct {
   number flux[ANHYST_MEMORIES];      /* in the layer itself */
   number field[ANHYST_MEMORIES];     /* E_j, E_l */
   number stiffness[ANHYST_MEMORIES]; /* their slopes over S_j, and over the flux for E_l */
-  number left[ANHYST_MEMORIES];      /* residual of the equation between a layer and the one before */
+  number left[ANHYST_MEMORIES]; /* residual of the equation between a layer and the one before */
 } solid_tick;
 
 /* The circuit outside of a section: a field, and how much it falls as the flux of that section
