@@ -80,8 +80,8 @@ def test_cmake_files_of_thin_and_solid_iron_build_one_program(
         encoding="utf-8",
     )
     for command in (
-        [cmake, "-S", tmp_path, "-B", tmp_path / "b"],
-        [cmake, "--build", tmp_path / "b"],
+        [cmake, "-S", str(tmp_path), "-B", str(tmp_path / "b")],
+        [cmake, "--build", str(tmp_path / "b")],
     ):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr + done.stdout
