@@ -10,7 +10,7 @@
   /@ requires 0 <= a && 0 <= b <= 8191;
      assigns \nothing;
      ensures 0 <= a * b <= a * 8191; @/
-  void part_of(int32_t a, int32_t b) {
+  void fraction_of(int32_t a, int32_t b) {
     //@ assert 0 <= a * b;
     //@ assert 0 <= a * (8191 - b);
   }

@@ -214,8 +214,8 @@ class Packer:
         self.put(name, value / scale, key)
         if not self.is_fixed:
             real = np.float32 if self.number_format == "f32" else np.float64
-            word, full, most = real(value / scale), real(scale), abs(real(value))
-            while abs(word * full) > most:
+            word, full = real(value / scale), real(scale)
+            while abs(float(word * full)) > abs(float(real(value))):
                 word = np.nextafter(word, real(0.0))
             self._head[WORDS[self.kind][name]] = word
 

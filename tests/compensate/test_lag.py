@@ -1,0 +1,91 @@
+"""A single lag of solid iron is compiled in every kind and format: fast demands are met as slow ones are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anhyst.compensate.budget import measure_budget
+from anhyst.compensate.force_controller import Io, twin_of
+from anhyst.compensate.plan import CompileRequest, Plan, make_plan
+from anhyst.model.actuator import Model
+from tests.actuators import magnet
+from tests.compilation.test_compile import measured
+from tests.compensate.test_solid import magnet as cell_magnet
+
+RATE = 2e4
+FORMATS: tuple[Io, ...] = ("q15", "q31", "f32")
+
+
+def late_magnet(gamma: float = 20.0) -> Model:
+    """Return a magnet of Jiles and Atherton whose field is late."""
+    still = measured(magnet(play=105.0))
+    return replace(still, parameters={**still.parameters, "gamma": gamma})
+
+
+def late_cells() -> Model:
+    """Return a magnet of play cells whose field is late, without layers."""
+    late = cell_magnet(None)
+    still = measured(late.at_rest)
+    return replace(still, parameters={**still.parameters, "gamma": late.parameters["gamma"]})
+
+
+def plan_of(model: Model, io: Io, kind: str = "full") -> Plan:
+    return make_plan(model, CompileRequest(kind, io, RATE, accuracy=2.0), 0)  # type: ignore[arg-type]
+
+
+def worst_error(plan: Plan, block: object, frequency: float) -> float:
+    """Return the worst force error of a wave from rest at one gap, per cent of the largest force."""
+    ticks = int(3 * RATE / frequency)
+    wave = 0.5 - 0.5 * np.cos(2.0 * np.pi * frequency * np.arange(ticks) / RATE)
+    demand = plan.block.limits.demand[1] * (0.05 + 0.6 * wave)
+    gap = np.full(ticks, float(np.mean(plan.model.nodes)))
+    current = twin_of(block, plan.request.io).run(demand, gap)  # type: ignore[arg-type]
+    late = plan.builder.late
+    assert late is not None
+    drive, gaps = np.append(0.0, current), np.append(gap[0], gap)
+    time = np.arange(drive.size) / RATE
+    output = late.predict(drive, gaps, time, history="demagnetised").output[1:]
+    settled = slice(int(RATE / frequency), None)
+    return 100.0 * float(np.abs(output - demand)[settled].max()) / plan.largest
+
+
+@pytest.mark.parametrize("io", FORMATS)
+def test_a_fast_demand_is_met_with_the_lag_and_missed_without(io: Io) -> None:
+    plan = plan_of(late_magnet(), io)
+    followed, still = (worst_error(plan, block, 100.0) for block in (plan.block, plan.still))
+    assert still > 2.5
+    assert followed < 0.2 * still
+    assert followed < 1.0
+
+
+def test_play_cells_and_the_simplified_law_follow_a_lag_too() -> None:
+    for model, kind in ((late_cells(), "full"), (late_magnet(), "simplified")):
+        plan = plan_of(model, "q31", kind)
+        slow = worst_error(plan, plan.block, 2.0)
+        followed, still = (worst_error(plan, block, 100.0) for block in (plan.block, plan.still))
+        assert still > 1.5 * followed
+        assert followed < slow + 1.0
+
+
+def test_at_rest_a_lag_changes_no_current() -> None:
+    """What bias and flux arm get cancels: the standing current is that of the model without it."""
+    plan = plan_of(late_magnet(), "q31")
+    demand = np.full(400, 0.4 * plan.block.limits.demand[1])
+    gap = np.full(400, float(np.mean(plan.model.nodes)))
+    with_lag, without = (
+        twin_of(block, "q31").run(demand, gap)[-1] for block in (plan.block, plan.still)
+    )
+    assert with_lag == pytest.approx(without, rel=2e-3)
+
+
+@pytest.mark.slow
+def test_budget_has_a_row_for_the_lag() -> None:
+    budget = measure_budget(plan_of(late_magnet(), "q15"))
+    part = budget.part("rate")
+    assert part is not None
+    assert part.worst is not None
+    assert "at rest it would be" in part.note
+    assert part.worst < 0.01 * budget.largest
