@@ -129,8 +129,8 @@ enum {
   LINK_SIGNAL_COUNT = 15
 };
 
-/* Low, high, value at the start, this in ms if it is a time (else 0), whether it may be written
-   in the state run. */
+/* Low, high, value at the start, this in ms if it is a time (else 0), whether it may be
+   written in the state run. */
 #define LINK_SETTING_TABLE \
   {INT32_C(2), INT32_C(1000000), INT32_C(0), 100, 1}, /* heartbeat_ticks */ \
   {INT32_C(1), INT32_C(2147483647), INT32_C(2147483647), 0, 1}, /* demand_slew */ \

@@ -172,7 +172,8 @@ def frames_header(frames: Entry, signals: Entry) -> str:
         for s in signals["setting"]
     ]
     parts.append(
-        "/* Low, high, value at the start, this in ms if it is a time (else 0), whether it may be written\n   in the state run. */\n"
+        "/* Low, high, value at the start, this in ms if it is a time (else 0), whether it may be\n"
+        "   written in the state run. */\n"
         "#define LINK_SETTING_TABLE \\\n" + " \\\n".join(rows)
     )
     parts += [frame_code(frame) for frame in frames["frame"]]
