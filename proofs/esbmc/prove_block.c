@@ -29,11 +29,10 @@ static const anhyst_kernel *const kernel = &anhyst_kernel_simplified;
 static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
 #else
 #include "compensator/full.c"
-#include "compensator/full_block.c"
 static const anhyst_kernel *const kernel = &anhyst_kernel_full;
 
 /* Any answer: its products are too much for a solver. */
-static int current_rises(const int16_t *words)
+static int does_current_rise(const int16_t *words)
 {
   (void)words;
   return nondet_i16() != 0;
