@@ -257,6 +257,7 @@ int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state,
   state->head = heads;
   for (j = 0; j < body->coordinates; j++) {
     state->pose[body->coordinate[j].axis] = body->coordinate[j].rest;
+    state->can_turn |= body->coordinate[j].axis >= 3;
   }
   for (j = 0; j < body->magnets; j++) {
     memset(&actuators[j], 0, sizeof actuators[j]);
@@ -266,7 +267,6 @@ int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state,
   anhyst_plant_noise_start(&state->noise, seed);
   anhyst_plant_sensor_start(&state->force_sensing, 0.0);
   stand(body, state);
-  state->can_turn = body->coordinate[body->coordinates - 1].axis >= 3;
   take_cable(body, state);
   take_weight(body, state);
   return take_masses(body, state);

@@ -51,6 +51,8 @@ static inline void around_iron(const anhyst_plant_circuit *c, double gap, around
 {
   found->outer = c->joints;
   found->share = 1.0;
+  found->per_area = 0.0; /* nothing reads it of a cone */
+  found->widens = 1.0;
   found->moved = c->middle - gap;
   if (c->cone) {
     anhyst_plant_cone_at(c->cone, gap, &found->cone);

@@ -21,8 +21,8 @@ static inline void look(const anhyst_plant_iron *iron, const anhyst_plant_memory
     if (away < r && away > -r) {
       break;
     }
-    part = steel->weight[i] *
-           anhyst_plant_polarisation(&steel->curve, away > 0.0 ? at - r : at + r, &steep);
+    part =
+        steel->weight[i] * anhyst_plant_polarisation(&steel->curve, at - copysign(r, away), &steep);
     own->part[i] = part;
     density += part;
     slope += steel->weight[i] * steep;
@@ -52,7 +52,7 @@ static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
   for (i--; i >= 0; i--) {
     const double r = steel->threshold[i];
     rest += goal->own.cells.part[i];
-    cells->place[i] = at > cells->place[i] ? at - r : at + r;
+    cells->place[i] = at - copysign(r, at - cells->place[i]);
     cells->rest[i] = rest;
   }
   memory->density = ANHYST_PLANT_MU0 * at + rest;

@@ -32,13 +32,14 @@ static inline double anhyst_arctangent(double x)
   } else {
     /* atan(t) = atan(c) + atan((t - c)/(1 + t*c)) */
     const uint64_t first = UINT64_C(0x3FA0000000000000) >> 49U; /* of 1/32 */
-    uint64_t eighths;
-    uint64_t bits;
-    double c = 0.0;
     const anhyst_pair *at = anhyst_angles;
+    double c = 0.0;
+    uint64_t bits;
+    uint64_t eighths;
     memcpy(&bits, &t, sizeof bits);
     eighths = bits >> 49U;
-    if (eighths >= first) {
+    if (eighths >=
+        first) { /* a predicted branch: below 1/32 the quotient does not wait for the table */
       bits = (2U * eighths + 1U) << 48U;
       memcpy(&c, &bits, sizeof c);
       at += eighths - first + 1U;
