@@ -19,7 +19,7 @@ RATE = 2e4
 FORMATS: tuple[Io, ...] = ("q15", "q31", "f32")
 
 
-def late_magnet(gamma: float = 20.0) -> Model:
+def late_magnet(gamma: float = 3.0) -> Model:
     """Return a magnet of Jiles and Atherton whose field is late."""
     still = measured(magnet(play=105.0))
     return replace(still, parameters={**still.parameters, "gamma": gamma})
@@ -29,7 +29,7 @@ def late_cells() -> Model:
     """Return a magnet of play cells whose field is late, without layers."""
     late = cell_magnet(None)
     still = measured(late.at_rest)
-    return replace(still, parameters={**still.parameters, "gamma": late.parameters["gamma"]})
+    return replace(still, parameters={**still.parameters, "gamma": 1.5})
 
 
 def plan_of(model: Model, io: Io, kind: str = "full") -> Plan:
@@ -66,8 +66,8 @@ def test_play_cells_and_the_simplified_law_follow_a_lag_too() -> None:
         plan = plan_of(model, "q31", kind)
         slow = worst_error(plan, plan.block, 2.0)
         followed, still = (worst_error(plan, block, 100.0) for block in (plan.block, plan.still))
-        assert still > 1.5 * followed
-        assert followed < slow + 1.0
+        assert still > slow + 2.0
+        assert followed < slow + 0.2 * (still - slow)
 
 
 def test_at_rest_a_lag_changes_no_current() -> None:
