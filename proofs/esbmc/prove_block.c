@@ -52,8 +52,8 @@ int main(void)
 {
   int16_t before[2]; /* any */
   int16_t words[2];
-  ASSUME(anhyst_single_is_valid(before, 0) && anhyst_single_is_valid(words, 0));
-  (void)anhyst_in_unit(any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), before, words, 0);
+  ASSUME(is_single(before, 0) && is_single(words, 0));
+  (void)in_unit(any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), before, words, 0);
   return 0;
 }
 

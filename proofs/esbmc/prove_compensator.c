@@ -113,7 +113,7 @@ static void prove_swap(void)
   c.kernel = &any_kernel;
   c.words = words;
   anhyst_compensator_swap(&c, other);
-  SHOW(c.words == other && c.solved == 0U);
+  SHOW(c.words == other && c.stage == ANHYST_STAGE_UNKNOWN);
 }
 
 /* Any gap, any table over the gap within the block. */
@@ -124,7 +124,7 @@ static void prove_over_gap(void)
   const int32_t segments = 1 << words[ANHYST_WORD_GAP_SEGMENTS];
   const int16_t first = (int16_t)any_within(ANHYST_BLOCK_LEAST_WORDS, ANHYST_BLOCK_MOST_WORDS);
   ASSUME(first + segments + 1 <= ANHYST_BLOCK_MOST_WORDS);
-  const place at = gap_place(words, nondet_i32());
+  const place at = place_of(words, nondet_i32());
   SHOW(at.part >= 0 && at.part <= 32767);
   const int32_t segment = (int32_t)(at.words - words);
   SHOW(segment >= 0 && segment < segments);
