@@ -226,14 +226,14 @@ static void stages_are_those_of_the_table(void)
 static uint16_t flags_of_solve(compensator_type *c, signal demand, signal gap)
 {
   (void)SOLVE(c, demand, gap);
-  return c->flags;
+  return (uint16_t)(c->flags & ~ANHYST_UNCOMMITTED);
 }
 
 static uint16_t flags_of_commit(compensator_type *c, signal applied, signal gap)
 {
   (void)SOLVE(c, FULL_DEMAND / 8, GAP);
   COMMIT(c, applied, gap);
-  return c->flags;
+  return (uint16_t)(c->flags & ~ANHYST_UNCOMMITTED);
 }
 
 static void signals_out_of_range_raise_flags(void)
@@ -277,7 +277,7 @@ static void output_is_the_demand(void)
   for (int i = -20; i <= 20; i++) {
     const signal demand = (signal)((double)(FULL_DEMAND) * 0.02 * i);
     const signal current = SOLVE(&c, demand, GAP);
-    if (c.flags == 0U) {
+    if ((c.flags & ~ANHYST_UNCOMMITTED) == 0U) {
       COMMIT(&c, current, GAP);
       keep_worst(&worst, fabs((double)(OUTPUT(&c) - demand)) / (double)(FULL_DEMAND));
       FORMAT(anhyst_compensator_swap)(&c, block);
@@ -285,6 +285,120 @@ static void output_is_the_demand(void)
     }
   }
   CHECK_BELOW("output minus demand, of full scale", worst, 1e-4);
+}
+
+/* Every single solve without a commit is flagged by the next one, and by no other. */
+static void a_forgotten_commit_is_flagged(void)
+{
+  compensator_type c = started();
+  for (int i = 0; i < 20; i++) {
+    const int is_forgotten = i % 3 == 0;
+    const signal current = SOLVE(&c, FULL_DEMAND / 8, GAP);
+    CHECK(((c.flags & ANHYST_UNCOMMITTED) != 0U) == (i > 0 && (i - 1) % 3 == 0));
+    if (!is_forgotten) {
+      COMMIT(&c, current, GAP);
+    }
+  }
+}
+
+/* The start-up by the tick gives the same currents, and says when it is through. */
+static void conditioning_by_the_tick_is_the_sequence(void)
+{
+  compensator_type c = started();
+  for (int round = 0; round < 2; round++) {
+    for (int32_t tick = 0; tick < 20; tick++) {
+      const signal current = SIGNALS(anhyst_conditioning_step)(&c);
+      CHECK(!(current < CONDITIONING(&c, tick)) && !(current > CONDITIONING(&c, tick)));
+      COMMIT(&c, current, GAP);
+      CHECK((c.flags & ANHYST_CONDITIONING) != 0U);
+    }
+    CHECK(!(SIGNALS(anhyst_conditioning_step)(&c) > 0));
+    CHECK((c.flags & ANHYST_CONDITIONING) == 0U);
+    FORMAT(anhyst_compensator_demagnetise)(&c);
+  }
+}
+
+static void a_current_that_does_not_follow_is_seen(void)
+{
+  compensator_type c = started();
+  COMMIT(&c, FULL_CURRENT / 10, GAP);
+  CHECK(SIGNALS(anhyst_compensator_follows)(&c, FULL_CURRENT / 10, FULL_CURRENT / 100));
+  CHECK(SIGNALS(anhyst_compensator_follows)(&c, FULL_CURRENT / 11, FULL_CURRENT / 100));
+  CHECK(!SIGNALS(anhyst_compensator_follows)(&c, 0, FULL_CURRENT / 100));
+  CHECK(!SIGNALS(anhyst_compensator_follows)(&c, -(FULL_CURRENT / 10), FULL_CURRENT / 100));
+}
+
+/* Iron without layers or a lag takes missed ticks for one; with a lag each counts, 64 at most. */
+static void missed_ticks_are_made_up_for_where_time_matters(void)
+{
+  compensator_type c = started();
+  flux_calls = 0;
+  SIGNALS(anhyst_compensator_commit_after)(&c, FULL_CURRENT / 20, GAP, 7);
+  CHECK(flux_calls == 1);
+  table(block, ANHYST_WORD_GAP_LAG_ARM, 74, 0.1, 0.1, 65536.0);
+  seal(block);
+  CHECK(FORMAT(anhyst_compensator_init)(&c, &straight, block, WORDS) == ANHYST_OK);
+  flux_calls = 0;
+  SIGNALS(anhyst_compensator_commit_after)(&c, FULL_CURRENT / 20, GAP, 7);
+  CHECK(flux_calls == 7);
+  flux_calls = 0;
+  SIGNALS(anhyst_compensator_commit_after)(&c, FULL_CURRENT / 20, GAP, 65535U);
+  CHECK(flux_calls == 64);
+  flux_calls = 0;
+  SIGNALS(anhyst_compensator_commit_after)(&c, FULL_CURRENT / 20, GAP, 0);
+  CHECK(flux_calls == 1);
+}
+
+/* A lag asks for more current while the flux rises, and for none at rest. */
+static void a_lag_costs_current_while_the_flux_moves(void)
+{
+  compensator_type c = started();
+  const double still = (double)SOLVE(&c, FULL_DEMAND / 16, GAP) / (double)(FULL_CURRENT);
+  table(block, ANHYST_WORD_GAP_LAG_ARM, 74, 0.1, 0.1, 65536.0);
+  seal(block);
+  CHECK(FORMAT(anhyst_compensator_init)(&c, &straight, block, WORDS) == ANHYST_OK);
+  for (int i = 0; i < 4; i++) {
+    const signal current = SOLVE(&c, FULL_DEMAND / 16, GAP);
+    const double more = (double)current / (double)(FULL_CURRENT)-still;
+    COMMIT(&c, current, GAP);
+    if (i == 0) { /* 0.1 beside 0.25 for the flux and 0.25 for the field */
+      CHECK_BELOW("current of a lag", fabs(more / still - 0.2), 1e-3);
+    } else {
+      CHECK_BELOW("current of a lag at rest", fabs(more), 1e-6);
+    }
+  }
+  make_block(block);
+  table(block, ANHYST_WORD_GAP_LAG_ARM, 74, 0.3, 0.3, 65536.0); /* 0.25 + 0.3 is no weight */
+  seal(block);
+  CHECK((FORMAT(anhyst_block_check)(&straight, block, WORDS) == ANHYST_OK) == HAS_WIDE_WEIGHTS);
+}
+
+/* What is saved brings back output, flux and memory; any damage, or another block, is refused. */
+static void memory_survives_a_power_cycle(void)
+{
+  static FORMAT(anhyst_saved_memory) saved;
+  compensator_type c = started();
+  COMMIT(&c, FULL_CURRENT / 10, GAP);
+  const signal output = OUTPUT(&c);
+  FORMAT(anhyst_compensator_save)(&c, &saved);
+  compensator_type other = started();
+  CHECK(FORMAT(anhyst_compensator_restore)(&other, &saved) == ANHYST_OK);
+  CHECK(!(OUTPUT(&other) < output) && !(OUTPUT(&other) > output));
+  CHECK(memcmp(&other.memory, &c.memory, sizeof c.memory) == 0);
+  CHECK(other.stage == ANHYST_STAGE_UNKNOWN && other.flags == 0U);
+  int accepted = 0;
+  for (size_t i = 0; i < sizeof saved.word / sizeof saved.word[0]; i++) {
+    for (unsigned bit = 0; bit < 16U; bit++) {
+      saved.word[i] ^= (uint16_t)(1U << bit);
+      accepted += FORMAT(anhyst_compensator_restore)(&other, &saved) == ANHYST_OK;
+      saved.word[i] ^= (uint16_t)(1U << bit);
+    }
+  }
+  CHECK_BELOW("damaged memories accepted", accepted, 0);
+  block[ANHYST_WORD_MODEL] = 1;
+  seal(block);
+  CHECK(FORMAT(anhyst_compensator_init)(&other, &straight, block, WORDS) == ANHYST_OK);
+  CHECK(FORMAT(anhyst_compensator_restore)(&other, &saved) == ANHYST_BAD_PARAMETER);
 }
 
 int main(void)
@@ -295,5 +409,11 @@ int main(void)
   signals_out_of_range_raise_flags();
   conditioning_keeps_the_limits();
   output_is_the_demand();
+  a_forgotten_commit_is_flagged();
+  conditioning_by_the_tick_is_the_sequence();
+  a_current_that_does_not_follow_is_seen();
+  missed_ticks_are_made_up_for_where_time_matters();
+  a_lag_costs_current_while_the_flux_moves();
+  memory_survives_a_power_cycle();
   return verdict();
 }

@@ -14,7 +14,7 @@ void anhyst_compensator_save_f32(const anhyst_compensator_f32 *c, anhyst_saved_m
 }
 
 anhyst_status anhyst_compensator_restore_f32(anhyst_compensator_f32 *c,
-                                         const anhyst_saved_memory_f32 *from)
+                                             const anhyst_saved_memory_f32 *from)
 {
   return restore(c, from);
 }

@@ -14,7 +14,7 @@ void anhyst_compensator_save_f64(const anhyst_compensator_f64 *c, anhyst_saved_m
 }
 
 anhyst_status anhyst_compensator_restore_f64(anhyst_compensator_f64 *c,
-                                         const anhyst_saved_memory_f64 *from)
+                                             const anhyst_saved_memory_f64 *from)
 {
   return restore(c, from);
 }

@@ -8,7 +8,8 @@ double anhyst_conditioning_step_f64(anhyst_compensator_f64 *c)
   return anhyst_conditioning_f64(c, tick);
 }
 
-int anhyst_compensator_follows_f64(const anhyst_compensator_f64 *c, double measured, double tolerance)
+int anhyst_compensator_follows_f64(const anhyst_compensator_f64 *c, double measured,
+                                   double tolerance)
 {
   return size_of(measured * c->per_current - c->applied) <= tolerance * c->per_current;
 }

@@ -38,8 +38,8 @@ static place take_gap(compensator *c, number gap)
   return place_of(c->words, fraction);
 }
 
-/* How the current is made up in this tick. Iron with a lag asks for more current as long as its flux
-   rises, in proportion to the rise in a tick: at rest what bias and arm get cancels. */
+/* How the current is made up in this tick. Iron with a lag asks for more current as long as its
+   flux rises, in proportion to the rise in a tick: at rest what bias and arm get cancels. */
 static arms_type arms_at(const compensator *c, place at)
 {
   const entry *words = c->words;
