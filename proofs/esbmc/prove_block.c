@@ -8,7 +8,7 @@
    `watched`, so that what the check found of every entry is known of that one. */
 #include <stdlib.h>
 
-#ifdef UNIT
+#ifdef IN_UNIT
 #define ANHYST_PORT_HEADER "contracts.h"
 #endif
 #include "any.h"
@@ -20,7 +20,7 @@ static int16_t watched;
   ASSUME((i) >= (low) && (i) < (high));
 
 #include "compensator/block.c"
-#if defined(UNIT)
+#if defined(IN_UNIT)
 #elif defined(SIMPLIFIED)
 #include "compensator/simplified.c"
 static const anhyst_kernel *const kernel = &anhyst_kernel_simplified;
@@ -39,7 +39,7 @@ static int does_current_rise(const int16_t *words)
 }
 #endif
 
-#ifdef UNIT
+#ifdef IN_UNIT
 
 /* Proved in prove_map.c. */
 static inline int32_t anhyst_ratio(int32_t numerator, int32_t denominator)

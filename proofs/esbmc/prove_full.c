@@ -86,7 +86,7 @@ static anhyst_full_memory any_memory(void)
 static int has_begun(const path *along)
 {
   return inside(along->x) && inside(along->y) && inside(along->p) && inside(along->m) &&
-         along->play >= 0 && along->play < UNIT && along->tangent_step >= 0 &&
+         along->play >= 0 && along->play <= UNIT && along->tangent_step >= 0 &&
          along->tangent_step <= MAX_TANGENT_STEP;
 }
 
