@@ -318,7 +318,7 @@ static void prove_rejoin(void)
   const int32_t low = any_within(-ONE, ONE - 1);
   ASSUME(along.active < along.moved);
   const int32_t last = rejoin(&along, &solve, low);
-  SHOW(is_path(&along) && last >= low && last < ONE);
+  SHOW(is_path(&along) && is_inside(last));
 }
 
 static void prove_turn(void)

@@ -438,9 +438,9 @@ static number cells_field(compensator *c)
   candidate *at = &c->next;
   number flux;
   int met = NOT_MET;
-  if (c->stage == ANHYST_STAGE_HERE && is_placed(at)) { /* the path can reverse here */
-    at->memory.cells.joined =
-        inside(mirrored(c->memory.cells.x, at->memory.cells.active < 0 ? -1 : 0));
+  at->memory.cells.joined = /* the path can reverse where the memory is */
+      inside(mirrored(c->memory.cells.x, at->memory.cells.active < 0 ? -1 : 0));
+  if (c->stage == ANHYST_STAGE_HERE && is_placed(at)) {
     met = meet_on_segment(c->words, 0, quarter(c->flux), at, &flux);
   }
   return met == MET ? at->memory.cells.x : field_beyond(c, met);
