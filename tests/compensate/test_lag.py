@@ -12,8 +12,8 @@ from anhyst.compensate.force_controller import Io, twin_of
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.model.actuator import Model
 from tests.actuators import magnet
-from tests.compilation.test_compile import measured
 from tests.compensate.test_solid import magnet as cell_magnet
+from tests.compilation.test_compile import measured
 
 RATE = 2e4
 FORMATS: tuple[Io, ...] = ("q15", "q31", "f32")
