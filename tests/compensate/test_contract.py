@@ -27,6 +27,8 @@ from tests.truths import truth
 
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
 IOS = ("q15", "q31")
+UNCOMMITTED = 1024
+"""ANHYST_UNCOMMITTED of flags.h."""
 HIGH = largest_force("reluctance", 0.0, GAPS[-1])
 
 
@@ -202,7 +204,10 @@ def test_flags_show_which_limit_was_met() -> None:
     assert (
         twin.solve(0.999 * limits.demand[1], GAPS[-1]) <= limits.current[1] + scales.current / 2**15
     )
-    assert twin.flags == 2
+    assert twin.flags & ~UNCOMMITTED == 2
+    twin.solve(0.5 * HIGH, WIDE)
+    assert twin.flags == UNCOMMITTED
+    twin.commit(twin.solve(0.5 * HIGH, WIDE), WIDE)
     twin.solve(0.5 * HIGH, WIDE)
     assert twin.flags == 0
 

@@ -15,7 +15,7 @@ from anhyst.support.atomic import core_folder
 from anhyst.support.errors import NegativeResult
 from anhyst.verification.verify import verify
 from tests.compensate.test_solid import LAYERS, RATE, TOP, magnet
-from tests.compilation.test_compile import compiles_alone_on_16_bits
+from tests.compilation.test_compile import compiles_alone_on_16_bits, sources_of
 
 
 @pytest.fixture(scope="module", params=["f32", "q31", "q15"])
@@ -48,7 +48,7 @@ def test_every_file_compiles_alone_on_16_bits(compiled: Compiled) -> None:
 
 
 def test_the_example_compiles_without_a_warning(compiled: Compiled, tmp_path: Path) -> None:
-    sources = tuple(sorted(compiled.out.rglob("*.c")))
+    sources = tuple(map(Path, sources_of(compiled.out)))
     build = Build(sources, (compiled.out, compiled.out / "include"), flags=("-Wpedantic",))
     assert compile_c(["cc"], build, tmp_path / "program", "host") == 0
 
@@ -67,7 +67,7 @@ def test_a_controller_without_room_for_layers_refuses_their_block(tmp_path: Path
     folder = magnet(LAYERS["two"]).save(tmp_path / "magnet.toml")
     request = CompileRequest("full", "q31", RATE)
     compile_model(folder, tmp_path / "out", request)
-    sources = tuple(sorted((tmp_path / "out").rglob("*.c")))
+    sources = tuple(map(Path, sources_of(tmp_path / "out")))
     for memories in (2, 3, 1):
         folders = tmp_path / "out", tmp_path / "out" / "include"
         build = Build(sources, folders, {"ANHYST_MEMORIES": str(memories)})

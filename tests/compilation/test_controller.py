@@ -27,7 +27,7 @@ from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.loop import DROP, Scenario, SimulatedLoop
 from anhyst.rig.recording import Recording
 from anhyst.support.states import Command, Flag, Phase, State
-from tests.compilation.test_compile import compiles_alone_on_16_bits
+from tests.compilation.test_compile import compiles_alone_on_16_bits, sources_of
 from tests.core.test_c_core import tool
 from tests.refusals import says
 from tests.study import bearings
@@ -58,7 +58,7 @@ def compiled(place: Path) -> Compiled:
 
 
 def built(folder: Path, compiler: str, program: Path) -> str:
-    sources = sorted(str(file) for file in folder.rglob("*.c"))
+    sources = sources_of(folder)
     options = [*WARNINGS.split(), f"-I{folder / 'include'}"]
     command = [tool(compiler), *options, *sources, "-o", str(program)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -311,7 +311,7 @@ def test_every_setting_of_the_core_is_given(compiled: Compiled) -> None:
 def test_the_guide_reports_both_widths(compiled: Compiled) -> None:
     guide = (compiled.out / "DROP_IN.md").read_text()
     assert "a converter of 16 bits" in guide
-    assert "a signed 32-bit integer" in guide
+    assert "a signed integer of 32 bits" in guide
     assert "{" not in guide.split("## The position controller")[1].split("```c")[0]
 
 

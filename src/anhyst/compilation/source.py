@@ -114,7 +114,7 @@ def _calls(name: str, real: bool) -> dict[str, object]:
     suffix = "_f32" if real else ""
     arguments = (
         f"&compensator, &{name.upper()}_KERNEL, {name}_parameters,\n"
-        f"                                 {name.upper()}_PARAMETERS_WORDS"
+        f"{' ' * (33 + len(suffix))}{name.upper()}_PARAMETERS_WORDS"
     )
     return {
         "state": f"anhyst_compensator{suffix}",

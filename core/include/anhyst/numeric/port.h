@@ -26,8 +26,10 @@
 /* A check of how the functions are called, off unless the compiler is given another definition:
    -D'ANHYST_ASSERT(is_true)=assert(is_true)'. It finds a call of solve, commit or swap from an
    interrupt inside another call for the same compensator. */
-#ifndef ANHYST_ASSERT
-#define ANHYST_ASSERT(is_true) ((void)0)
+#ifdef ANHYST_ASSERT
+#define ANHYST_HAS_ASSERT 1
+#else
+#define ANHYST_HAS_ASSERT 0
 #endif
 
 /* C99 leaves the right shift of a negative number to the compiler. All that are known for embedded

@@ -18,14 +18,26 @@ static inline number limited(compensator *c, number a, number low, number high, 
   return a > high ? high : low;
 }
 
-/* Marks a compensator as busy; an assertion fails if it is. Keeps these flags. */
+/* Begins a call with these flags. In a debug build it marks the compensator as busy, and an
+   assertion fails if it is already. */
 static inline void enter(compensator *c, uint16_t flags)
 {
+#if ANHYST_HAS_ASSERT
   ANHYST_ASSERT((c->flags & ANHYST_FLAG_BUSY) == 0U);
   c->flags = (uint16_t)(flags | ANHYST_FLAG_BUSY);
+#else
+  c->flags = flags;
+#endif
 }
 
-static inline void leave(compensator *c) { c->flags &= (uint16_t)~ANHYST_FLAG_BUSY; }
+static inline void leave(compensator *c)
+{
+#if ANHYST_HAS_ASSERT
+  c->flags &= (uint16_t)~ANHYST_FLAG_BUSY;
+#else
+  (void)c;
+#endif
+}
 
 /* Where the gap falls in the tables; remembers the gap and flags one out of range. */
 static place take_gap(compensator *c, number gap)
