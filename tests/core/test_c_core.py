@@ -99,7 +99,7 @@ def test_claims_of_the_core_hold(programs: Path, name: str) -> None:
 def test_jiles_atherton_does_not_creep_in_ten_million_ticks(programs: Path) -> None:
     if "sanitized" in programs.parents[1].name:
         return
-    command = [programs / "test_full_formats", "10000000"]
+    command = [str(programs / "test_full_formats"), "10000000"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* CRC-32 (IEEE 802.3, reflected) of a parameter block, without a table. The bits of every word count,
-   low byte first. The two words of the checksum itself are left out. */
+/* CRC-32 (IEEE 802.3, reflected) of a parameter block, without a table. The bits of every word
+   count, low byte first. The two words of the checksum itself are left out. */
 #ifndef ANHYST_CHECKSUM_H
 #define ANHYST_CHECKSUM_H
 

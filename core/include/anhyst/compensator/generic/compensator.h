@@ -29,8 +29,8 @@ typedef struct {
   ANHYST_REAL level; /* y there */
 } anhyst_full_memory_x;
 
-/* State of the closed form. The path that the iron remembers begins at `turn` and reaches to `peak`;
-   no path is known if both are equal. */
+/* State of the closed form. The path that the iron remembers begins at `turn` and reaches to
+   `peak`; no path is known if both are equal. */
 typedef struct {
   ANHYST_REAL flux;
   ANHYST_REAL u;     /* bounded state at the peak */
