@@ -347,7 +347,8 @@ static int is_memory(const anhyst_cells_memory *to)
 
 static anhyst_cells_memory any_memory(void)
 {
-  const anhyst_cells_memory any = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
+  const anhyst_cells_memory any = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(),
+                                   nondet_i32()};
   return any;
 }
 
@@ -366,9 +367,9 @@ static void prove_slid(void)
   const anhyst_arms arms = any_arms();
   const equation solve = any_equation(&arms);
   anhyst_compensator c;
-  const anhyst_cells_memory memory = {mirrored(along.x, along.mirror), mirrored(along.rest, along.mirror),
-                                along.mirror == 0 ? along.active : -along.active, along.risen,
-                                any_within(-ONE, ONE - 1)};
+  const anhyst_cells_memory memory = {
+      mirrored(along.x, along.mirror), mirrored(along.rest, along.mirror),
+      along.mirror == 0 ? along.active : -along.active, along.risen, any_within(-ONE, ONE - 1)};
   anhyst_candidate *at = &c.next;
   c.words = block_words;
   at->memory.cells = memory;

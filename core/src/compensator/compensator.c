@@ -5,8 +5,9 @@
 #include "lookup.h"
 
 #define DEMAND_CODE 0
-#define CURRENT_CODE ((int32_t)65536) /* a q15 code: what an applied current may pass a limit by   \
-                                       */
+#define CURRENT_CODE                                                                               \
+  ((int32_t)65536) /* a q15 code: what an applied current may pass a limit by                      \
+                    */
 
 /* Where a gap falls in the tables over the gap. */
 typedef struct {

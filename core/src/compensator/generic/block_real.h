@@ -10,8 +10,9 @@
 #define MAX_CURRENT_SHIFT 0
 #define MAX_FLUX_SHIFT 0
 #define MAX_BLOCK_WORDS ANHYST_BLOCK_MOST_REAL_WORDS
-#define WORD_HALVES ((uint16_t)(sizeof(entry) / sizeof(uint16_t))) /* pieces of 16 bits in a word  \
-                                                                    */
+#define WORD_HALVES                                                                                \
+  ((uint16_t)(sizeof(entry) / sizeof(uint16_t))) /* pieces of 16 bits in a word                    \
+                                                  */
 
 /* Bits of a word, 16 at a time from the lowest on, whatever the order of bytes in memory. */
 static inline uint16_t bits_of(entry word, uint16_t half)

@@ -64,7 +64,8 @@ static number difference_of(number a, number b) { return a - b; }
 
 static number signal_of(number word) { return word; }
 
-static int is_finite(number a) { return a - a == (number)0; }
+/* Whether a is a number of at most 3e38. */
+static int is_finite(number a) { return size_of(a) <= (number)3e38; }
 
 /* Root of a number that is not negative, meant for 0..1. Below the knee, 2^(-2*knee), a straight
    line; from there to 1 a relative error below one unit in the last place of a float and 1e-14 in

@@ -9,9 +9,10 @@
 #define UNIT ((number)1)
 #define MAX_FIELD UNIT                             /* the largest field */
 #define RESIDUAL_DEADBAND ((number)4 * NUMBER_EPS) /* a residual that is not more than rounding */
-#define PLAY_SLACK ((number)4 * NUMBER_EPS) /* what rounding leaves between the play and its stop  \
-                                             */
-#define MIN_SLOPE ((number)1e-6)            /* the least slope of a sum that is divided by */
+#define PLAY_SLACK                                                                                 \
+  ((number)4 * NUMBER_EPS)       /* what rounding leaves between the play and its stop             \
+                                  */
+#define MIN_SLOPE ((number)1e-6) /* the least slope of a sum that is divided by */
 #define MAX_SLOPE ((number)1e6)
 #define QUARTER ((entry)0.25)
 
