@@ -10,7 +10,7 @@
 static int32_t least_flux_arm;
 
 /* Words that name a table, so that what stands in for over_gap() knows what it may hold. */
-enum { GAIN = 101, OFFSET, BIAS, FLUX_ARM, FIELD_ARM };
+enum { GAIN = 101, OFFSET, BIAS, FLUX_ARM, FIELD_ARM, LAG_ARM };
 
 static void any_head(int16_t *words)
 {
@@ -29,6 +29,7 @@ static void any_head(int16_t *words)
   words[ANHYST_WORD_GAP_BIAS] = BIAS;
   words[ANHYST_WORD_GAP_FLUX_ARM] = FLUX_ARM;
   words[ANHYST_WORD_GAP_FIELD_ARM] = FIELD_ARM;
+  words[ANHYST_WORD_GAP_LAG_ARM] = nondet_i16() != 0 ? LAG_ARM : 0;
 }
 
 static int32_t any_field(anhyst_compensator *c)
@@ -60,6 +61,9 @@ static int16_t over_gap(place at, int16_t first)
 {
   if (first == GAIN || first == FIELD_ARM) {
     return (int16_t)any_within(1, ANHYST_Q15_MAX);
+  }
+  if (first == LAG_ARM) {
+    return (int16_t)any_within(0, ANHYST_Q15_MAX);
   }
   return (int16_t)any_within(first == FLUX_ARM ? least_flux_arm : -ANHYST_Q15_MAX, ANHYST_Q15_MAX);
 }

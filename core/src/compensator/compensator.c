@@ -42,6 +42,14 @@ static int16_t over_gap(place at, int16_t first)
 
 static int32_t bias_of(int16_t over_gap) { return (int32_t)over_gap * 16384; }
 
+/* The nearest bias that a law takes. */
+static int32_t bias_within(int32_t bias)
+{
+  return anhyst_clamp(bias, -(ANHYST_Q30_ONE / 2), ANHYST_Q30_ONE / 2);
+}
+
+static int16_t arm_sum(int16_t a, int16_t b) { return anhyst_add_q15(a, b); }
+
 static int32_t product(int32_t a, int16_t weight) { return anhyst_scale(a, weight); }
 
 static int32_t sum_of(int32_t a, int32_t b) { return anhyst_add_q31(a, b); }

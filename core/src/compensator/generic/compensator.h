@@ -61,8 +61,8 @@ static arms_type arms_at(const compensator *c, place at)
   arms.field_arm = over_gap(at, words[ANHYST_WORD_GAP_FIELD_ARM]);
   if (words[ANHYST_WORD_GAP_LAG_ARM] > 0) {
     const entry lag = over_gap(at, words[ANHYST_WORD_GAP_LAG_ARM]);
-    arms.flux_arm = (entry)(arms.flux_arm + lag);
-    arms.bias -= product(c->flux_applied, lag);
+    arms.flux_arm = arm_sum(arms.flux_arm, lag);
+    arms.bias = bias_within(arms.bias - product(c->flux_applied, lag));
   }
   return arms;
 }

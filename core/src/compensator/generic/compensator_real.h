@@ -56,6 +56,10 @@ static number over_gap(place at, entry first)
 
 static number bias_of(number over_gap) { return over_gap; }
 
+static number bias_within(number bias) { return bias; }
+
+static number arm_sum(number a, number b) { return a + b; }
+
 static number product(number a, number weight) { return a * weight; }
 
 static number sum_of(number a, number b) { return a + b; }
