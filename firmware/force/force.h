@@ -28,11 +28,11 @@ struct app_body {
   app_current current;
 };
 
-/* The state of a controller with its task, without what it knows of its sensors: 200 bytes where a
+/* The state of a controller with its task, without what it knows of its sensors: 208 bytes where a
    pointer has four or fewer, and 120 for each further memory of solid iron. */
-typedef char app_force_is_at_most_200_bytes
+typedef char app_force_is_at_most_208_bytes
     [sizeof(struct app_body) - 2 * sizeof(app_sensor) - sizeof(app_current) + 16 <=
-             184 + 4 * (sizeof(void *) > 4 ? sizeof(void *) : 4) + 120UL * (ANHYST_MEMORIES - 1)
+             192 + 4 * (sizeof(void *) > 4 ? sizeof(void *) : 4) + 120UL * (ANHYST_MEMORIES - 1)
          ? 1
          : -1];
 

@@ -132,7 +132,7 @@ def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) 
         plan.request.io == "f32" and plan.block.kind == "full"
     )
     assert compiled.manifest["memory"]["parameters_bytes"] <= 2048
-    most = 140 if plan.block.is_fixed else 164
+    most = 148 if plan.block.is_fixed else 172
     assert compiled.manifest["memory"]["state_bytes"] <= most
 
 

@@ -169,8 +169,9 @@ def test_the_key_that_the_page_shows_in_c_is_the_key(tmp_path: Path) -> None:
     (code,) = re.findall(r"```c\n(.*?)```", page, re.S)
     source = tmp_path / "key.c"
     source.write_text(
-        "#include <stdint.h>\n#include <stdio.h>\nint main(void)\n{\n"
-        f'uint8_t seed[4] = {{1, 2, 254, 255}};\n{code}\nprintf("%08x", crc);\nreturn 0;\n}}\n'
+        f"#include <stdint.h>\n#include <stdio.h>\n{code}\nint main(void)\n{{\n"
+        "const uint8_t seed[4] = {1, 2, 254, 255};\n"
+        'printf("%08x", (unsigned)key_of(seed));\nreturn 0;\n}\n'
     )
     subprocess.run([tool("cc", "gcc"), source, "-o", tmp_path / "key"], check=True)
     shown = subprocess.run([tmp_path / "key"], capture_output=True, text=True, check=True).stdout

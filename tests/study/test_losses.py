@@ -182,7 +182,7 @@ def phases(run: Recording) -> list[int]:
 def test_from_rest_off_its_place_to_flight_and_back() -> None:
     run = commanded(laid("10", heads=6), {UP: Command.LIFT, DOWN: Command.LAND})
     assert phases(run) == [0, 2, 3, 4, 0]
-    assert run["flags"][:DOWN].max() == 0
+    assert set(run["flags"][:DOWN]) <= {0, int(Flag.GAP_LIMITED)}  # where the body lies
     pose, speed = poses(run), run["velocity_3_m_per_s"]
     hover = slice(DOWN - 100, DOWN)
     assert np.abs(pose[hover, :3]).max() < 30e-9

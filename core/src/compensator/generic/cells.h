@@ -407,8 +407,19 @@ static inline number reach_current(const entry *words, const cells_memory *from,
   return met == MET ? flux : go_beyond(words, from, plays, arms, wanted, at, met);
 }
 
+/* Lets a path from the memory reverse there: no search on a segment goes back beyond it. */
+static inline void begin_at_memory(compensator *c)
+{
+  candidate *at = &c->next;
+  at->memory.cells.joined =
+      inside(mirrored(c->memory.cells.x, at->memory.cells.active < 0 ? -1 : 0));
+}
+
 static number cells_flux(compensator *c, number current)
 {
+  if (c->stage == ANHYST_STAGE_HERE) { /* a commit without a solve */
+    begin_at_memory(c);
+  }
   return four_times(reach_current(c->words, &c->memory.cells, c->plays, &c->arms,
                                   quarter(current) - quarter(c->arms.bias), &c->next,
                                   c->stage != ANHYST_STAGE_UNKNOWN));
@@ -438,8 +449,7 @@ static number cells_field(compensator *c)
   candidate *at = &c->next;
   number flux;
   int met = NOT_MET;
-  at->memory.cells.joined = /* the path can reverse where the memory is */
-      inside(mirrored(c->memory.cells.x, at->memory.cells.active < 0 ? -1 : 0));
+  begin_at_memory(c);
   if (c->stage == ANHYST_STAGE_HERE && is_placed(at)) {
     met = meet_on_segment(c->words, 0, quarter(c->flux), at, &flux);
   }
