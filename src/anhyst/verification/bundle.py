@@ -24,7 +24,7 @@ VECTORS = "vectors.csv"
 LEVITATION = "controller.csv"
 """What a folder with a position controller holds beside the compensator's vectors."""
 PORT_HEADER = "port/anhyst_port_cortex_m4.h"
-EXAMPLE = "main.c"
+EXAMPLES = ("main.c", "example/interrupt.c")
 FORMATS = {"q15": "15", "q31": "31", "f32": "32"}
 PLAY = "play"
 """Kind of a map with one play, which is no compensator with a kernel."""
@@ -50,7 +50,7 @@ class Bundle:
     def c_files(self) -> tuple[str, ...]:
         """All that a project compiles or includes, by path below the folder."""
         names = (str(name) for name in self.manifest["files"])
-        return tuple(name for name in names if name[-2:] in {".c", ".h"} and name != EXAMPLE)
+        return tuple(name for name in names if name[-2:] in {".c", ".h"} and name not in EXAMPLES)
 
     def copy_sources(self, folder: Path) -> None:
         """Copy the C and the port header to a folder, to be compiled there."""
