@@ -367,10 +367,6 @@ static void a_lag_costs_current_while_the_flux_moves(void)
       CHECK_BELOW("current of a lag at rest", fabs(more), 1e-6);
     }
   }
-  make_block(block);
-  table(block, ANHYST_WORD_GAP_LAG_ARM, 74, 0.3, 0.3, 65536.0); /* 0.25 + 0.3 is no weight */
-  seal(block);
-  CHECK((FORMAT(anhyst_block_check)(&straight, block, WORDS) == ANHYST_OK) == HAS_WIDE_WEIGHTS);
 }
 
 /* What is saved brings back output, flux and memory; any damage, or another block, is refused. */

@@ -16,7 +16,6 @@ static int nested; /* calls that found another one running */
 #define SOLVE anhyst_compensator_solve_q31
 #define COMMIT anhyst_compensator_commit_q31
 #define SIGNALS(name) name##_q31
-#define HAS_WIDE_WEIGHTS 0 /* a flux arm and a lag may be 0.55 together */
 #define OUTPUT anhyst_compensator_output_q31
 #define CONDITIONING(c, tick) anhyst_conditioning_q31(c, tick)
 

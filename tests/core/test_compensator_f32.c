@@ -16,7 +16,6 @@
 #define SOLVE anhyst_compensator_solve_f32
 #define COMMIT anhyst_compensator_commit_f32
 #define SIGNALS(name) name##_f32
-#define HAS_WIDE_WEIGHTS 1 /* a flux arm and a lag may be 0.55 together */
 #define OUTPUT anhyst_compensator_output_f32
 #define CONDITIONING(c, tick) anhyst_conditioning_f32(c, tick)
 

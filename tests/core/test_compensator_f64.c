@@ -16,7 +16,6 @@
 #define SOLVE anhyst_compensator_solve_f64
 #define COMMIT anhyst_compensator_commit_f64
 #define SIGNALS(name) name##_f64
-#define HAS_WIDE_WEIGHTS 1 /* a flux arm and a lag may be 0.55 together */
 #define OUTPUT anhyst_compensator_output_f64
 #define CONDITIONING(c, tick) anhyst_conditioning_f64(c, tick)
 

@@ -43,23 +43,11 @@ static int are_limits(const entry *words, int16_t low, int16_t high)
          is_in_range(words[high], words[low], ENTRY_ONE);
 }
 
-/* Whether a lag has a table over the gap, and every sum of it with the flux arm is an entry. */
+/* Whether a lag, if there is one, has a table over the gap. Its sum with the flux arm saturates. */
 static int is_lag_valid(const entry *words)
 {
-  if (words[ANHYST_WORD_GAP_LAG_ARM] == 0) {
-    return 1;
-  }
-  if (!is_table_over_gap(words, ANHYST_WORD_GAP_LAG_ARM, 0)) {
-    return 0;
-  }
-  const entry *lag = words + (int32_t)words[ANHYST_WORD_GAP_LAG_ARM];
-  const entry *arm = words + (int32_t)words[ANHYST_WORD_GAP_FLUX_ARM];
-  for (int32_t i = 0; i <= (int32_t)1 << (int32_t)words[ANHYST_WORD_GAP_SEGMENTS]; i++) {
-    if (!is_in_range(arm[i], -ENTRY_MOST, (entry)(ENTRY_MOST - lag[i]))) {
-      return 0;
-    }
-  }
-  return 1;
+  return words[ANHYST_WORD_GAP_LAG_ARM] == 0 ||
+         is_table_over_gap(words, ANHYST_WORD_GAP_LAG_ARM, 0);
 }
 
 static int are_common_words_valid(const entry *words)
