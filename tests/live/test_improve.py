@@ -164,7 +164,7 @@ def test_what_is_compiled_for_a_bearing_that_flies_is_what_it_flies_with(firmwar
     assert isinstance(running, HysteresisInverse)
     same = block_of(prepared.compile(prepared.model))
     assert same.scales == running.scales
-    assert same.words.tolist() == running.block.words.tolist()  # type: ignore[union-attr]
+    assert same.words.tolist() == running.block.words.tolist()
     seen = prepared.model.valid
     assert seen is not None
     little = replace(prepared.model, valid=replace(seen, input=(0.0, 3.0)))

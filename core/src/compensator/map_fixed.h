@@ -24,7 +24,7 @@ typedef struct {
 static inline place place_of(number signal, uint16_t n)
 {
   const uint32_t code = signal > 0 ? (uint32_t)signal : 0U;
-  const place at = {(unsigned)(code >> (31U - n)), (number)((code << n) & 0x7FFFFFFFUL)};
+  const place at = {(size_t)(code >> (31U - n)), (number)((code << n) & 0x7FFFFFFFUL)};
   return at;
 }
 
