@@ -150,6 +150,7 @@ static int find_from_end(compensator *c, number wanted)
   begin(&along, c->words, &c->memory.full, way);
   at.x = above(turned(to_inner(end->memory.full.x), way), along.x);
   at.y = turned(to_inner(end->memory.full.y), way);
+  at.p = along.p;
   at.m = within_unit(turned(end->of.full.m, way));
   at.y_slope = rising(end->of.full.y_slope);
   at.m_slope = rising(end->of.full.m_slope);

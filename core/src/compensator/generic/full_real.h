@@ -112,7 +112,8 @@ static inline entry air_of_current(entry air, const arms_type *arms)
 
 static inline number sum_rounding(entry air, slope steepest)
 {
-  (void)air, (void)steepest;
+  (void)air;
+  (void)steepest;
   return 0;
 }
 
