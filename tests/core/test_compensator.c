@@ -2,7 +2,7 @@
 /* Claims of the fixed-point compensator, and of calls inside other ones. */
 static int nested; /* calls that found another one running */
 #define ANHYST_ASSERT(is_true) (nested += (is_true) ? 0 : 1)
-#include "compensator/compensator.c"
+#include "compensator/compensator.c" /* NOLINT(bugprone-suspicious-include) */
 
 #define FORMAT(name) name
 #define signal int32_t

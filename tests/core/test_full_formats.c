@@ -129,7 +129,7 @@ static void formats_agree_on_random_paths(int arm)
     const double errors[2] = {fabs(fixed_field(flux) - x), fabs(f32_field(flux) - x)};
     for (int which = 0; which < 2; which++) {
       keep_worst(&field_error[which], errors[which]);
-      squares[which] += errors[which] * errors[which] / STEPS;
+      squares[which] += errors[which] * errors[which] / (double)STEPS;
     }
     double current = double_of(flux_arm) * flux + double_of(field_arm) * x;
     current = i % 3 == 0 ? floor(current * 4096.0) / 4096.0 : rounded(current);
@@ -234,7 +234,7 @@ static void a_constant_demand_moves_nothing(void)
     changes += memcmp(&memory_f32, &f32.memory.full, sizeof memory_f32) != 0;
   }
   CHECK_BELOW("ticks of a constant demand in which the memory changes, share",
-              changes / (STEPS / 5.0), 1e-3);
+              changes / ((double)STEPS / 5.0), 1e-3);
 }
 
 /* Damages one word of the state. */

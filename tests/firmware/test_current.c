@@ -22,7 +22,7 @@ typedef struct {
 } amplifier;
 
 static const amplifier normal = {0.5, 0.03, 1.02, 0.01, 0.004, 0.0};
-static const amplifier slowest = {1.0 / LAG, 1.0 / SWEEP, 1.0, 0.0, 0.004, 0.0};
+static const amplifier slowest = {1.0 / (double)LAG, 1.0 / (double)SWEEP, 1.0, 0.0, 0.004, 0.0};
 
 static uint32_t seed;
 

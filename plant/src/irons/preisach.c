@@ -56,7 +56,7 @@ static int leads_up(const anhyst_plant_memory *memory)
 {
   const anhyst_plant_preisach *own = &memory->own.preisach;
   const int turns = own->turns;
-  if (turns == 0) {
+  if (turns <= 0) {
     return memory->at > 0.0;
   }
   return own->turn[turns - 1].at < (turns > 1 ? own->turn[turns - 2].at : 0.0);

@@ -106,6 +106,7 @@ static number look_elsewhere(const path *along, const equation *of, const interv
    and at least 1, since tangents at the start would add up errors of many short steps; the last
    step is taken along the tangents. If the solution is beyond that of the equation `limit`, solves
    that one instead and returns 1. */
+/* NOLINTNEXTLINE(readability-function-cognitive-complexity): one search, its state in locals */
 static int rise(const path *along, const equation *of, const equation *limit, answer *found)
 {
   const number moves = along->departure > along->p ? along->departure : along->p;
