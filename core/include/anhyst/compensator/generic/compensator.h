@@ -123,7 +123,7 @@ typedef struct {
 } anhyst_deeper_x;
 #endif
 
-/* One compensator: 164 bytes or fewer in single precision on targets with 32-bit pointers, for thin
+/* One compensator: 172 bytes or fewer in single precision on targets with 32-bit pointers, for thin
    iron. */
 typedef struct anhyst_compensator_x {
   const anhyst_kernel_x *kernel;
