@@ -53,61 +53,14 @@ static void fill(void)
   }
 }
 
-/* The arms of the current at the gap of the tick, weights. */
-static int flux_arm = 12000;
-static int field_arm = 16000;
-
-/* A compensator of each format, and its steps in fractions. */
-#define FORMAT(name, type, arms_type, kernel_of_law, number, words_of_law, one, weight)            \
-  static type name;                                                                                \
-  static void name##_start(void)                                                                   \
-  {                                                                                                \
-    const type none = {.kernel = &kernel_of_law, .words = words_of_law};                           \
-    name = none;                                                                                   \
-  }                                                                                                \
-  static double name##_field(double flux)                                                          \
-  {                                                                                                \
-    const arms_type arms = {0, weight(flux_arm), weight(field_arm)};                               \
-    name.arms = arms;                                                                              \
-    name.flux = (number)(flux * (one));                                                            \
-    name.stage = name.stage == ANHYST_STAGE_HERE ? ANHYST_STAGE_HERE : ANHYST_STAGE_UNKNOWN;       \
-    const number x = name.kernel->field(&name);                                                    \
-    name.stage = ANHYST_STAGE_AHEAD;                                                               \
-    name.flux_applied = name.flux;                                                                 \
-    return (double)x / (one);                                                                      \
-  }                                                                                                \
-  static double name##_flux(double current)                                                        \
-  {                                                                                                \
-    name.flux_applied = name.kernel->flux(&name, (number)(current * (one)));                       \
-    return (double)name.flux_applied / (one);                                                      \
-  }                                                                                                \
-  static void name##_keep(void)                                                                    \
-  {                                                                                                \
-    name.memory = name.next.memory;                                                                \
-    name.stage = ANHYST_STAGE_HERE;                                                                \
-  }
-
-static int16_t weight_of(int arm) { return (int16_t)arm; }
-static float single_of(int arm) { return (float)arm / 65536.0F; }
-static double double_of(int arm) { return arm / 65536.0; }
-
-FORMAT(fixed, anhyst_compensator, anhyst_arms, anhyst_kernel_full, int32_t, words, 1073741824.0,
-       weight_of)
-FORMAT(f32, anhyst_compensator_f32, anhyst_arms_f32, anhyst_kernel_full_f32, float, words_f32, 1.0,
-       single_of)
-FORMAT(f64, anhyst_compensator_f64, anhyst_arms_f64, anhyst_kernel_full_f64, double, words_f64, 1.0,
-       double_of)
-
-/* The numbers of a walk are multiples of 2^-20: the same in every format. */
-static double rounded(double a) { return floor(a * 1048576.0) / 1048576.0; }
-
-/* A flux of the walk: steps of any size, down to noise, and jumps over the range. */
-static double next_flux(double flux, uint64_t *seed)
-{
-  const int shift = (int)(random_bits(seed) % 18U);
-  const double step = uniform(seed, -1.0, 1.0) / (double)(1L << shift);
-  return rounded(fmin(fmax(flux + step, -0.8), 0.8));
-}
+#define LAW_FORMATS                                                                                \
+  FORMAT(fixed, anhyst_compensator, anhyst_arms, anhyst_kernel_full, int32_t, words, 1073741824.0, \
+         weight_of)                                                                                \
+  FORMAT(f32, anhyst_compensator_f32, anhyst_arms_f32, anhyst_kernel_full_f32, float, words_f32,   \
+         1.0, single_of)                                                                           \
+  FORMAT(f64, anhyst_compensator_f64, anhyst_arms_f64, anhyst_kernel_full_f64, double, words_f64,  \
+         1.0, double_of)
+#include "law_formats.h"
 
 /* The gap moves the arms; a third of the currents is on the grid of a converter of 12 bits, and now
    and then another current is applied. An error of a step decays along the path. */
@@ -122,7 +75,7 @@ static void formats_agree_on_random_paths(int arm)
   f32_start();
   f64_start();
   for (int i = 0; i < STEPS; i++) {
-    flux = next_flux(flux, &seed);
+    flux = next_flux(flux, 0.8, &seed);
     flux_arm = arm - (int)(random_bits(&seed) % 1000U);
     field_arm = 16000 + (int)(random_bits(&seed) % 1000U);
     const double x = f64_field(flux);
@@ -149,41 +102,6 @@ static void formats_agree_on_random_paths(int arm)
   CHECK_BELOW("field, f32, root mean square", sqrt(squares[1]), 2e-4);
   CHECK_BELOW("flux, fixed point", flux_error[0], 2e-3);
   CHECK_BELOW("flux, f32", flux_error[1], 2e-3);
-}
-
-typedef struct {
-  void (*start)(void);
-  double (*field)(double flux);
-  double (*flux)(double current);
-  void (*keep)(void);
-  const char *name;
-} format;
-
-static const format FORMATS[3] = {{fixed_start, fixed_field, fixed_flux, fixed_keep, "fixed point"},
-                                  {f32_start, f32_field, f32_flux, f32_keep, "f32"},
-                                  {f64_start, f64_field, f64_flux, f64_keep, "f64"}};
-
-/* Solves for a flux, and applies the current on the grid of a converter if there is one; returns
-   the solved current. */
-static double tick(const format *law, double flux, int has_converter)
-{
-  const double x = law->field(flux);
-  const double current = double_of(flux_arm) * flux + double_of(field_arm) * x;
-  if (has_converter) {
-    (void)law->flux(floor(current * 4096.0 + 0.5) / 4096.0);
-  }
-  law->keep();
-  return current;
-}
-
-/* The iron comes to a demand over a rise, or over a descent from above. */
-static void approach(const format *law, double flux, int descends)
-{
-  law->start();
-  for (int i = 0; i <= 1000; i++) {
-    const double top = descends ? 0.7 : flux;
-    (void)tick(law, i < 700 ? top * i / 700.0 : top + (flux - top) * (i - 700) / 300.0, 0);
-  }
 }
 
 /* Noise of demand and gap widens the range of the path in its first ticks, and that is all. */
@@ -221,7 +139,7 @@ static void a_constant_demand_moves_nothing(void)
   f32_start();
   f64_start();
   for (int i = 0; i < STEPS / 10; i++) {
-    const double flux = next_flux(fixed.flux / 1073741824.0, &seed);
+    const double flux = next_flux(fixed.flux / 1073741824.0, 0.8, &seed);
     for (int more = 0; more < 4; more++) {
       (void)tick(&FORMATS[0], flux, 0);
       (void)tick(&FORMATS[1], flux, 0);
