@@ -70,7 +70,7 @@ def folder(tmp_path: Path) -> Path:
             "not-computed valid: sample 1; 1.66667e+298",
             id="current beyond the tables",
         ),
-        pytest.param({"rho": "[1e9, 1e9]"}, "not-computed valid: sample 1482", id="no convergence"),
+        pytest.param({"rho": "[1e9, 1e9]"}, "law-beyond-the-tables", id="no room for the law"),
     ],
 )
 def test_a_model_that_cannot_be_compiled(folder: Path, values: dict[str, str], said: str) -> None:

@@ -363,7 +363,10 @@ BESIDE = {
         *(f"control/{name}_f32" for name in ("tracking", "allocation", "biquad")),
         *(f"control/{name}_f64" for name in ("tracking", "allocation", "biquad")),
         *(f"compensator/{name}" for name in ("force_controller", "force_controller_f64", "map")),
-        *(f"compensator/{name}" for name in ("map_f64", "compensator", "compensator_f64", "block")),
+        *(
+            f"compensator/{name}"
+            for name in ("map_f64", "compensator", "compensator_f64", "block", "block_f64")
+        ),
     ),
     "test_fixed_map": ("compensator/map",),
     "test_fixed_play_map": ("compensator/map", "compensator/play_map"),

@@ -58,9 +58,19 @@ def test_a_line_changes_the_hash_of_the_proofs_that_read_it_and_of_no_other(
         {"defines": ["PART=prove_forgotten"]},
         {"functions": ["quotient"], "tool": "frama-c"},
         {"harness": PROOFS / "esbmc" / "prove_closed.c"},
-        {"contracts": ["src/compensator/full.c:forgotten"]},
-        {"facts": [["src/compensator/full.c", "static int32_t quotient(", "/* more */ "]]},
-        {"control": {"file": "src/compensator/full.c", "right": "ONE * 4 - 1", "wrong": "ONE * 8"}},
+        {"contracts": ["src/compensator/full_fixed.h:forgotten"]},
+        {
+            "facts": [
+                ["src/compensator/full_fixed.h", "static inline number quotient(", "/* more */ "]
+            ]
+        },
+        {
+            "control": {
+                "file": "src/compensator/full_fixed.h",
+                "right": "UNIT * 4 - 1",
+                "wrong": "UNIT",
+            }
+        },
     ],
 )
 def test_what_is_asked_of_a_tool_changes_the_hash(

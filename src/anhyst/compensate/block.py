@@ -354,12 +354,20 @@ def closed(
     try:
         core_of(block)
     except ValueError as error:
+        steepest = least_slope(model, at).min()
+        if steepest < 1.0 and block.is_fixed:
+            raise InputError(
+                f"alpha: the output all but jumps at some currents (least slope of the drive "
+                f"{steepest:.2g} of that without iron), nearer than 16-bit tables can follow; "
+                "compile with --io f32",
+                code="tables-too-steep",
+                key="alpha",
+            ) from error
         raise InputError(
-            f"alpha: the output all but jumps at some currents (least slope of the drive "
-            f"{least_slope(model, at).min():.2g} of that without iron), nearer than 16-bit tables "
-            "can follow; compile with --io f32",
-            code="tables-too-steep",
-            key="alpha",
+            "[parameters]: the tables of a block cannot hold a law of these magnitudes; correct the "
+            "parameters",
+            code="law-beyond-the-tables",
+            key="parameters",
         ) from error
     return block
 

@@ -136,7 +136,8 @@ static inline number rise_share(number rise, number part) { return rise * part; 
 /* Where the segment of a candidate is, and how wide. */
 static inline int is_placed(const candidate *at)
 {
-  return at->of.cells.segment > 0 && at->of.cells.segment < MAX_BLOCK_WORDS;
+  return at->of.cells.segment > 0 && at->of.cells.segment < MAX_BLOCK_WORDS &&
+         at->of.cells.width > 0;
 }
 
 static inline grid grid_at(const candidate *at)

@@ -88,7 +88,7 @@ static int read_scales(law_type *law, const number *words)
   law->map.gap_low = words[ANHYST_WORD_SCALE_GAP_LOW];
   law->map.gap_high = words[ANHYST_WORD_SCALE_GAP_HIGH];
   law->per_radius = 4 * words[ANHYST_WORD_PLAY_STEEPNESS];
-  law->radius = 1 / law->per_radius;
+  law->radius = law->per_radius > 0 ? 1 / law->per_radius : 0;
   return is_word(words[ANHYST_WORD_PLAY_SHIFT], 0) && law->radius > 0 && law->radius <= LARGEST &&
          words[ANHYST_WORD_SCALE_CURRENT] > 0 && words[ANHYST_WORD_SCALE_CURRENT] <= LARGEST &&
          law->per_radius <= LARGEST;
