@@ -53,4 +53,25 @@ static inline void fill_cell_words(void)
   }
 }
 
+/* The number that a word of the block is, in floating point. */
+static inline double number_of(int word)
+{
+  switch (word) {
+  case ANHYST_WORD_CELLS_AIR:
+  case ANHYST_WORD_SOLID_OWN:
+    return words[word] / 65536.0;
+  case ANHYST_WORD_SOLID_HOLD:
+    return ldexp(words[word], words[ANHYST_WORD_SOLID_HOLD_SHIFT]) / 65536.0;
+  case ANHYST_WORD_SOLID_HOLD_SHIFT:
+    return 0.0;
+  case ANHYST_WORD_SOLID_SURFACE:
+  case ANHYST_WORD_SOLID_LAMINATED:
+  case ANHYST_WORD_CURRENT_LOW:
+  case ANHYST_WORD_CURRENT_HIGH:
+    return words[word] / 32768.0;
+  default:
+    return word >= ANHYST_BLOCK_LEAST_WORDS ? words[word] / 32768.0 : words[word];
+  }
+}
+
 #endif

@@ -8,6 +8,8 @@
 #include "anhyst/compensator/compensator_f32.h"
 #include "anhyst/compensator/compensator_f64.h"
 
+#include <string.h>
+
 #include "check.h"
 #include "truth.h"
 
@@ -22,6 +24,9 @@ static int field_arm = 16000;
   {                                                                                                \
     const type none = {.kernel = &kernel_of_law, .words = words_of_law};                           \
     name = none;                                                                                   \
+    if (name.kernel->for_block != 0) {                                                             \
+      name.kernel = name.kernel->for_block(name.words);                                            \
+    }                                                                                              \
     if (name.kernel->start != 0) {                                                                 \
       name.kernel->start(&name);                                                                   \
     }                                                                                              \
@@ -61,7 +66,7 @@ LAW_FORMATS
 static double rounded(double a) { return floor(a * 1048576.0) / 1048576.0; }
 
 /* A flux of the walk: steps of any size, down to noise, and jumps over the range. */
-static double next_flux(double flux, double most, uint64_t *seed)
+static inline double next_flux(double flux, double most, uint64_t *seed)
 {
   const int shift = (int)(random_bits(seed) % 18U);
   const double step = uniform(seed, -1.0, 1.0) / (double)(1L << shift);
@@ -82,7 +87,7 @@ static const format FORMATS[3] = {{fixed_start, fixed_field, fixed_flux, fixed_k
 
 /* Solves for a flux, and applies the current on the grid of a converter if there is one; returns
    the solved current. */
-static double tick(const format *law, double flux, int has_converter)
+static inline double tick(const format *law, double flux, int has_converter)
 {
   const double x = law->field(flux);
   const double current = double_of(flux_arm) * flux + double_of(field_arm) * x;
@@ -94,13 +99,25 @@ static double tick(const format *law, double flux, int has_converter)
 }
 
 /* The iron comes to a demand over a rise, or over a descent from above. */
-static void approach(const format *law, double flux, int descends)
+static inline void approach(const format *law, double flux, int descends)
 {
   law->start();
   for (int i = 0; i <= 1000; i++) {
     const double top = descends ? 0.7 : flux;
     (void)tick(law, i < 700 ? top * i / 700.0 : top + (flux - top) * (i - 700) / 300.0, 0);
   }
+}
+
+/* Damages one word of the state. */
+static inline void damage(void *state, size_t size, uint64_t *seed)
+{
+  static const uint32_t PATTERNS[8] = {0x7FC00000U, 0x7F800000U, 0xFF800000U, 0x7FFFFFFFU,
+                                       0x80000000U, 0xFFFFFFFFU, 0x4B000000U, 0xFFF00000U};
+  const uint64_t choice = random_bits(seed);
+  const uint32_t word =
+      choice % 3U == 0U ? (uint32_t)random_bits(seed) : PATTERNS[choice / 3U % 8U];
+  const size_t at = (size_t)(random_bits(seed) % (size / 4U)) * 4U;
+  memcpy((char *)state + at, &word, 4);
 }
 
 #endif

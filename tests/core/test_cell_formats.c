@@ -16,17 +16,6 @@ enum { STEPS = 100000, RESTING = 200000 };
 static float words_f32[1024];
 static double words_f64[1024];
 
-/* The number that a word of the block is, in floating point. */
-static double number_of(int word)
-{
-  if (word == ANHYST_WORD_CELLS_AIR) {
-    return words[word] / 65536.0;
-  }
-  const int is_q15 = word >= ANHYST_BLOCK_LEAST_WORDS || word == ANHYST_WORD_CURRENT_LOW ||
-                     word == ANHYST_WORD_CURRENT_HIGH;
-  return is_q15 ? words[word] / 32768.0 : words[word];
-}
-
 static void fill(void)
 {
   fill_cell_words();
@@ -130,18 +119,6 @@ static void a_constant_demand_reverses_no_path(void)
                f64.memory.cells.x > memory_f64.x || f64.memory.cells.active != memory_f64.active;
   }
   CHECK(changes == 0);
-}
-
-/* Damages one word of the state. */
-static void damage(void *state, size_t size, uint64_t *seed)
-{
-  static const uint32_t PATTERNS[8] = {0x7FC00000U, 0x7F800000U, 0xFF800000U, 0x7FFFFFFFU,
-                                       0x80000000U, 0xFFFFFFFFU, 0x4B000000U, 0xFFF00000U};
-  const uint64_t choice = random_bits(seed);
-  const uint32_t word =
-      choice % 3U == 0U ? (uint32_t)random_bits(seed) : PATTERNS[choice / 3U % 8U];
-  const size_t at = (size_t)(random_bits(seed) % (size / 4U)) * 4U;
-  memcpy((char *)state + at, &word, 4);
 }
 
 /* Fields and fluxes stay numbers within their range, and no word out of the block is read, which

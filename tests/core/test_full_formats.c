@@ -155,18 +155,6 @@ static void a_constant_demand_moves_nothing(void)
               changes / ((double)STEPS / 5.0), 1e-3);
 }
 
-/* Damages one word of the state. */
-static void damage(void *state, size_t size, uint64_t *seed)
-{
-  static const uint32_t PATTERNS[8] = {0x7FC00000U, 0x7F800000U, 0xFF800000U, 0x7FFFFFFFU,
-                                       0x80000000U, 0xFFFFFFFFU, 0x4B000000U, 0xFFF00000U};
-  const uint64_t choice = random_bits(seed);
-  const uint32_t word =
-      choice % 3U == 0U ? (uint32_t)random_bits(seed) : PATTERNS[choice / 3U % 8U];
-  const size_t at = (size_t)(random_bits(seed) % (size / 4U)) * 4U;
-  memcpy((char *)state + at, &word, 4);
-}
-
 /* Fields and fluxes stay numbers within their range, and no word out of the block is read, which
    sanitizers see. */
 static void damage_and_signals_that_are_no_numbers_do_no_harm(void)

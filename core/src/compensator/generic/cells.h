@@ -261,8 +261,8 @@ static void describe(const entry *words, int segment, number begin, grid width, 
                      candidate *at)
 {
   set_segment(at, words, segment, begin, width);
-  at->of.cells.flux =
-      quarter(level_of(words[segment]) + rest) + scaled(begin, words[ANHYST_WORD_CELLS_AIR]);
+  at->of.cells.flux = quarter(unsafe_sum(level_of(words[segment]), rest)) +
+                      scaled(begin, words[ANHYST_WORD_CELLS_AIR]);
 }
 
 /* The rise of h*x + m on the segment of a candidate, over 4. */

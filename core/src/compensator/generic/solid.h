@@ -83,7 +83,7 @@ static number flux_of_candidate(const entry *words, const candidate *at)
   const number x = mirrored(at->memory.cells.x, mirror);
   const number share = rise_share(rise_on(at, words[ANHYST_WORD_CELLS_AIR]),
                                   part_at(x, begin_at(at, x), grid_at(at)));
-  return four_times(mirrored(at->of.cells.flux + share, mirror));
+  return four_times(mirrored(unsafe_sum(at->of.cells.flux, share), mirror));
 }
 
 /* Makes a candidate of a memory; returns the flux there. */
@@ -135,7 +135,8 @@ static void set_out(solid_tick *tick, int at)
     there->memory.cells.joined = inside(mirrored(there->memory.cells.x, mirror));
   }
   read_candidate(tick, at, flux_of_candidate(c->words, there));
-  tick->stiffness[at] = at > 0 ? c->deeper[at - 1].stiffness : stiffness_of(tick, at);
+  const number known = at > 0 ? c->deeper[at - 1].stiffness : 0;
+  tick->stiffness[at] = known > 0 ? known : stiffness_of(tick, at);
 }
 
 /* Sets the sections of the state, and where the search begins. */

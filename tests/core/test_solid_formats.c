@@ -1,0 +1,139 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims of solid iron in fixed point, f32 and f64 together: the formats agree while the demand
+   moves, the current of a held demand comes to rest, and damaged states do no harm. */
+#include <string.h>
+
+#include "anhyst/compensator/compensator.h"
+#include "anhyst/compensator/compensator_f32.h"
+#include "anhyst/compensator/compensator_f64.h"
+
+#include "cell_words.h"
+#include "check.h"
+#include "truth.h"
+
+enum { STEPS = 20000, RESTING = 20000 };
+
+static float words_f32[1024];
+static double words_f64[1024];
+
+#define LAW_FORMATS                                                                                \
+  FORMAT(fixed, anhyst_compensator, anhyst_arms, anhyst_kernel_cells, int32_t, words,              \
+         1073741824.0, weight_of)                                                                  \
+  FORMAT(f32, anhyst_compensator_f32, anhyst_arms_f32, anhyst_kernel_cells_f32, float, words_f32,  \
+         1.0, single_of)                                                                           \
+  FORMAT(f64, anhyst_compensator_f64, anhyst_arms_f64, anhyst_kernel_cells_f64, double, words_f64, \
+         1.0, double_of)
+#include "law_formats.h"
+
+/* An iron of this many layers. The fields between them are 0.3*2^shift for a flux of 1 a tick. */
+static void fill(int layers, int shift, int laminated)
+{
+  fill_cell_words();
+  words[ANHYST_WORD_LENGTH] = 1024;
+  words[ANHYST_WORD_SOLID_LAYERS] = (int16_t)layers;
+  words[ANHYST_WORD_SOLID_HOLD] = 20000;
+  words[ANHYST_WORD_SOLID_HOLD_SHIFT] = (int16_t)shift;
+  words[ANHYST_WORD_SOLID_OWN] = -200;
+  words[ANHYST_WORD_SOLID_SURFACE] = 8192;
+  words[ANHYST_WORD_SOLID_LAMINATED] = (int16_t)laminated;
+  for (int i = 0; i < 1024; i++) {
+    words_f64[i] = number_of(i);
+    words_f32[i] = (float)words_f64[i];
+  }
+  fixed_start();
+  f32_start();
+  f64_start();
+}
+
+/* The gap moves the arms, and two thirds of the solved currents are applied with rounding. */
+static void formats_agree_while_the_demand_moves(double slow, double fast)
+{
+  uint64_t seed = 3;
+  double worst[4] = {0.0, 0.0, 0.0, 0.0};
+  for (int i = 0; i < STEPS; i++) {
+    const double wanted = rounded(0.55 * sin(slow * i) + 0.15 * sin(fast * i));
+    flux_arm = 12000 - (int)(random_bits(&seed) % 10U);
+    const double x = f64_field(wanted);
+    keep_worst(&worst[0], fabs(fixed_field(wanted) - x));
+    keep_worst(&worst[1], fabs(f32_field(wanted) - x));
+    if (i % 3 != 0) {
+      const double current = rounded(double_of(flux_arm) * wanted + double_of(field_arm) * x);
+      const double flux = f64_flux(current);
+      keep_worst(&worst[2], fabs(fixed_flux(current) - flux));
+      keep_worst(&worst[3], fabs(f32_flux(current) - flux));
+    }
+    fixed_keep();
+    f32_keep();
+    f64_keep();
+  }
+  CHECK_BELOW("field, fixed point", worst[0], 1e-3);
+  CHECK_BELOW("field, f32", worst[1], 4e-4);
+  CHECK_BELOW("flux, fixed point", worst[2], 2e-4);
+  CHECK_BELOW("flux, f32", worst[3], 1e-4);
+}
+
+/* A residual that is owed from tick to tick comes to an end. */
+static void a_held_demand_comes_to_rest(const format *law, int descends)
+{
+  double last = 0.0;
+  double moved = 0.0;
+  flux_arm = 12000;
+  approach(law, 0.5, descends);
+  for (int i = 0; i < RESTING; i++) {
+    const double current = tick(law, 0.5, 0);
+    if (i > RESTING / 2) {
+      keep_worst(&moved, fabs(current - last));
+    } else {
+      last = current;
+    }
+  }
+  printf("%s: ", law->name);
+  CHECK_BELOW("current at rest", moved, 5e-6);
+}
+
+/* Fields and fluxes stay within their range, and no word out of the block is read, which sanitizers
+   see. */
+static void damage_does_no_harm(void)
+{
+  uint64_t seed = 77;
+  double most = 0.0;
+  for (int i = 0; i < STEPS; i++) {
+    const double flux = uniform(&seed, -0.9, 0.9);
+    const double current = i % 5 == 0 ? (double)NAN : uniform(&seed, -0.3, 0.3);
+    (void)fixed_field(flux);
+    (void)f32_field(flux);
+    (void)f64_field(flux);
+    damage(&fixed.memory, sizeof fixed.memory + sizeof fixed.plays + sizeof fixed.next, &seed);
+    damage(&f32.memory, sizeof f32.memory + sizeof f32.plays + sizeof f32.next, &seed);
+    damage(&f64.memory, sizeof f64.memory + sizeof f64.plays + sizeof f64.next, &seed);
+    damage(fixed.deeper, sizeof fixed.deeper, &seed);
+    damage(f32.deeper, sizeof f32.deeper, &seed);
+    damage(f64.deeper, sizeof f64.deeper, &seed);
+    (void)fixed_flux(i % 5 == 0 ? 0.9 : current);
+    keep_worst(&most, fabs(f32_flux(current)));
+    keep_worst(&most, fabs(f64_flux(current)));
+    fixed_keep();
+    f32_keep();
+    f64_keep();
+    keep_worst(&most, fabs(f32_field(flux)));
+    keep_worst(&most, fabs(f64_field(flux)));
+  }
+  CHECK_BELOW("field, flux", most, 8.0);
+}
+
+int main(void)
+{
+  for (int layers = 2; layers <= 4; layers++) {
+    for (int laminated = 0; laminated <= 20000; laminated += 10000) {
+      fill(layers, 3, laminated);
+      formats_agree_while_the_demand_moves(0.001, 0.0173);
+      fill(layers, 0, laminated);
+      formats_agree_while_the_demand_moves(0.02, 0.173);
+    }
+    for (int law = 0; law < 6; law++) {
+      a_held_demand_comes_to_rest(&FORMATS[law / 2], law % 2);
+    }
+    damage_does_no_harm();
+  }
+  return verdict();
+}
