@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.support.block_layout import WORDS
 from anhyst.support.block_words import Scales
-from tests.actuators import real_block
+from tests.actuators import RealIo, real_block
 from tests.compensate.test_block import sealed
 from tests.compensate.test_solid import (
     GAPS,
@@ -29,6 +30,7 @@ from tests.compensate.test_solid import (
     magnet,
     ramps,
 )
+from tests.compensate.test_solid import block as real_block_of
 from tests.truths import truth
 
 SIZES = TableSizes(gap_segments=4, curve_segments=5, cells=10)
@@ -58,6 +60,28 @@ def test_the_force_is_the_demand_however_fast_it_moves(layers: Layers, io: str) 
     off = np.abs(force_of(magnet(layers), current, gap) - demand)
     assert off.max() < 2e-3 * TOP
     assert np.sqrt(np.mean(off**2)) < 1.5e-4 * TOP
+
+
+@pytest.mark.parametrize("number_format", ["q31", "f32", "f64"])
+@pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
+def test_a_demand_that_jumps_is_met_and_leaves_nothing_behind(
+    layers: Layers, number_format: RealIo | Literal["q31"]
+) -> None:
+    model = magnet(layers)
+    if number_format == "q31":
+        twin: FixedTwin | RealTwin = FixedTwin(block(model), "q31")
+    else:
+        twin = RealTwin(real_block_of(model, number_format))
+    random = np.random.default_rng(2)
+    ramp = np.linspace(0.0, 50.0, 100)
+    demand = np.append(ramp, np.repeat(random.uniform(2.0, 110.0, 30), 100))
+    gap = np.full(demand.size, 4e-4)
+    current = twin.run(demand, gap)
+    off = np.abs(force_of(model, current, gap) - demand)
+    was_free = (current > 0.01) & (current < 5.99)
+    ticks = np.arange(demand.size) % 100
+    assert off[was_free & (ticks > 20)].max() < 2e-3 * TOP
+    assert np.median(off[ticks == 1]) < 2e-3 * TOP
 
 
 @pytest.mark.parametrize("gamma", [0.5, 50.0])

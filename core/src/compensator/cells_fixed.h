@@ -252,6 +252,18 @@ static inline number law_stiffness(number width, number rise, number own)
   return law + own > 1 ? law + own : 1;
 }
 
+static inline number size_of(number a) { return anhyst_abs_q31(a); }
+
+/* The slope between two positions; `run` is not 0. */
+static inline number secant(number rise, number run)
+{
+  const int32_t found = anhyst_quotient(anhyst_abs_q31(rise), anhyst_abs_q31(run));
+  return (rise < 0) == (run < 0) && found > 0 ? found : 1;
+}
+
+/* The field of a line: 1/16 of it, so that fields of up to 32 fit. */
+static inline number coarse(number a) { return a >> 4; }
+
 static inline number per_share(number stiff, entry share)
 {
   const int32_t found = anhyst_quotient(stiff, (int32_t)share * 2);
@@ -299,16 +311,19 @@ static inline number owed_flux(const entry *words, number residual, number most)
 }
 
 /* Sets the arms of the equation own*f + x = field - falls*(f - flux), halved until they fit;
-   returns its target, over 4. */
+   returns its target, over 4. The field is coarse. */
 static inline number set_line(arms_type *arms, number field, number falls, number own, number flux)
 {
   const uint16_t up = anhyst_headroom(falls > 0 ? falls : 1);
-  const uint16_t halvings = up < 14U ? (uint16_t)(16U - up) : 2U;
+  const uint16_t up_field = anhyst_headroom(anhyst_abs_q31(field));
+  const uint16_t of_falls = up < 14U ? (uint16_t)(16U - up) : 2U;
+  const uint16_t of_field = up_field < 3U ? (uint16_t)(5U - up_field) : 2U;
+  const uint16_t halvings = of_falls > of_field ? of_falls : of_field;
   const int16_t falling = (int16_t)(falls >> halvings);
   arms->bias = 0;
   arms->flux_arm = (int16_t)(falling + (own >> halvings));
   arms->field_arm = (int16_t)(65536 >> halvings);
-  return (field >> (halvings + 2U)) + anhyst_scale(flux >> 2, falling);
+  return (field >> (halvings - 2U)) + anhyst_scale(flux >> 2, falling);
 }
 
 static inline int are_solid_words_valid(const entry *words)

@@ -234,6 +234,15 @@ static inline number law_stiffness(number width, number rise, number own)
   return within(quarter(width / rise) + own, STIFFNESS_MIN, STIFFNESS_MAX);
 }
 
+/* The slope between two positions; `run` is not 0. */
+static inline number secant(number rise, number run)
+{
+  return within(rise / run, STIFFNESS_MIN, STIFFNESS_MAX);
+}
+
+/* Fixed point needs room for the large fields of a line. */
+static inline number coarse(number a) { return a; }
+
 static inline number per_share(number stiff, entry share) { return stiff / share; }
 
 /* 1 over the field arm without the laminated part. */

@@ -13,11 +13,17 @@
    by less than the resolution of a row, and the fields between the layers would have many times
    that error.
 
-   Slopes are of a field over a flux. They are approximate: a pass checks their result. */
+   Slopes are of a field over a flux. They are approximate: a pass checks their result. One pass is
+   enough if no layer leaves its segment. Tangents may lead to and fro for ever if the flux jumps
+   within a tick. Therefore, later passes take the slope between two positions of a layer that are
+   far from each other. */
 
-/* Maximum number of passes. One is enough if no layer leaves its segment. Two may alternate for
-   ever if a layer is softer on one side of its position than on the other; the third ends this. */
-#define MAX_PASSES 3
+/* Maximum number of passes, and how many of them take tangents alone. */
+#define MAX_PASSES 10
+#define TANGENT_PASSES 2
+
+/* Smallest change of the flux of a layer for a slope between two positions. */
+#define MIN_SECANT_FLUX POWER_OF_HALF(7)
 
 /* Residual of a flux above which the flux was not reached. */
 #define REACHED_FLUX POWER_OF_HALF(14)
@@ -29,6 +35,7 @@
 typedef struct {
   compensator *c;
   int is_flux_given;                 /* whether the flux of the section is known */
+  int takes_secants;                 /* whether slopes are those between two positions */
   number given;                      /* this flux, or the current minus its bias */
   number hold;                       /* field from layer to layer for a change of flux, a slope */
   number own;                        /* field of a flux in its layer, a slope, <= 0 */
@@ -46,7 +53,7 @@ typedef struct {
 } solid_tick;
 
 /* The circuit outside of a section: a field, and how much it falls as the flux of that section
-   rises. */
+   rises. The field is coarse() since that of a jump is many times the largest of the rows. */
 typedef struct {
   number field;
   number falls; /* a slope, >= 0 */
@@ -192,19 +199,24 @@ static void set_circuit(solid_tick *tick)
   }
 }
 
-/* The line of the circuit and the laminated part at the surface. */
-static solid_line outside(const solid_tick *tick)
+/* The current that is missing. */
+static number missing_current(const solid_tick *tick)
 {
   const arms_type *arms = &tick->c->arms;
   const number made = sum(scaled(tick->section[0], arms->flux_arm),
                           scaled(field_in_current(tick), arms->field_arm));
-  const number missing = difference(tick->given, made);
+  return difference(tick->given, made);
+}
+
+/* The line of the circuit and the laminated part at the surface. */
+static solid_line outside(const solid_tick *tick)
+{
   number reluctance = tick->reluctance;
   if (tick->laminated > 0) {
     reluctance = sum(reluctance, shared(tick->stiffness[tick->layers], tick->laminated));
   }
   solid_line line;
-  line.field = sum(tick->field[0], sloped(missing, tick->arm));
+  line.field = sum(coarse(tick->field[0]), sloped(coarse(missing_current(tick)), tick->arm));
   line.falls = reluctance > 0 ? per_solid(reluctance, tick->laminated) : 0;
   return line;
 }
@@ -213,19 +225,31 @@ static solid_line outside(const solid_tick *tick)
 static solid_line behind(const solid_tick *tick, int layer, solid_line line)
 {
   const number stiff = tick->stiffness[layer];
-  solid_line found = {tick->field[layer], stiff};
+  const number here = coarse(tick->field[layer]);
+  solid_line found = {here, stiff};
   if (layer == 0 && tick->is_flux_given) {
     const number change = difference(tick->given, tick->section[0]);
-    found.field = sum(found.field, sloped(change, stiff));
+    found.field = sum(here, sloped(coarse(change), stiff));
   } else {
     const entry part = part_of_slopes(stiff, line.falls);
-    found.field = sum(found.field, shared(difference(line.field, tick->field[layer]), part));
+    found.field = sum(here, shared(difference(line.field, here), part));
     found.falls = shared(line.falls, part);
   }
   const number change = difference(tick->section[layer + 1], tick->before[layer + 1]);
-  found.field = difference(found.field, sloped(change, tick->hold));
+  found.field = difference(found.field, sloped(coarse(change), tick->hold));
   found.falls = sum(found.falls, tick->hold);
   return found;
+}
+
+/* The slope of a memory that has left its segment, from this flux and field. */
+static number slope_from(const solid_tick *tick, int at, number flux, number field)
+{
+  const number change = difference(tick->flux[at], flux);
+  if (!tick->takes_secants || size_of(change) < MIN_SECANT_FLUX) {
+    return stiffness_of(tick, at);
+  }
+  const number slope = secant(difference(tick->field[at], field), change);
+  return at == tick->layers ? slope : per_share(slope, tick->share[at]);
 }
 
 /* Solves a memory for a target of its arms, over 4. */
@@ -234,10 +258,12 @@ static void meet(solid_tick *tick, int at, const arms_type *arms, number target)
   compensator *c = tick->c;
   candidate *to = next_of(c, at);
   const int32_t segment = to->of.cells.segment;
+  const number flux = tick->flux[at];
+  const number field = tick->field[at];
   (void)reach_current(c->words, memory_of(c, at), plays_of(c, at), arms, target, to, 1);
   read_candidate(tick, at, flux_of_candidate(c->words, to));
   if (to->of.cells.segment != segment) {
-    tick->stiffness[at] = stiffness_of(tick, at);
+    tick->stiffness[at] = slope_from(tick, at, flux, field);
   }
 }
 
@@ -252,7 +278,7 @@ static void meet_flux(solid_tick *tick, int at, number flux)
 static void meet_line(solid_tick *tick, int layer, solid_line line, number changed)
 {
   const number falls = shared(line.falls, tick->share[layer]);
-  const number field = difference(line.field, sloped(changed, line.falls));
+  const number field = difference(line.field, sloped(coarse(changed), line.falls));
   arms_type arms;
   const number target = set_line(&arms, field, falls, tick->own, tick->flux[layer]);
   meet(tick, layer, &arms, target);
@@ -303,8 +329,7 @@ static int is_met(solid_tick *tick)
     }
   }
   if (met && !tick->is_flux_given) {
-    const solid_line line = outside(tick);
-    return is_residual_small(difference(line.field, tick->field[0]), line.falls);
+    return is_residual_small(sloped(missing_current(tick), tick->arm), outside(tick).falls);
   }
   return met;
 }
@@ -312,6 +337,7 @@ static int is_met(solid_tick *tick)
 static void solve_tick(solid_tick *tick)
 {
   for (int i = 0; i < MAX_PASSES; i++) {
+    tick->takes_secants = i >= TANGENT_PASSES;
     pass(tick);
     if (is_met(tick)) {
       break;
