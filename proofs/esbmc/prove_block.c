@@ -31,12 +31,23 @@ static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
 #include "compensator/full.c"
 static const anhyst_kernel *const kernel = &anhyst_kernel_full;
 
+#ifndef TABLE
 /* Any answer: its products are too much for a solver. */
 static int does_current_rise(const int16_t *words)
 {
   (void)words;
   return nondet_i16() != 0;
 }
+
+/* Any answer for a table inside the block, which TABLE shows to be enough. */
+static inline int is_table_rising(const entry *words, entry first, int32_t entries, entry least,
+                                  entry steepest)
+{
+  (void)least;
+  (void)steepest;
+  return is_table_inside(words, first, entries) && nondet_i16() != 0;
+}
+#endif
 #endif
 
 #ifdef IN_UNIT
@@ -54,6 +65,23 @@ int main(void)
   int16_t words[2];
   ASSUME(is_single(before, 0) && is_single(words, 0));
   (void)in_unit(any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), before, words, 0);
+  return 0;
+}
+
+#else
+
+#ifdef TABLE
+
+/* Of any table that a block names, nothing beyond its words is read. */
+int main(void)
+{
+  const uint16_t capacity = nondet_u16();
+  int16_t *words = (int16_t *)malloc(2 * (size_t)capacity);
+  ASSUME(words != NULL && capacity >= ANHYST_BLOCK_LEAST_WORDS);
+  ASSUME(words[ANHYST_WORD_LENGTH] <= capacity);
+  watched = nondet_i16();
+  (void)is_table_rising(words, (entry)nondet_i16(), nondet_i32(), (entry)nondet_i16(),
+                        (entry)nondet_i16());
   return 0;
 }
 
@@ -99,4 +127,5 @@ int main(void)
   return 0;
 }
 
+#endif
 #endif
