@@ -33,12 +33,9 @@ static void compare(app_current *current, const int32_t *settings, int is_told, 
   if (!is_told) {
     return;
   }
-  if (distance_from(value, current->expected, drive) <=
-      settings[LINK_SETTING_CURRENT_TOLERANCE] / 2) {
-    current->off = 0;
-  } else if (current->off < INT32_MAX) {
-    current->off++;
-  }
+  const int is_near = distance_from(value, current->expected, drive) <=
+                      settings[LINK_SETTING_CURRENT_TOLERANCE] / 2;
+  current->off = is_near ? 0 : anhyst_add_q31(current->off, 1);
 }
 
 uint16_t app_current_judge(app_current *current, const app_limits *limits, const int32_t *settings,
