@@ -84,9 +84,10 @@ static void advance(const entry *words, const simplified_memory *from, simplifie
       path->start = start_of(words, path->u);
     }
     const number state = state_beyond(words, path, flux);
-    *to = *path;
     to->u = state > path->u ? state : path->u;
+    to->turn = path->turn;
     to->peak = flux;
+    to->start = path->start;
   }
   to->flux = flux;
 }
@@ -112,9 +113,12 @@ static void reach(const entry *words, const simplified_memory *from, simplified_
 {
   for (int32_t i = (int32_t)words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
     const number missing = difference(target, current_at(words, to, arms));
+    if (!(size_of(missing) > RESIDUAL_DEADBAND)) {
+      break;
+    }
     const number state = to->flux < path->peak ? -ONE : to->u; /* held, or beyond the peak */
     const number slope = current_slope(arms, lag_slope(words, state));
-    if (!(size_of(missing) > RESIDUAL_DEADBAND) || !(slope > 0)) {
+    if (!(slope > 0)) {
       break;
     }
     const number flux = sum(to->flux, newton_step(missing, slope));
