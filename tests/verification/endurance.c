@@ -10,7 +10,7 @@
 #include "check.h"
 
 enum { WORDS = MAGNET_PARAMETERS_WORDS, LAST = 32767, SETTLE = 2000, HELD = 300 };
-enum { STEP = 16 }; /* of the converter, codes: what claims of currents allow */
+enum { STEP = 16 };                /* of the converter, codes: what claims of currents allow */
 enum { MOVED_AT_REST = 4 * STEP }; /* codes of the current */
 
 static const int16_t *const words = magnet_parameters;
