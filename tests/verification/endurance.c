@@ -10,8 +10,8 @@
 #include "check.h"
 
 enum { WORDS = MAGNET_PARAMETERS_WORDS, LAST = 32767, SETTLE = 2000, HELD = 300 };
-enum { STEP = 16 }; /* of the converter, codes: what claims of currents allow */
-enum { MOVED_AT_REST = 4 * STEP, MOVED_TO_ANHYSTERETIC = 1200 }; /* codes of the current */
+enum { STEP = 16 };                /* of the converter, codes: what claims of currents allow */
+enum { MOVED_AT_REST = 4 * STEP }; /* codes of the current */
 
 static const int16_t *const words = magnet_parameters;
 static int16_t faulty[WORDS];
@@ -116,20 +116,13 @@ static double codes_moved_at_rest(double from, long ticks)
   return worst;
 }
 
-/* The simplified law has no dead band: noise takes the iron to its anhysteretic curve, and the
-   current with it. This must not happen in any other kind, and must end there in this one. */
+/* Noise must not take the iron to its anhysteretic curve: every law has a dead band. */
 static void noise_at_rest_moves_little(long ticks)
 {
-  const int has_dead_band = MAGNET_KERNEL.kind != ANHYST_KIND_SIMPLIFIED;
-  const double limit = has_dead_band ? MOVED_AT_REST : MOVED_TO_ANHYSTERETIC;
   const double rise = codes_moved_at_rest(0.0, ticks / 2);
   const double descent = codes_moved_at_rest(1.0, ticks / 2);
-  CHECK_BELOW("codes of the current that noise moves after a rise", rise, limit);
-  CHECK_BELOW("codes of the current that noise moves after a descent", descent, limit);
-  if (!has_dead_band) {
-    CHECK_BELOW("of the simplified law, after a rise", -rise, -MOVED_AT_REST);
-    CHECK_BELOW("of the simplified law, after a descent", -descent, -MOVED_AT_REST);
-  }
+  CHECK_BELOW("codes of the current that noise moves after a rise", rise, MOVED_AT_REST);
+  CHECK_BELOW("codes of the current that noise moves after a descent", descent, MOVED_AT_REST);
 }
 
 /* After any number of ticks a start-up leaves what it leaves of a compensator that has seen

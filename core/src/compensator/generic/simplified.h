@@ -22,17 +22,22 @@ static number start_of(const entry *words, number state);
 /* The bounded state of a rising path at a flux beyond its peak. */
 static number state_beyond(const entry *words, const simplified_memory *path, number flux);
 
-/* A memory in the direction of travel: mirrored if the flux falls. Limits damaged numbers. */
+/* A memory with its damaged numbers limited. */
+static simplified_memory bounded(const simplified_memory *memory)
+{
+  const simplified_memory result = {within(memory->flux, -ONE, ONE), within(memory->u, -ONE, ONE),
+                                    within(memory->turn, -ONE, ONE),
+                                    within(memory->peak, -ONE, ONE),
+                                    within(memory->start, -ONE, DISTANCE_MAX)};
+  return result;
+}
+
+/* A memory in the direction of travel: mirrored if the flux falls. */
 static simplified_memory facing(const simplified_memory *memory, int falling)
 {
-  const number flux = within(memory->flux, -ONE, ONE);
-  const number u = within(memory->u, -ONE, ONE);
-  const number turn = within(memory->turn, -ONE, ONE);
-  const number peak = within(memory->peak, -ONE, ONE);
-  const number start = within(memory->start, -ONE, DISTANCE_MAX);
-  const simplified_memory same = {flux, u, turn, peak, start};
-  const simplified_memory mirror = {-flux, -u, -turn, -peak, start};
-  return falling ? mirror : same;
+  const simplified_memory mirror = {-memory->flux, -memory->u, -memory->turn, -memory->peak,
+                                    memory->start};
+  return falling ? mirror : *memory;
 }
 
 /* The bounded state at the flux of a memory. */
@@ -79,9 +84,10 @@ static void advance(const entry *words, const simplified_memory *from, simplifie
       path->start = start_of(words, path->u);
     }
     const number state = state_beyond(words, path, flux);
-    *to = *path;
     to->u = state > path->u ? state : path->u;
+    to->turn = path->turn;
     to->peak = flux;
+    to->start = path->start;
   }
   to->flux = flux;
 }
@@ -89,8 +95,9 @@ static void advance(const entry *words, const simplified_memory *from, simplifie
 static number simplified_field(compensator *c)
 {
   const entry *words = c->words;
-  const int falling = c->flux < c->memory.simplified.flux;
-  const simplified_memory from = facing(&c->memory.simplified, falling);
+  const simplified_memory now = bounded(&c->memory.simplified);
+  const int falling = c->flux < now.flux;
+  const simplified_memory from = facing(&now, falling);
   simplified_memory path = path_up(words, &from);
   simplified_memory to;
   advance(words, &from, &path, falling ? -c->flux : c->flux, &to);
@@ -106,9 +113,12 @@ static void reach(const entry *words, const simplified_memory *from, simplified_
 {
   for (int32_t i = (int32_t)words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
     const number missing = difference(target, current_at(words, to, arms));
+    if (!(size_of(missing) > RESIDUAL_DEADBAND)) {
+      break;
+    }
     const number state = to->flux < path->peak ? -ONE : to->u; /* held, or beyond the peak */
     const number slope = current_slope(arms, lag_slope(words, state));
-    if (!(size_of(missing) > RESIDUAL_DEADBAND) || !(slope > 0)) {
+    if (!(slope > 0)) {
       break;
     }
     const number flux = sum(to->flux, newton_step(missing, slope));
@@ -120,19 +130,22 @@ static number simplified_flux(compensator *c, number current)
 {
   const entry *words = c->words;
   const arms_type *arms = &c->arms;
-  const simplified_memory now = facing(&c->memory.simplified, 0);
+  const simplified_memory now = bounded(&c->memory.simplified);
   const number target = within(difference(current, arms->bias), -CURRENT_MAX, CURRENT_MAX);
   const number missing = difference(target, current_at(words, &now, arms));
   const int falling = missing < 0;
   const simplified_memory from = facing(&now, falling);
-  const simplified_memory guess = facing(&c->next.memory.simplified, falling);
   simplified_memory to = from;
   if (size_of(missing) > RESIDUAL_DEADBAND) {
     simplified_memory path = path_up(words, &from);
     const number goal = falling ? -target : target;
-    if (c->stage == ANHYST_STAGE_AHEAD && guess.flux > from.flux &&
-        size_of(difference(goal, current_at(words, &guess, arms))) < size_of(missing)) {
-      to = guess; /* of the last solve, on the same path */
+    if (c->stage == ANHYST_STAGE_AHEAD) {
+      const simplified_memory solved = bounded(&c->next.memory.simplified);
+      const simplified_memory guess = facing(&solved, falling);
+      if (guess.flux > from.flux &&
+          size_of(difference(goal, current_at(words, &guess, arms))) < size_of(missing)) {
+        to = guess; /* of the last solve, on the same path */
+      }
     }
     reach(words, &from, &path, arms, goal, &to);
   }
@@ -143,7 +156,7 @@ static number simplified_flux(compensator *c, number current)
 /* The bounded state is kept. The path begins again. */
 static void simplified_carry(compensator *c, const entry *words, number flux)
 {
-  const simplified_memory now = facing(&c->memory.simplified, 0);
+  const simplified_memory now = bounded(&c->memory.simplified);
   const simplified_memory carried = {flux, state_at(c->words, &now), flux, flux, 0};
   (void)words;
   c->memory.simplified = carried;
