@@ -46,14 +46,14 @@ def plausible(result: TargetResult) -> None:
     ("kind", "io", "rounded", "worst"),
     [
         pytest.param("full", "q31", 2450, 3700, marks=pytest.mark.slow),
-        ("cells", "q31", 3100, 4300),
-        pytest.param("simplified", "q15", 1150, 1600, marks=pytest.mark.slow),
+        ("cells", "q31", 3500, 4600),
+        pytest.param("simplified", "q15", 1570, 1840, marks=pytest.mark.slow),
     ],
 )
 def test_cortex_m4_gives_the_bits_of_the_host_and_a_grid_costs_no_second_search(
     compiled: Compile, kind: str, io: str, rounded: int, worst: int
 ) -> None:
-    """Instructions of the worst tick of this magnet, a tenth to spare; play cells on a grid: 3089."""
+    """Instructions of the worst tick of this magnet, a tenth to spare."""
     found = agrees(verify(compiled(kind, io), "cortex-m4", target_steps=5_000))
     assert [result.build for result in found.results] == ["portable", "port header"]
     for result in found.results:
