@@ -7,7 +7,7 @@
 #define MAX_SLIDE (UNIT / 64)
 
 /* An interval in which the anhysteretic curve is a better guess than its middle, at least. */
-#define MIN_CURVE_INTERVAL (UNIT / 64)
+#define MIN_CURVE_INTERVAL (UNIT / 16)
 
 /* A shorter step is accepted without a check; about the uncertainty of the tables, 6e-5. */
 #define MIN_CHECKED_STEP (UNIT / 16384)

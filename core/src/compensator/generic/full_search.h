@@ -78,16 +78,15 @@ static number leave_hold(const path *along, const equation *of, number end, inte
   return clamped(guess + behind, end, within->high);
 }
 
-/* Returns where to look after a Newton step that was not accepted: along the anhysteretic curve, or
-   in the middle if the curve leads out of the interval or the interval is short. Against the air
-   the curve leads only a little way where the sum is almost flat, so the middle is next if the last
-   step was not accepted either. */
+/* Returns where to look after a Newton step that was not accepted: along the anhysteretic curve.
+   Looks in the middle if the interval is short, the curve leads out of it, or the last step was not
+   accepted either: the curve may lead only a little way at a time. */
 static number look_elsewhere(const path *along, const equation *of, const interval *within,
                              number x, number residual, int is_stuck)
 {
   const number width = within->high - within->low;
   number next = within->low;
-  if (width > MIN_CURVE_INTERVAL && (of->iron >= 0 || !is_stuck)) {
+  if (width > MIN_CURVE_INTERVAL && !is_stuck) {
     next = follow_curve(along, of, x, residual);
   }
   return next > within->low && next < within->high ? next : within->low + half_of(width);
