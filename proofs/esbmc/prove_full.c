@@ -366,9 +366,16 @@ static void prove_steps(void)
   SHOW(residual > -2 * UNIT && residual < 2 * UNIT);
   const int32_t step = step_against(residual, sum_slope(&of, at.m_slope));
   SHOW(step > -4 * UNIT && step < 4 * UNIT);
-  SHOW(inside(follow_curve(&along, &of, at.x, residual)));
   slide(&along, any_within(-UNIT, UNIT - 1), &at);
   SHOW(is_answer(&along, &at));
+}
+
+static void prove_curve(void)
+{
+  const path along = any_path();
+  const equation of = any_equation();
+  const int32_t x = any_within(-UNIT, UNIT - 1);
+  SHOW(inside(follow_curve(&along, &of, x, any_within(1 - 2 * UNIT, 2 * UNIT - 1))));
 }
 
 static void prove_guesses(void)
