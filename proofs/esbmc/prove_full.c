@@ -14,15 +14,12 @@
    forgotten but the invariant, and so one turn stands for all. */
 #define INVARIANT                                                                                  \
   (along->x <= within.low && within.low <= next && next <= within.high && within.high < UNIT &&    \
-   last_step >= 0 && within.low_residual > -2 * UNIT && within.low_residual < 2 * UNIT &&          \
-   within.high_residual > -2 * UNIT && within.high_residual < 2 * UNIT)
+   last_step >= 0)
 #define ANY_TURN                                                                                   \
   SHOW(INVARIANT);                                                                                 \
   left = any_within(1, 16);                                                                        \
   within.low = nondet_i32();                                                                       \
   within.high = nondet_i32();                                                                      \
-  within.low_residual = nondet_i32();                                                              \
-  within.high_residual = nondet_i32();                                                             \
   last_step = nondet_i32();                                                                        \
   next = nondet_i32();                                                                             \
   is_stuck = nondet_i16();                                                                         \
@@ -82,12 +79,11 @@ static anhyst_full_memory any_memory(void)
   return any;
 }
 
-/* A path as begin() makes it; m as a search expects it. */
+/* A path as begin() makes it. */
 static int has_begun(const path *along)
 {
-  return inside(along->x) && inside(along->y) && inside(along->p) && inside(along->m) &&
-         along->play >= 0 && along->play <= UNIT && along->tangent_step >= 0 &&
-         along->tangent_step <= MAX_TANGENT_STEP;
+  return inside(along->x) && inside(along->y) && inside(along->p) && along->play >= 0 &&
+         along->play <= UNIT && along->tangent_step >= 0 && along->tangent_step <= MAX_TANGENT_STEP;
 }
 
 static int departed(const path *along)
@@ -102,7 +98,6 @@ static path any_path(void)
   along.x = nondet_i32();
   along.y = nondet_i32();
   along.p = nondet_i32();
-  along.m = nondet_i32();
   along.play = nondet_i32();
   along.tangent_step = nondet_i32();
   along.curve.at = curve_words;
@@ -198,11 +193,13 @@ static inline number quotient(number n, number d)
   SHOW(d > 0 && n >= 0);
   return any_within(0, 4 * UNIT - 1);
 }
+#endif
 
-static inline number chord(number width, number part, number whole)
+#ifdef CURVE_BY_CONTRACT
+static number follow_curve(const path *along, const equation *of, number x, number residual)
 {
-  SHOW(width >= 0 && width < 2 * UNIT && part > 0 && part <= whole);
-  return any_within(0, width);
+  SHOW(inside(x) && is_equation(of) && residual > -2 * UNIT && residual < 2 * UNIT);
+  return any_within(-UNIT, UNIT - 1);
 }
 #endif
 
@@ -220,10 +217,8 @@ static number leave_hold(const path *along, const equation *of, number end, inte
   SHOW(inside(end) && is_equation(of) && within->low <= end && end <= within->high);
   if (nondet_i16() != 0) {
     within->low = end;
-    within->low_residual = any_within(1 - 2 * UNIT, 2 * UNIT - 1);
   } else {
     within->high = end;
-    within->high_residual = any_within(0, 2 * UNIT - 1);
   }
   return any_within(within->low, within->high);
 }
@@ -355,7 +350,6 @@ static void prove_depart(void)
   answer at = {0, 0, 0, any_within(-UNIT, UNIT - 1), 0, 0};
   fill_words(block_words);
   begin(&along, block_words, &from, way);
-  along.m = at.m;
   SHOW(has_begun(&along));
   depart(&along, block_words, &from, way);
   SHOW(departed(&along) && along.kappa >= 0 && along.kappa <= UNIT);
@@ -372,20 +366,32 @@ static void prove_steps(void)
   SHOW(residual > -2 * UNIT && residual < 2 * UNIT);
   const int32_t step = step_against(residual, sum_slope(&of, at.m_slope));
   SHOW(step > -4 * UNIT && step < 4 * UNIT);
-  SHOW(inside(follow_curve(&along, &of, at.x, residual)));
+  slide(&along, any_within(-UNIT, UNIT - 1), &at);
+  SHOW(is_answer(&along, &at));
+}
+
+static void prove_curve(void)
+{
+  const path along = any_path();
+  const equation of = any_equation();
+  const int32_t x = any_within(-UNIT, UNIT - 1);
+  SHOW(inside(follow_curve(&along, &of, x, any_within(1 - 2 * UNIT, 2 * UNIT - 1))));
+}
+
+static void prove_guesses(void)
+{
+  const path along = any_path();
+  const equation of = any_equation();
   const int32_t end = any_within(-UNIT, UNIT - 1);
-  interval within = {any_within(-UNIT, end), any_within(end, UNIT - 1),
-                     any_within(1 - 2 * UNIT, 2 * UNIT - 1),
-                     any_within(1 - 2 * UNIT, 2 * UNIT - 1)};
+  interval within = {any_within(-UNIT, end), any_within(end, UNIT - 1)};
   const interval before = within;
   const int32_t first = leave_hold(&along, &of, end, &within);
   SHOW((within.low == end && within.high == before.high) ||
        (within.low == before.low && within.high == end));
   SHOW(first >= within.low && first <= within.high);
-  const int32_t other = look_elsewhere(&along, &of, &before, at.x, residual, nondet_i16());
+  const int32_t other = look_elsewhere(&along, &of, &before, any_within(-UNIT, UNIT - 1),
+                                       any_within(1 - 2 * UNIT, 2 * UNIT - 1), nondet_i16());
   SHOW(other >= before.low && other <= before.high);
-  slide(&along, any_within(-UNIT, UNIT - 1), &at);
-  SHOW(is_answer(&along, &at));
 }
 
 static void prove_rise(void)

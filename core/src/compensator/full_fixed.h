@@ -188,12 +188,6 @@ static inline number forgotten_along(fading fades, number travel)
   return forgotten((int32_t)((uint32_t)octaves << fades.shift));
 }
 
-/* width*part/whole for 0 < part <= whole, to 14 bits. */
-static inline number chord(number width, number part, number whole)
-{
-  return anhyst_scale(width, anhyst_sat_q15(anhyst_quotient(part, whole) >> 1)) * 2;
-}
-
 /* The field in which the memory fades to 1/e, at most 1. */
 static inline number kappa_of(entry steepness)
 {

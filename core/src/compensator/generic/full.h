@@ -7,7 +7,7 @@
 #define MAX_SLIDE (UNIT / 64)
 
 /* An interval in which the anhysteretic curve is a better guess than its middle, at least. */
-#define MIN_CURVE_INTERVAL (UNIT / 64)
+#define MIN_CURVE_INTERVAL (UNIT / 16)
 
 /* A shorter step is accepted without a check; about the uncertainty of the tables, 6e-5. */
 #define MIN_CHECKED_STEP (UNIT / 16384)
@@ -44,10 +44,9 @@ static inline answer at_memory(const compensator *c, number *rise)
 static inline void start(const compensator *c, path *along, mirror way, number rise, answer *at)
 {
   begin(along, c->words, &c->memory.full, way);
-  along->m = turned(at->m, way);
   depart(along, c->words, &c->memory.full, way);
   at->x = along->x;
-  at->m = along->m;
+  at->m = turned(at->m, way);
   find_start_slopes(along, rise, at);
 }
 
@@ -164,7 +163,6 @@ static int find_from_end(compensator *c, number wanted)
   }
   number segment_rise;
   const answer from = at_memory(c, &segment_rise);
-  along.m = turned(from.m, way);
   if (missing < 0 && turned(wanted - current_at(c, from.x, from.m), way) <= RESIDUAL_DEADBAND) {
     return 0;
   }

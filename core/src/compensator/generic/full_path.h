@@ -13,7 +13,6 @@ typedef struct {
   number x; /* where it begins */
   number y;
   number p;
-  number m;            /* before a search */
   number play;         /* half-width */
   number tangent_step; /* the longest step along a tangent without an evaluation */
   /* After depart(): */

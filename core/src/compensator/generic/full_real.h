@@ -156,8 +156,6 @@ static inline number forgotten_along(fading fades, number travel)
   return forgotten(travel * fades);
 }
 
-static inline number chord(number width, number part, number whole) { return width * part / whole; }
-
 static inline number kappa_of(entry steepness) { return UNIT / steepness; }
 
 static inline number share_of(number a, number share) { return a * share; }

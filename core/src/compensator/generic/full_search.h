@@ -56,8 +56,6 @@ static number follow_curve(const path *along, const equation *of, number x, numb
 typedef struct {
   number low;
   number high;
-  number low_residual;  /* < 0 */
-  number high_residual; /* >= 0; -1: high is a bound, the path was not evaluated there */
 } interval;
 
 /* Returns where to look first on a path that begins held, if the tangent leads beyond the hold. At
@@ -71,29 +69,24 @@ static number leave_hold(const path *along, const equation *of, number end, inte
   const number residual = sum_at(of, end, m) - of->target;
   if (residual >= 0) {
     within->high = end;
-    within->high_residual = residual;
     return end;
   }
   within->low = end;
-  within->low_residual = residual;
   const number guess = clamped(follow_curve(along, of, end, residual), end, within->high);
   const number lag = along->kappa - part_of(along->kappa, along->reversible);
   const number behind = share_of(lag, forgotten_along(along->fades, guess - end));
   return clamped(guess + behind, end, within->high);
 }
 
-/* Returns where to look after a Newton step that was not accepted: where a chord meets the target,
-   or along the anhysteretic curve if the path was not evaluated at the high end. If the last step
-   did not help, in the middle. */
+/* Returns where to look after a Newton step that was not accepted: along the anhysteretic curve.
+   Looks in the middle if the interval is short, the curve leads out of it, or the last step was not
+   accepted either: the curve may lead only a little way at a time. */
 static number look_elsewhere(const path *along, const equation *of, const interval *within,
                              number x, number residual, int is_stuck)
 {
   const number width = within->high - within->low;
   number next = within->low;
-  if (!is_stuck && within->high_residual >= 0) {
-    const number missing = within->low_residual < 0 ? -within->low_residual : RESIDUAL_DEADBAND;
-    next += chord(width, missing, missing + within->high_residual);
-  } else if (!is_stuck && width > MIN_CURVE_INTERVAL) {
+  if (width > MIN_CURVE_INTERVAL && !is_stuck) {
     next = follow_curve(along, of, x, residual);
   }
   return next > within->low && next < within->high ? next : within->low + half_of(width);
@@ -112,7 +105,7 @@ static int rise(const path *along, const equation *of, const equation *limit, an
   const number moves = along->departure > along->p ? along->departure : along->p;
   const number freed = moves + along->play;
   const equation *const wanted = of;
-  interval within = {along->x, MAX_FIELD, sum_at(of, along->x, along->m) - of->target, -1};
+  interval within = {along->x, MAX_FIELD};
   answer at = *found;
   number residual = sum_at(of, at.x, at.m) - of->target;
   number next = at.x + step_against(residual, sum_slope(of, at.m_slope));
@@ -120,7 +113,6 @@ static int rise(const path *along, const equation *of, const equation *limit, an
   int is_stuck = 0;
   if (residual >= 0) {
     within.high = at.x;
-    within.high_residual = residual;
   }
   if (freed - at.x > PLAY_SLACK && next > freed && freed < within.high) {
     next = leave_hold(along, of, freed, &within);
@@ -136,7 +128,6 @@ static int rise(const path *along, const equation *of, const equation *limit, an
         sum_at(limit, at.x, at.m) > limit->target + LIMIT_MARGIN) {
       of = limit;
       within.low = along->x;
-      within.low_residual = sum_at(of, along->x, along->m) - of->target;
       residual = sum_at(of, at.x, at.m) - of->target;
     }
     const number steepness = sum_slope(of, at.m_slope);
@@ -144,13 +135,11 @@ static int rise(const path *along, const equation *of, const equation *limit, an
     number step;
     if (residual < 0) {
       within.low = at.x;
-      within.low_residual = residual;
       room = within.high - at.x;
       step = quotient(-residual, steepness);
       next = at.x + (step < room ? step : room);
     } else {
       within.high = at.x;
-      within.high_residual = residual;
       room = at.x - within.low;
       step = quotient(residual, steepness);
       next = at.x - (step < room ? step : room);
