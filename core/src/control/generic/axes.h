@@ -219,7 +219,7 @@ void anhyst_axes_tick_x(anhyst_axes_x *c, const anhyst_axes_sample_x *sample,
   }
   for (i = 0; i < (int)settings->layout.drives; i++) {
     anhyst_force_controller_x *drive = c->drive[i];
-    const uint32_t lost = c->share.lost >> i & 1U;
+    const uint32_t lost = (c->share.lost >> (unsigned)i) & 1U;
     ANHYST_REAL wanted = 0;
     if (c->flight != ANHYST_AXES_REST && !lost) {
       wanted = anhyst_force_controller_solve_x(drive, force[i], sample->gap[i], sample->flux[i]);
