@@ -219,9 +219,9 @@ void anhyst_axes_tick_x(anhyst_axes_x *c, const anhyst_axes_sample_x *sample,
   }
   for (i = 0; i < (int)settings->layout.drives; i++) {
     anhyst_force_controller_x *drive = c->drive[i];
-    const uint32_t lost = (c->share.lost >> (unsigned)i) & 1U;
+    const int is_lost = (c->share.lost & ((uint32_t)1 << i)) != 0U;
     ANHYST_REAL wanted = 0;
-    if (c->flight != ANHYST_AXES_REST && !lost) {
+    if (c->flight != ANHYST_AXES_REST && !is_lost) {
       wanted = anhyst_force_controller_solve_x(drive, force[i], sample->gap[i], sample->flux[i]);
       out->flags |= drive->flags;
     }
@@ -232,7 +232,7 @@ void anhyst_axes_tick_x(anhyst_axes_x *c, const anhyst_axes_sample_x *sample,
         on_grid(within(wanted, settings->current_low, settings->current_high),
                 settings->current_low, settings->current_high, settings->current_step);
     c->commanded[i] = out->current[i];
-    if (!lost) { /* whose iron nobody asks again */
+    if (!is_lost) { /* whose iron nobody asks again */
       (void)anhyst_force_controller_commit_x(drive, out->current[i], sample->gap[i]);
     }
   }
