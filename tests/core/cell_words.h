@@ -70,7 +70,7 @@ static inline double number_of(int word)
   case ANHYST_WORD_CURRENT_HIGH:
     return words[word] / 32768.0;
   default:
-    return word >= ANHYST_BLOCK_LEAST_WORDS ? words[word] / 32768.0 : words[word];
+    return words[word] / (word >= ANHYST_BLOCK_LEAST_WORDS ? 32768.0 : 1.0);
   }
 }
 
