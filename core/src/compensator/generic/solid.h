@@ -25,6 +25,9 @@
 /* Smallest change of the flux of a layer for a slope between two positions. */
 #define MIN_SECANT_FLUX POWER_OF_HALF(7)
 
+/* Smallest change of flux in a pass for which another pass is worth while. */
+#define MIN_MOVED_FLUX POWER_OF_HALF(19)
+
 /* Residual of a flux above which the flux was not reached. */
 #define REACHED_FLUX POWER_OF_HALF(14)
 
@@ -284,10 +287,12 @@ static void meet_line(solid_tick *tick, int layer, solid_line line, number chang
   meet(tick, layer, &arms, target);
 }
 
-/* Once inwards and outwards. */
-static void pass(solid_tick *tick)
+/* Once inwards and outwards. Returns by how much the flux of the sections has changed. */
+static number pass(solid_tick *tick)
 {
   const int layers = tick->layers;
+  const number first = tick->section[0];
+  number moved = 0;
   solid_line line[ANHYST_MEMORIES];
   number deeper = 0;
   number changed = 0;
@@ -303,6 +308,7 @@ static void pass(solid_tick *tick)
     meet_line(tick, j, line[j], changed);
     deeper = section_with(tick, j, deeper);
     changed = difference(deeper, tick->section[j]);
+    moved = sum(moved, size_of(changed));
     tick->section[j] = deeper;
   }
   if (tick->is_flux_given) {
@@ -314,6 +320,7 @@ static void pass(solid_tick *tick)
   if (tick->laminated > 0) {
     meet_flux(tick, layers, tick->section[0]);
   }
+  return sum(moved, size_of(difference(tick->section[0], first)));
 }
 
 /* Whether the equations are solved, except for rounding. Sets their residuals. */
@@ -338,8 +345,8 @@ static void solve_tick(solid_tick *tick)
 {
   for (int i = 0; i < MAX_PASSES; i++) {
     tick->takes_secants = i >= TANGENT_PASSES;
-    pass(tick);
-    if (is_met(tick)) {
+    const number moved = pass(tick);
+    if (is_met(tick) || moved < MIN_MOVED_FLUX) { /* a saturated surface may not meet them */
       break;
     }
   }
