@@ -24,6 +24,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from anhyst.verbs import names as verb_names
+
 if TYPE_CHECKING:
     __version__: str
 
@@ -35,11 +37,9 @@ if TYPE_CHECKING:
     from anhyst.data.loops import Loop, Loops
     from anhyst.data.reading import read_loops
     from anhyst.draft.drafting import Drafted, example_files, init
-    from anhyst.exchange.convert import convert
     from anhyst.exchange.export import export
     from anhyst.identification.identify import identify
     from anhyst.identification.run import IdentifyResult
-    from anhyst.link.xcp import xcp
     from anhyst.model.actuator import Model, read_model
     from anhyst.model.diff import ModelDiff, diff
     from anhyst.model.predict_file import RunSummary, invert, predict
@@ -57,17 +57,20 @@ if TYPE_CHECKING:
     from anhyst.study.fleet import judge_fleet as fleet
     from anhyst.study.force_control import ForceControl, force_control
     from anhyst.study.piezo import PiezoTracking
-    from anhyst.study.tracking.calibrate import Calibration, calibrate
+    from anhyst.study.tracking.calibrate import Calibration
     from anhyst.study.tracking.compiled import CompiledStage
     from anhyst.study.tracking.compiled import compile_file as compile  # noqa: A004
     from anhyst.study.tracking.excitation import CalibratingMove, excite_to_calibrate
     from anhyst.study.tracking.simulate import TrackingStudy
     from anhyst.study.tuning.result import Tuning
-    from anhyst.study.tuning.tuning import tune
-    from anhyst.study.watch import watch
     from anhyst.support.errors import InputError, NegativeResult
+    from anhyst.verbs.calibrate import calibrate
+    from anhyst.verbs.convert import convert
+    from anhyst.verbs.tune import tune
+    from anhyst.verbs.verify import verify
+    from anhyst.verbs.watch import watch
+    from anhyst.verbs.xcp import xcp
     from anhyst.verification.result import Verification
-    from anhyst.verification.verify import verify
 
 __all__ = [
     "Benefit",
@@ -154,10 +157,8 @@ _PLACES = {
     "TrackingStudy": "study.tracking.simulate",
     "Tuning": "study.tuning.result",
     "Verification": "verification.result",
-    "calibrate": "study.tracking.calibrate",
     "clean": "data.clean",
     "compile": "study.tracking.compiled:compile_file",
-    "convert": "exchange.convert",
     "diff": "model.diff",
     "example_files": "draft.drafting",
     "excite": "reports.verbs:excite_rig",
@@ -176,10 +177,6 @@ _PLACES = {
     "read_model": "model.actuator",
     "report": "reports.model.page:write_report",
     "simulate": "reports.verbs:simulate_rig",
-    "tune": "study.tuning.tuning:tune",
-    "verify": "verification.verify",
-    "watch": "study.watch",
-    "xcp": "link.xcp",
 }
 """Where each name lives, and what it is called there if not the same."""
 
@@ -190,6 +187,10 @@ def __getattr__(name: str) -> object:
         from anhyst.support import running_version
 
         return running_version()
+    if name in verb_names():
+        found = getattr(import_module(f"anhyst.verbs.{name}"), name)
+        globals()[name] = found
+        return found
     if name not in _PLACES:
         raise AttributeError(f"module 'anhyst' has no attribute {name!r}")
     place, _, called = _PLACES[name].partition(":")

@@ -18,7 +18,7 @@ from anhyst.cli.shared import (
     table,
     warn,
 )
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.errors import NegativeResult
 
 if TYPE_CHECKING:
     from anhyst import Compiled, CompiledPlay, CompiledStage, Verification
@@ -223,52 +223,6 @@ def _show(compiled: Compiled) -> None:
         *lines,
         f"{_guide(compiled)} describes how it goes into a project",
     )
-
-
-def verify(
-    folder: Annotated[
-        Path,
-        typer.Argument(
-            metavar="DIR", help="A folder written by 'anhyst compile'.", callback=of_its_kind
-        ),
-    ],
-    on: Annotated[
-        str | None,
-        typer.Option(
-            "--on",
-            metavar="TARGETS",
-            help="Targets, separated by commas: host, cortex-m0plus, cortex-m3, cortex-m4, "
-            "cortex-m33, cortex-m7, avr, msp430, cortex-m3-qemu (a complete firmware). "
-            "[default: host,cortex-m4, as far as their tools are installed]",
-            show_default=False,
-        ),
-    ] = None,
-    as_json: AsJson = False,
-    _verbose: Verbose = False,
-) -> None:
-    """Run compiled C on real instruction sets and compare it bit for bit with the host.
-
-    The command runs the golden vectors and random steps: a million on the host, ten thousand on
-    each other target. It counts instructions or cycles per step, code size, memory and stack. The
-    results are also written to verify.json and verify.md in the folder. If tools are missing, the
-    other targets run, and a table names the packages to install. Exit code 1 if any bit differs, 2
-    if a target of --on did not run.
-
-    Example: anhyst verify controller --on host,cortex-m4,avr
-    """
-    verification = run_and_write(folder, on)
-    if as_json:
-        print_json(verification.as_dict())
-    else:
-        show_tables(verification)
-    refuse_difference(folder, verification)
-    if on is not None and verification.not_run:
-        lacking = [gap.text() for gap in verification.missing if gap.target in verification.not_run]
-        raise InputError(
-            f"--on: not run for want of tools: {'; '.join(lacking)}",
-            code="tool-missing",
-            key="--on",
-        )
 
 
 def run_and_write(folder: Path, on: str | None = None) -> Verification:

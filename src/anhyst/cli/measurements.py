@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -204,44 +204,6 @@ def _titled(title: str, texts: Sequence[str]) -> list[str]:
 
 def _indented(texts: Sequence[str]) -> list[str]:
     return [f"  {text}" for text in texts]
-
-
-def convert(
-    source: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FILE",
-            help="A measurement in any format that can be read.",
-            callback=of_its_kind,
-        ),
-    ],
-    out: Annotated[
-        Path,
-        typer.Argument(
-            metavar="OUT",
-            help="File to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet.",
-        ),
-    ],
-    as_json: AsJson = False,
-    _verbose: Verbose = False,
-) -> None:
-    """Write a measurement in another file format.
-
-    Values are kept bit for bit. If a format cannot store something, such as groups in CSV, a
-    warning says so. For CSV and Parquet, channels with several clocks are interpolated to the
-    finest clock.
-
-    Example: anhyst convert recording.mf4 recording.csv
-    """
-    with progress_bar(f"reading {source.name}") as progress:
-        done = anhyst.convert(source, out, progress=progress)
-    for text in done.notes:
-        warn(text)
-    if as_json:
-        print_json(asdict(done))
-    else:
-        channels, samples = count_of(done.channels, "channel"), count_of(done.samples, "sample")
-        show(f"{done.out}: {channels}, {samples}")
 
 
 REPORT = "report.html"

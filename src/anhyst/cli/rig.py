@@ -22,7 +22,6 @@ from anhyst.cli.shared import (
     Flip,
     LoopColumn,
     LoopHistory,
-    ModelPath,
     Scale,
     Schedule,
     Sidecar,
@@ -34,7 +33,7 @@ from anhyst.cli.shared import (
     show,
     table,
 )
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError
 from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
@@ -394,77 +393,3 @@ def live(
         )
     if recording is not None:
         show(f"written: {recording.path}, {count_of(recording.rows, 'tick')}")
-
-
-def watch(
-    model: ModelPath,
-    recording: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RECORDING",
-            help="CSV of one run with t_s, I_A, F_N and gap_m. The gap may move.",
-        ),
-    ],
-    least: Annotated[
-        float | None,
-        typer.Option(
-            metavar="N",
-            help="Smallest drift that matters. [default: a thousandth of the largest force of "
-            "the model]",
-            show_default=False,
-        ),
-    ] = None,
-    run_length: Annotated[
-        float,
-        typer.Option(metavar="CYCLES", min=100, help="Mean number of cycles until a false alarm."),
-    ] = 1e5,
-    as_json: AsJson = False,
-    _verbose: Verbose = False,
-) -> None:
-    """Check whether a model still fits its magnet, or since when and by how much it has drifted.
-
-    The first cycles of the current in the recording show the residual of the model while it fits.
-    Every later cycle is compared with them. Exit code 1 if the model has drifted.
-
-    Example: anhyst watch model.toml monday.csv
-    """
-    result = anhyst.watch(model, recording, least=least, run_length=run_length)
-    if as_json:
-        print_json(result.as_dict())
-    if result.finding.drifted is not None:
-        raise NegativeResult(str(result), code="drifted")
-    if result.finding.learning:
-        raise InputError(f"{recording}: too short to say: {result}; record more", code="too-short")
-    if not as_json:
-        show(str(result))
-
-
-def xcp(
-    port: Annotated[
-        str,
-        typer.Argument(
-            metavar="PORT",
-            help="Link of a controller: /dev/ttyACM0, COM3 or socket://HOST:PORT.",
-            callback=of_its_kind,
-        ),
-    ],
-    listen: Annotated[
-        int,
-        typer.Option(
-            metavar="NUMBER",
-            min=0,
-            max=65535,
-            help="TCP port on this machine for the tool; 0 selects a free one.",
-        ),
-    ] = 5555,
-) -> None:
-    """Offer XCP over TCP for a controller on a serial port, for CANape, INCA or pyxcp.
-
-    XCP uses the link of the controller, so that one cable is enough. One tool can connect at a
-    time. The firmware sets the limits, the key and the heartbeat. Ctrl-C stops the command.
-
-    Example: anhyst xcp /dev/ttyACM0
-    """
-    anhyst.xcp(
-        port, listen, started=lambda taken: show(f"XCP on TCP: 127.0.0.1:{taken}  ctrl-C ends it")
-    )

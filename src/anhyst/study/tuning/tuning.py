@@ -69,65 +69,7 @@ def tune(
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Tuning:
-    """Find gains for stated aims over all that a rig file names at once; write the files.
-
-    Parameters
-    ----------
-    rig : path-like
-        Rig file. Of a bearing its gaps, steps and load are the test cases, and two thirds of that
-        load; of a stage the training set-point, judged on the test set-point and on drawn plants; of
-        a piezo stage its triangle, on the nominal stage and on drawn ones.
-    out : path-like
-        Folder to write to: ``controller.toml``, of stages ``rig.toml`` (with `all_variants`, one
-        for each: ``controller-full.toml``), ``tuning.json`` and ``tuning.md``.
-    controller : path-like, optional
-        Controller file of a bearing to begin with; ``controller.toml`` beside the rig file if left
-        out. Everything but the gains, filters and set-point weight is kept.
-    all_variants : bool
-        Tune every kind of compensation for itself, and compare.
-    overshoot : float, optional
-        Largest overshoot of any step of a bearing, per cent; 2 if left out.
-    peak : float
-        Largest peak of the sensitivity.
-    settling : float, optional
-        Longest settling time, s; of a bearing the least is sought anyway.
-    average : float, optional
-        Largest moving average of a stage, m; the least is sought anyway.
-    error : float, optional
-        Largest error of a stage or a piezo stage, m; of the latter the least rms is sought anyway.
-    standstill : float, optional
-        Largest rms of the gap, or of the error of a stage, at standstill, m.
-    effort : float, optional
-        Largest rms rate of change of the current, A/s: of a bearing in a step.
-    crossover : float, optional
-        Highest crossover of a stage, Hz; a twentieth of the controller's rate if left out. A
-        virtual stage has no resonances, a real one has.
-    budget : int
-        Sets of gains that are tried in the nonlinear loop, for each kind.
-    seed : int
-        The same seed gives the same result on any number of cores.
-    scheduler : str, optional
-        Of dask, such as ``"tcp://host:8786"``, whose workers do the work.
-    jobs : int, optional
-        Processes of this machine; as many as there are cores if left out.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-
-    Returns
-    -------
-    Tuning
-        Written even if aims are missed.
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read, written, or does not fit the others; an option that is not for
-        this kind of rig.
-    NegativeResult
-        No gains hold the body.
-    Interrupted
-        Ctrl-C, too early for any gains.
-    """
+    """Find gains for stated aims over all that a rig file names at once: `anhyst.tune`."""
     check_path(rig, "tune: rig", "the path of a rig file")
     check_path(out, "tune: out")
     if budget < 10:
