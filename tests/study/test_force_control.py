@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from anhyst.cli.app import main
 from anhyst.cli.printing import printer, start_printing
-from anhyst.cli.shared import show_study
+from anhyst.cli.shared import show, study_parts
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plan import CompileRequest, make_plan
@@ -163,7 +163,7 @@ def test_the_verdict_names_the_strongest_baseline(
         assert worst[found["strongest"][stage]]["worst_percent"] == least
     start_printing()
     printer.is_verbose = True
-    show_study(run, "run")
+    show(*study_parts(run, "run"))
     said = unwrapped(capsys.readouterr().out)
     assert found["text"] in said
     assert "strongest baseline without hysteresis model" in said
