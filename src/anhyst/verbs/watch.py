@@ -71,6 +71,5 @@ def refuse(result: Watched, given: Mapping[str, Any]) -> None:
     if result.finding.drifted is not None:
         raise NegativeResult(str(result), code="drifted")
     if result.finding.learning:
-        raise InputError(
-            f"{given['recording']}: too short to say: {result}; record more", code="too-short"
-        )
+        recording = given["recording"]
+        raise InputError(f"{recording}: too short to say: {result}; record more", code="too-short")
