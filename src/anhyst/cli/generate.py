@@ -138,7 +138,7 @@ def _options(verb: Verb) -> list[inspect.Parameter]:
     """Return the parameters of the command as typer takes them."""
     flags, shared = _flags(verb), read_docstring(read_options).parameters
     checked = ""  # annotation of the arguments whose kind of file is checked
-    options = []
+    options: list[tuple[str, Any, Any]] = []
     for name, parameter in verb.parameters.items():
         described = verb.described.parameters.get(name) or shared.get(name) or Described("", "")
         described = shared[name] if _AS_READ in described.kind else described
@@ -156,16 +156,13 @@ def _options(verb: Verb) -> list[inspect.Parameter]:
         default = inspect.Parameter.empty if is_required else parameter.default
         default = Path(default) if kind is Path and isinstance(default, str) else default
         kind = kind if default is not None else kind | None
-        options.append(_parameter(name, Annotated[kind, info], default))
+        options.append((name, Annotated[kind, info], default))
     if not verb.is_endless:
-        options += [_parameter("as_json", AsJson, False), _parameter("_verbose", Verbose, False)]
-    return options
-
-
-def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
-    return inspect.Parameter(
-        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
-    )
+        options += [("as_json", AsJson, False), ("_verbose", Verbose, False)]
+    return [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+        for name, kind, default in options
+    ]
 
 
 def _settings(described: Described, flags: Mapping[str, str]) -> dict[str, Any]:
@@ -212,7 +209,7 @@ def _run(verb: Verb, options: dict[str, Any]) -> None:
         if kept := "".join(verb.told("stopped", _nothing)(given)):
             raise Interrupted(kept) from None
         raise
-    warnings = tuple(verb.told("warnings", _warnings)(result))
+    warnings = tuple(verb.told("warnings", lambda of: getattr(of, "warnings", ()))(result))
     if as_json:
         for text in warnings:
             warn(text)
@@ -229,10 +226,11 @@ def _given(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any]:
         if isinstance(value, str) and "Sequence[str]" in str(verb.parameters[name].annotation):
             given[name] = value.split(",")
     texts = {name: value for name, value in options.items() if _is_reading(verb, name)}
-    read = asdict(read_options(**texts))
-    if "reading" in inspect.signature(verb.function).parameters:
-        return given | {name: read[name] for name in texts}
-    return given | {name: read[name] for name, value in texts.items() if value is not None}
+    read = asdict(read_options(**texts)) if texts else {}
+    takes_all = "reading" in inspect.signature(verb.function).parameters
+    return given | {
+        name: read[name] for name, value in texts.items() if takes_all or value is not None
+    }
 
 
 def _is_reading(verb: Verb, name: str) -> bool:
@@ -263,17 +261,13 @@ def _nothing(*_: Any) -> tuple[str, ...]:
     return ()
 
 
-def _warnings(result: Any) -> Iterable[str]:
-    found: Iterable[str] = getattr(result, "warnings", ())
-    return found
-
-
 def _as_json(result: Any, _: Given) -> Mapping[str, Any]:
-    found: Mapping[str, Any] = result.as_dict()
+    found: Mapping[str, Any] = result.as_dict() if hasattr(result, "as_dict") else asdict(result)
     return found
 
 
 def _show(result: Any, given: Given) -> Parts:
     """Show the figures that a result names first, and what was written."""
+    facts = result.facts() if hasattr(result, "facts") else {}
     written = [f"written: {given['out']}"] if given.get("out") is not None else []
-    return [*(f"{name}: {text}" for name, text in result.facts().items()), *written]
+    return [*(f"{name}: {text}" for name, text in facts.items()), *written]

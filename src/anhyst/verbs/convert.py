@@ -54,13 +54,6 @@ def warnings(result: Conversion) -> tuple[str, ...]:
     return result.notes
 
 
-def as_json(result: Conversion, _: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the result for JSON."""
-    from dataclasses import asdict
-
-    return asdict(result)
-
-
 def show(result: Conversion, _: Mapping[str, Any]) -> list[str]:
     """Return what a terminal shows."""
     from anhyst.support.wording import count_of

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from anhyst.exchange.export import Exported
@@ -115,8 +115,3 @@ def export(
             model, out, of=of, rate=rate, kind=kind, fmi=fmi, platforms=names, progress=progress
         )
     return Exported(path, as_)
-
-
-def show(_: Exported, given: Mapping[str, Any]) -> list[str]:
-    """Return what a terminal shows."""
-    return [f"written: {given['out']}"]

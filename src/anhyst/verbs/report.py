@@ -55,8 +55,3 @@ def warnings(result: tuple[str, ...]) -> tuple[str, ...]:
 def as_json(result: tuple[str, ...], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the result for JSON."""
     return {"out": str(given["out"]), "warnings": list(result)}
-
-
-def show(_: tuple[str, ...], given: Mapping[str, Any]) -> list[str]:
-    """Return what a terminal shows."""
-    return [f"{given['out']} written"]

@@ -115,28 +115,20 @@ def tune(
     from pathlib import Path
 
     from anhyst.reports.tuning import write_pareto
+    from anhyst.study.tuning.aims import Aims
     from anhyst.study.tuning.tuning import tune as work
+    from anhyst.support.atomic import check_path
+    from anhyst.support.jobs import workers_of
 
-    result = work(
-        rig,
-        out,
-        controller,
-        all_variants=all_variants,
-        overshoot=overshoot,
-        peak=peak,
-        settling=settling,
-        average=average,
-        error=error,
-        standstill=standstill,
-        effort=effort,
-        crossover=crossover,
-        budget=budget,
-        seed=seed,
-        scheduler=scheduler,
-        jobs=jobs,
-        progress=progress,
-    )
-    write_pareto(result, Path(out))
+    check_path(rig, "tune: rig", "the path of a rig file")
+    folder = Path(check_path(out, "tune: out"))
+    aims = Aims(overshoot, peak, settling, standstill, effort, error, average)
+    with workers_of(scheduler):
+        result = work(
+            rig, folder, controller, aims, all_variants=all_variants, crossover=crossover,
+            budget=budget, seed=seed, jobs=jobs, progress=progress,
+        )  # fmt: skip
+    write_pareto(result, folder)
     return result
 
 

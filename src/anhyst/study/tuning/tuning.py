@@ -7,7 +7,7 @@ import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -38,12 +38,12 @@ from anhyst.study.tuning.aims import Aims
 from anhyst.study.tuning.bearing import BearingLoop, default_conditions
 from anhyst.study.tuning.piezo import PiezoLoop
 from anhyst.study.tuning.result import RESULTS, Tuned, Tuning, file_note, write_results
-from anhyst.study.tuning.search import BUDGET, GainSearch
+from anhyst.study.tuning.search import GainSearch
 from anhyst.study.tuning.stage import SLOWEST, StageLoop
 from anhyst.study.tuning.trial import Tunable
-from anhyst.support.atomic import PathLike, check_path, check_writable, seen_from
+from anhyst.support.atomic import PathLike, check_writable, seen_from
 from anhyst.support.errors import InputError, Interrupted
-from anhyst.support.jobs import Progress, all_of, workers_of
+from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import NAMES, PROBED, TAKES, FileKind, MethodName
 from anhyst.support.toml_file import take_kind
 from anhyst.support.toml_text import Path as KeyPath
@@ -51,27 +51,18 @@ from anhyst.support.toml_text import Path as KeyPath
 
 def tune(
     rig: PathLike,
-    out: PathLike,
-    controller: PathLike | None = None,
+    out: Path,
+    controller: PathLike | None,
+    aims: Aims,
     *,
-    all_variants: bool = False,
-    overshoot: float | None = None,
-    peak: float = 3.0,
-    settling: float | None = None,
-    average: float | None = None,
-    error: float | None = None,
-    standstill: float | None = None,
-    effort: float | None = None,
-    crossover: float | None = None,
-    budget: int = BUDGET,
-    seed: int = 0,
-    scheduler: str | None = None,
-    jobs: int | None = None,
-    progress: Progress | None = None,
+    all_variants: bool,
+    crossover: float | None,
+    budget: int,
+    seed: int,
+    jobs: int | None,
+    progress: Progress | None,
 ) -> Tuning:
     """Find gains for stated aims over all that a rig file names at once: `anhyst.tune`."""
-    check_path(rig, "tune: rig", "the path of a rig file")
-    check_path(out, "tune: out")
     if budget < 10:
         raise InputError(
             f"--budget: {budget} sets of gains are too few; give 10 or more",
@@ -82,13 +73,13 @@ def tune(
     bearing, stage, piezo = FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO
     options = (
         ("--controller", controller, {bearing}),
-        ("--overshoot", overshoot, {bearing}),
-        ("--average", average, {stage}),
+        ("--overshoot", aims.overshoot_percent, {bearing}),
+        ("--average", aims.average_m, {stage}),
         ("--crossover", crossover, {stage}),
-        ("--error", error, {stage, piezo}),
-        ("--settling", settling, {bearing, stage}),
-        ("--standstill", standstill, {bearing, stage}),
-        ("--effort", effort, {bearing, stage}),
+        ("--error", aims.error_peak_m, {stage, piezo}),
+        ("--settling", aims.settling_time_s, {bearing, stage}),
+        ("--standstill", aims.standstill_rms_m, {bearing, stage}),
+        ("--effort", aims.current_rate_rms_A_per_s, {bearing, stage}),
     )
     if refused := [name for name, value, of in options if value is not None and kind not in of]:
         raise InputError(
@@ -96,22 +87,20 @@ def tune(
             code="option-not-for-this",
             key=refused[0],
         )
-    overshoot = 2.0 if kind is bearing and overshoot is None else overshoot
-    aims = Aims(overshoot, peak, settling, standstill, effort, error, average)
+    if kind is bearing and aims.overshoot_percent is None:
+        aims = replace(aims, overshoot_percent=2.0)
     begin, used = time.perf_counter(), _processor_time()
-    task = _Task(aims, budget, seed, jobs)
-    with workers_of(scheduler):
-        subject: _Subject
-        if kind is piezo:
-            subject = _Piezo(read_piezo_rig(rig))
-        elif kind is stage:
-            subject = _Stage(read_stage(rig), crossover)
-        else:
-            subject = _Bearing(*read_files(rig, controller))
-        names = subject.names() if all_variants else (subject.own,)
-        places = subject.places(Path(out), names)
-        tuned, interrupted = task.run(subject.loops(names, jobs), progress)
-    Path(out).mkdir(parents=True, exist_ok=True)
+    subject: _Subject
+    if kind is piezo:
+        subject = _Piezo(read_piezo_rig(rig))
+    elif kind is stage:
+        subject = _Stage(read_stage(rig), crossover)
+    else:
+        subject = _Bearing(*read_files(rig, controller))
+    names = subject.names() if all_variants else (subject.own,)
+    places = subject.places(out, names)
+    tuned, interrupted = _Task(aims, budget, seed, jobs).run(subject.loops(names, jobs), progress)
+    out.mkdir(parents=True, exist_ok=True)
     result = Tuning(
         rig=subject.rig,
         controller=subject.controller,
@@ -128,7 +117,7 @@ def tune(
     )
     for name, path in result.written.items():
         subject.write(tuned[name], path, file_note(tuned[name], result))
-    write_results(result, Path(out))
+    write_results(result, out)
     return result
 
 
