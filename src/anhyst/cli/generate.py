@@ -20,10 +20,10 @@ from typing import Annotated, Any, Literal, get_origin
 import typer
 
 from anhyst.cli.docstring import Described, Docstring, read_docstring, with_options
-from anhyst.cli.printing import TerminalTable
 from anhyst.cli.reading import read_options
 from anhyst.cli.shared import (
     AsJson,
+    Part,
     Verbose,
     of_its_kind,
     print_json,
@@ -34,7 +34,6 @@ from anhyst.cli.shared import (
 )
 from anhyst.support.errors import Interrupted
 
-Parts = Iterable[str | TerminalTable]
 Given = Mapping[str, Any]
 """The arguments of a verb, as the command line gives them to its function."""
 
@@ -266,7 +265,7 @@ def _as_json(result: Any, _: Given) -> Mapping[str, Any]:
     return found
 
 
-def _show(result: Any, given: Given) -> Parts:
+def _show(result: Any, given: Given) -> Iterable[Part]:
     """Show the figures that a result names first, and what was written."""
     facts = result.facts() if hasattr(result, "facts") else {}
     written = [f"written: {given['out']}"] if given.get("out") is not None else []

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import typer
 
@@ -19,9 +19,7 @@ from anhyst.support.atomic import json_text
 from anhyst.support.jobs import Progress
 
 if TYPE_CHECKING:
-    from anhyst.study.engine.table import StudyResult
     from anhyst.support.page import PageTable
-    from anhyst.support.units import Quantity
 
 
 def of_its_kind(context: typer.Context, value: Any) -> Any:
@@ -74,7 +72,7 @@ def print_json(result: Mapping[str, Any]) -> None:
     print(json_text(result), end="")
 
 
-def from_page(drawn: PageTable) -> tuple[TerminalTable, ...] | tuple[TerminalTable, str]:
+def _from_page(drawn: PageTable) -> tuple[TerminalTable, ...] | tuple[TerminalTable, str]:
     """Return a table of a page for a terminal, and what stands below it."""
     from anhyst.support.page import NBSP
 
@@ -84,36 +82,17 @@ def from_page(drawn: PageTable) -> tuple[TerminalTable, ...] | tuple[TerminalTab
     return (result, drawn.caption) if drawn.caption else (result,)
 
 
-def study_parts(result: StudyResult, written: str) -> Iterator[str | TerminalTable]:
-    """Return what is printed of a study: losses, verdict, what was written, tables."""
-    from anhyst.reports.studies import printed
-
-    tables, lines = printed(result)
-    yield from (f"lost: {one}" for one in result.lost_in)
-    yield f"verdict: {result.verdict.sentence}"
-    yield f"written: {written}"
-    for one in tables:
-        yield from from_page(one)
-    yield from lines
-    for name, why in getattr(result, "left_out", {}).items():
-        yield f"left out: {name}: {why}"
+Part = Union[str, TerminalTable, "PageTable"]
+"""A sentence or a table that a verb shows."""
 
 
-def in_small_units(quantity: Quantity | None) -> tuple[str, float]:
-    """Return the heading of a scheduling variable and what to multiply it by: gaps in mm."""
-    if quantity is None:
-        return "", 1.0
-    if quantity.unit == "m":
-        return f"{quantity.symbol} mm", 1e3
-    return f"{quantity.symbol} {quantity.unit}", 1.0
-
-
-def show(*parts: str | TerminalTable) -> None:
+def show(*parts: Part) -> None:
     """Print tables and lines for a person, the most useful first."""
-    printer.print(parts)
+    for part in parts:
+        printer.print([part] if isinstance(part, str | TerminalTable) else _from_page(part))
 
 
-def show_with(warnings: Sequence[str], *parts: str | TerminalTable) -> None:
+def show_with(warnings: Sequence[str], *parts: Part) -> None:
     """Print tables and lines, and then warnings, for which lines are kept free."""
     printer.reserve(warnings)
     show(*parts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -37,6 +37,7 @@ from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.figures import write_svg
 from anhyst.support.jobs import Progress, in_parts
 from anhyst.support.kinds import FileKind
+from anhyst.support.page import PageTable
 
 if TYPE_CHECKING:
     pass
@@ -56,9 +57,16 @@ _READERS: Mapping[FileKind, Callable[[PathLike], BodyRig | Rig | PiezoRig]] = {
 Result = TypeVar("Result", bound=StudyResult)
 
 
-def printed(result: StudyResult) -> Printed:
-    """Return the tables and lines that a terminal shows of a study, whichever it is."""
-    return _PRINTED[type(result)](result)
+def lines_of(result: StudyResult, written: str) -> Iterator[str | PageTable]:
+    """Return what a terminal shows of a study: losses, verdict, what was written, tables."""
+    tables, lines = _PRINTED[type(result)](result)
+    yield from (f"lost: {one}" for one in result.lost_in)
+    yield f"verdict: {result.verdict.sentence}"
+    yield f"written: {written}"
+    yield from tables
+    yield from lines
+    for name, why in getattr(result, "left_out", {}).items():
+        yield f"left out: {name}: {why}"
 
 
 Simulated = Simulation | TrackingStudy | PiezoTracking | ForceControl

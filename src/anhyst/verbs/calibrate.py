@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
     from anhyst.control.controller_file import ControllerFile
     from anhyst.rig.body import BodyRig
     from anhyst.rig.fitting import IdentifiedMagnet
@@ -77,7 +77,7 @@ def warnings(result: Calibration) -> Iterator[str]:
             yield f"{method.name}: {facts[method.name]}; a flux probe helps there"
 
 
-def show(result: Calibration, given: Mapping[str, Any]) -> Iterator[str | TerminalTable]:
+def show(result: Calibration, given: Mapping[str, Any]) -> Iterator[Part]:
     """Return the estimated parameters, and how well each method fits then."""
     from anhyst.cli.printing import TerminalTable
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
     from anhyst.compilation.output import Compiled
     from anhyst.compilation.play import CompiledPlay
     from anhyst.model.actuator import Model
@@ -127,9 +127,7 @@ def compile(  # noqa: A001
     )  # fmt: skip
 
 
-def show(
-    result: Compiled | CompiledPlay | CompiledStage, _: Mapping[str, Any]
-) -> Iterator[str | TerminalTable]:
+def show(result: Compiled | CompiledPlay | CompiledStage, _: Mapping[str, Any]) -> Iterator[Part]:
     """Return what was compiled, how accurate it is, and where to read on."""
     from anhyst.compilation.play import CompiledPlay
     from anhyst.study.tracking.compiled import CompiledStage
@@ -144,7 +142,7 @@ def show(
     yield f"{result.out / guide} describes how it goes into a project"
 
 
-def _show_play(compiled: CompiledPlay) -> Iterator[str | TerminalTable]:
+def _show_play(compiled: CompiledPlay) -> Iterator[Part]:
     from anhyst.cli.printing import TerminalTable
 
     manifest = compiled.manifest
@@ -178,7 +176,7 @@ def _show_stage(compiled: CompiledStage) -> Iterator[str]:
     yield f"{len(compiled.vectors['flags'])} ticks of a flight are its golden vectors"
 
 
-def _show_model(compiled: Compiled) -> Iterator[str | TerminalTable]:
+def _show_model(compiled: Compiled) -> Iterator[Part]:
     from anhyst.cli.printing import TerminalTable
 
     manifest, budget = compiled.manifest, compiled.budget

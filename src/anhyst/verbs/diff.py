@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
     from anhyst.model.actuator import Model
     from anhyst.model.diff import ModelDiff
     from anhyst.support.atomic import PathLike
@@ -56,11 +56,11 @@ def as_json(result: ModelDiff, given: Mapping[str, Any]) -> dict[str, Any]:
     return asdict(result) | {"same": result.same, "unit": unit}
 
 
-def show(result: ModelDiff, given: Mapping[str, Any]) -> Iterator[str | TerminalTable]:
+def show(result: ModelDiff, given: Mapping[str, Any]) -> Iterator[Part]:
     """Return what has changed, and by how much the predicted loops differ."""
     from anhyst.cli.printing import TerminalTable
-    from anhyst.cli.shared import in_small_units
     from anhyst.model.actuator import read_model
+    from anhyst.support.units import schedule_scale
 
     if result.same:
         yield "the two models compute the same"
@@ -82,7 +82,7 @@ def show(result: ModelDiff, given: Mapping[str, Any]) -> Iterator[str | Terminal
     unit, drive = model.output.unit, model.input
     low, high = result.drive
     title = f"settled loops, {drive.symbol} from {low:g} to {high:g} {drive.unit}"
-    at, scale = in_small_units(model.schedule)
+    at, scale = schedule_scale(model.schedule)
     heads = [at, f"largest [{unit}]", f"mean apart [{unit}]", f"worst [{unit}]", "at"]
     loops = TerminalTable(title, heads)
     for loop in result.loops:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 if TYPE_CHECKING:
-    from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
     from anhyst.study.excite.excite import Excitation
     from anhyst.study.tracking.excitation import CalibratingMove
     from anhyst.support.atomic import PathLike
@@ -127,9 +127,7 @@ def excite(
     return excitation
 
 
-def show(
-    result: Excitation | CalibratingMove, given: Mapping[str, Any]
-) -> Iterator[str | TerminalTable]:
+def show(result: Excitation | CalibratingMove, given: Mapping[str, Any]) -> Iterator[Part]:
     """Return what the drive reached, or what the motion shows, and what was written."""
     from anhyst.study.excite.excite import Excitation
 
@@ -142,7 +140,7 @@ def show(
     yield from (f"written: {path}" for path in written if path is not None)
 
 
-def _show_excitation(excitation: Excitation) -> Iterator[str | TerminalTable]:
+def _show_excitation(excitation: Excitation) -> Iterator[Part]:
     from anhyst.cli.printing import TerminalTable
     from anhyst.support.wording import count_of
 
@@ -170,7 +168,7 @@ def _show_excitation(excitation: Excitation) -> Iterator[str | TerminalTable]:
     yield from (f"note: {note}" for note in excitation.notes)
 
 
-def _show_move(result: CalibratingMove) -> Iterator[str | TerminalTable]:
+def _show_move(result: CalibratingMove) -> Iterator[Part]:
     import re
 
     from anhyst.cli.printing import TerminalTable

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
     from anhyst.data.path import HistoryLike
     from anhyst.study.fleet import Fleet
     from anhyst.support.atomic import PathLike
@@ -121,13 +121,12 @@ def warnings(result: Fleet) -> Iterator[str]:
     yield from (f"{name}: {why}" for name, why in result.failed.items())
 
 
-def show(result: Fleet, given: Mapping[str, Any]) -> Iterator[str | TerminalTable]:
+def show(result: Fleet, given: Mapping[str, Any]) -> Iterator[Part]:
     """Return the scatter of the parameters and the number of good magnets."""
-    from anhyst.cli.shared import from_page
     from anhyst.reports.fleet import scatter_table
 
     out = given["out"]
     if result.spread is not None:
-        yield from from_page(scatter_table(result, result.spread))
+        yield scatter_table(result, result.spread)
     yield from (f"{name}: {text}" for name, text in result.facts().items())
     yield f"written: {out / 'fleet.json'}, {out / 'fleet.csv'}, {out / REPORT}"

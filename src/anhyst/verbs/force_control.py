@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from anhyst.verbs import verify as verifying
 
 if TYPE_CHECKING:
-    from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
     from anhyst.study.force_control import ForceControl
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
@@ -102,11 +102,11 @@ def warnings(result: ForceControl) -> Sequence[str]:
     return result.plant.warnings
 
 
-def show(result: ForceControl, _: Mapping[str, Any]) -> Iterator[str | TerminalTable]:
+def show(result: ForceControl, _: Mapping[str, Any]) -> Iterator[Part]:
     """Return the errors of each controller, and the verification of the C."""
-    from anhyst.cli.shared import study_parts
+    from anhyst.reports.studies import lines_of
 
-    yield from study_parts(result, written(result))
+    yield from lines_of(result, written(result))
     if result.verified:
         yield from verifying.show(result.verified, {})
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
     from anhyst.data.source import LoopSource
     from anhyst.identification.run import IdentifyResult
     from anhyst.model.actuator import Model
@@ -197,7 +198,7 @@ def as_json(result: IdentifyResult, given: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[str | TerminalTable]:
+def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[Part]:
     """Return how well the model fits, what was chosen and why."""
     model, fit = result.model, result.model.fit
     yield f"{given['out']}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
@@ -221,7 +222,7 @@ def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[str | Ter
         yield f"cross-validation error with gap map {name}: {100.0 * error:.3g} %"
 
 
-def _fit(model: Model) -> Iterator[str | TerminalTable]:
+def _fit(model: Model) -> Iterator[Part]:
     """Return the deviations from the loops, and the candidates."""
     from anhyst.data.output_map import name_full_scale
 

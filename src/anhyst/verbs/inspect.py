@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
     from anhyst.data.inspection import Inspection, LoopFigures
     from anhyst.data.source import LoopSource
     from anhyst.data.table import ChannelFigures
@@ -114,15 +115,14 @@ def _table_of_channels(listed: list[ChannelFigures]) -> TerminalTable:
     return rows
 
 
-def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[str | TerminalTable]:
+def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[Part]:
     """Return the verdict, how the loops were read, and the figures of each loop."""
     from anhyst.cli.printing import TerminalTable
-    from anhyst.cli.shared import in_small_units
-    from anhyst.support.units import in_small_unit
+    from anhyst.support.units import in_small_unit, schedule_scale
     from anhyst.support.wording import count_of
 
     drive, answer, schedule = inspection.input, inspection.output, inspection.schedule
-    at, scale = in_small_units(schedule)
+    at, scale = schedule_scale(schedule)
     headers = ["loop", *([at] if schedule else []), "rows"]
     largest = max(max(abs(one.output_low), abs(one.output_high)) for one in inspection.loops)
     unit, small = in_small_unit(answer, largest)

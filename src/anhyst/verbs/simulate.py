@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 if TYPE_CHECKING:
     from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
     from anhyst.reports.studies import Simulated, Studied
     from anhyst.study.bearing.board_faults import Ending
     from anhyst.study.bearing.on_board import BoardComparison
@@ -163,9 +164,9 @@ def warnings(result: Studied) -> Sequence[str]:
     return getattr(plant, "warnings", ())
 
 
-def show(result: Studied, given: Mapping[str, Any]) -> Iterator[str | TerminalTable]:
+def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
     """Return what a terminal shows of the study, whichever it is."""
-    from anhyst.cli.shared import study_parts
+    from anhyst.reports.studies import lines_of
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.benefit import Benefit
 
@@ -174,7 +175,7 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[str | TerminalTa
     elif isinstance(result, Benefit):
         yield from _show_map(result, given["out"])
     else:
-        yield from study_parts(result, _written(result, given["out"]))
+        yield from lines_of(result, _written(result, given["out"]))
 
 
 def refuse(result: Studied, _: Mapping[str, Any]) -> None:
@@ -203,7 +204,7 @@ def _written(result: StudyResult, out: Path) -> str:
     return ", ".join(map(str, (out, *picture, out.parent / figures, out.parent / REPORT)))
 
 
-def _show_firmware(comparison: BoardComparison, out: Path) -> Iterator[str | TerminalTable]:
+def _show_firmware(comparison: BoardComparison, out: Path) -> Iterator[Part]:
     yield _faults(comparison.endings)
     yield (
         f"firmware on {comparison.board} against the simulation: {comparison.differ} of "
@@ -238,7 +239,7 @@ def _faults(endings: Sequence[Ending]) -> TerminalTable:
     return rows
 
 
-def _show_map(benefit: Benefit, out: Path) -> Iterator[str | TerminalTable]:
+def _show_map(benefit: Benefit, out: Path) -> Iterator[Part]:
     from anhyst.reports.study.page import REPORT
 
     baselines = {

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
     from anhyst.study.tuning.result import Tuning
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
@@ -144,7 +144,7 @@ def as_json(result: Tuning, _: Mapping[str, Any]) -> Mapping[str, Any]:
     return figures_of(result)
 
 
-def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[str | TerminalTable]:
+def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[Part]:
     """Return what was reached, what limits it, and what was written."""
     from anhyst.cli.printing import TerminalTable
     from anhyst.study.tuning.result import aims_text, heads, rows, worth
