@@ -24,107 +24,64 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
+from anhyst.verbs import names
+
+if TYPE_CHECKING:  # for checkers and editors; a verb that is not here has no type and works
     __version__: str
 
-    from anhyst.compilation.output import Compiled
-    from anhyst.compilation.play import CompiledPlay
-    from anhyst.dashboard.verb import live
-    from anhyst.data.clean import clean
-    from anhyst.data.inspection import Inspection, inspect
-    from anhyst.data.loops import Loop, Loops
-    from anhyst.data.reading import read_loops
-    from anhyst.draft.drafting import Drafted, example_files, init
-    from anhyst.exchange.convert import convert
-    from anhyst.exchange.export import export
-    from anhyst.identification.identify import identify
-    from anhyst.identification.run import IdentifyResult
-    from anhyst.link.xcp import xcp
-    from anhyst.model.actuator import Model, read_model
-    from anhyst.model.diff import ModelDiff, diff
-    from anhyst.model.predict_file import RunSummary, invert, predict
-    from anhyst.model.prediction import Prediction
-    from anhyst.reports.model.page import write_report as report
-    from anhyst.reports.verbs import excite_rig as excite
-    from anhyst.reports.verbs import simulate_rig as simulate
-    from anhyst.study.bearing.on_board import BoardComparison
-    from anhyst.study.bearing.simulate import Simulation
-    from anhyst.study.bearing.state_space import linearise
-    from anhyst.study.benefit import Benefit
-    from anhyst.study.engine.monte_carlo import MonteCarlo
-    from anhyst.study.excite.excite import Excitation
-    from anhyst.study.fleet import Fleet
-    from anhyst.study.fleet import judge_fleet as fleet
-    from anhyst.study.force_control import ForceControl, force_control
-    from anhyst.study.piezo import PiezoTracking
-    from anhyst.study.tracking.calibrate import Calibration, calibrate
-    from anhyst.study.tracking.compiled import CompiledStage
-    from anhyst.study.tracking.compiled import compile_file as compile  # noqa: A004
-    from anhyst.study.tracking.excitation import CalibratingMove, excite_to_calibrate
-    from anhyst.study.tracking.simulate import TrackingStudy
-    from anhyst.study.tuning.result import Tuning
-    from anhyst.study.tuning.tuning import tune
-    from anhyst.study.watch import watch
-    from anhyst.support.errors import InputError, NegativeResult
-    from anhyst.verification.result import Verification
-    from anhyst.verification.verify import verify
-
-__all__ = [
-    "Benefit",
-    "BoardComparison",
-    "CalibratingMove",
-    "Calibration",
-    "Compiled",
-    "CompiledPlay",
-    "CompiledStage",
-    "Drafted",
-    "Excitation",
-    "Fleet",
-    "ForceControl",
-    "IdentifyResult",
-    "InputError",
-    "Inspection",
-    "Loop",
-    "Loops",
-    "Model",
-    "ModelDiff",
-    "MonteCarlo",
-    "NegativeResult",
-    "PiezoTracking",
-    "Prediction",
-    "RunSummary",
-    "Simulation",
-    "TrackingStudy",
-    "Tuning",
-    "Verification",
-    "__version__",
-    "calibrate",
-    "clean",
-    "compile",
-    "convert",
-    "diff",
-    "example_files",
-    "excite",
-    "excite_to_calibrate",
-    "export",
-    "fleet",
-    "force_control",
-    "identify",
-    "init",
-    "inspect",
-    "invert",
-    "linearise",
-    "live",
-    "predict",
-    "read_loops",
-    "read_model",
-    "report",
-    "simulate",
-    "tune",
-    "verify",
-    "watch",
-    "xcp",
-]
+    from anhyst.compilation.output import Compiled as Compiled
+    from anhyst.compilation.play import CompiledPlay as CompiledPlay
+    from anhyst.data.clean import clean as clean
+    from anhyst.data.inspection import Inspection as Inspection
+    from anhyst.data.loops import Loop as Loop
+    from anhyst.data.loops import Loops as Loops
+    from anhyst.data.reading import read_loops as read_loops
+    from anhyst.draft.drafting import Drafted as Drafted
+    from anhyst.draft.drafting import example_files as example_files
+    from anhyst.identification.run import IdentifyResult as IdentifyResult
+    from anhyst.model.actuator import Model as Model
+    from anhyst.model.actuator import read_model as read_model
+    from anhyst.model.diff import ModelDiff as ModelDiff
+    from anhyst.model.predict_file import RunSummary as RunSummary
+    from anhyst.model.prediction import Prediction as Prediction
+    from anhyst.study.bearing.on_board import BoardComparison as BoardComparison
+    from anhyst.study.bearing.simulate import Simulation as Simulation
+    from anhyst.study.bearing.state_space import linearise as linearise
+    from anhyst.study.benefit import Benefit as Benefit
+    from anhyst.study.engine.monte_carlo import MonteCarlo as MonteCarlo
+    from anhyst.study.excite.excite import Excitation as Excitation
+    from anhyst.study.fleet import Fleet as Fleet
+    from anhyst.study.force_control import ForceControl as ForceControl
+    from anhyst.study.piezo import PiezoTracking as PiezoTracking
+    from anhyst.study.tracking.calibrate import Calibration as Calibration
+    from anhyst.study.tracking.compiled import CompiledStage as CompiledStage
+    from anhyst.study.tracking.excitation import CalibratingMove as CalibratingMove
+    from anhyst.study.tracking.excitation import excite_to_calibrate as excite_to_calibrate
+    from anhyst.study.tracking.simulate import TrackingStudy as TrackingStudy
+    from anhyst.study.tuning.result import Tuning as Tuning
+    from anhyst.support.errors import InputError as InputError
+    from anhyst.support.errors import NegativeResult as NegativeResult
+    from anhyst.verbs.calibrate import calibrate as calibrate
+    from anhyst.verbs.compile import compile as compile  # noqa: A004
+    from anhyst.verbs.convert import convert as convert
+    from anhyst.verbs.diff import diff as diff
+    from anhyst.verbs.excite import excite as excite
+    from anhyst.verbs.export import export as export
+    from anhyst.verbs.fleet import fleet as fleet
+    from anhyst.verbs.force_control import force_control as force_control
+    from anhyst.verbs.identify import identify as identify
+    from anhyst.verbs.init import init as init
+    from anhyst.verbs.inspect import inspect as inspect
+    from anhyst.verbs.invert import invert as invert
+    from anhyst.verbs.live import live as live
+    from anhyst.verbs.predict import predict as predict
+    from anhyst.verbs.report import report as report
+    from anhyst.verbs.simulate import simulate as simulate
+    from anhyst.verbs.tune import tune as tune
+    from anhyst.verbs.verify import verify as verify
+    from anhyst.verbs.watch import watch as watch
+    from anhyst.verbs.xcp import xcp as xcp
+    from anhyst.verification.result import Verification as Verification
 
 _PLACES = {
     "Benefit": "study.benefit",
@@ -154,34 +111,16 @@ _PLACES = {
     "TrackingStudy": "study.tracking.simulate",
     "Tuning": "study.tuning.result",
     "Verification": "verification.result",
-    "calibrate": "study.tracking.calibrate",
     "clean": "data.clean",
-    "compile": "study.tracking.compiled:compile_file",
-    "convert": "exchange.convert",
-    "diff": "model.diff",
     "example_files": "draft.drafting",
-    "excite": "reports.verbs:excite_rig",
     "excite_to_calibrate": "study.tracking.excitation",
-    "export": "exchange.export",
-    "fleet": "study.fleet:judge_fleet",
-    "force_control": "study.force_control",
-    "identify": "identification.identify",
-    "init": "draft.drafting",
-    "inspect": "data.inspection",
-    "invert": "model.predict_file",
     "linearise": "study.bearing.state_space",
-    "live": "dashboard.verb",
-    "predict": "model.predict_file",
     "read_loops": "data.reading",
     "read_model": "model.actuator",
-    "report": "reports.model.page:write_report",
-    "simulate": "reports.verbs:simulate_rig",
-    "tune": "study.tuning.tuning:tune",
-    "verify": "verification.verify",
-    "watch": "study.watch",
-    "xcp": "link.xcp",
 }
-"""Where each name lives, and what it is called there if not the same."""
+"""The module of each name that is not a verb."""
+
+__all__ = sorted(["__version__", *_PLACES, *names()])  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> object:
@@ -190,13 +129,13 @@ def __getattr__(name: str) -> object:
         from anhyst.support import running_version
 
         return running_version()
-    if name not in _PLACES:
+    place = f"verbs.{name}" if name in names() else _PLACES.get(name)
+    if place is None:
         raise AttributeError(f"module 'anhyst' has no attribute {name!r}")
-    place, _, called = _PLACES[name].partition(":")
-    found = getattr(import_module(f"anhyst.{place}"), called or name)
+    found = getattr(import_module(f"anhyst.{place}"), name)
     globals()[name] = found
     return found
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

@@ -30,9 +30,8 @@ def folder(tmp_path: Path) -> Path:
         ([*IDENTIFY, "--gap", "scaling"], "No such option: --gap (Possible options: --gap-map"),
         (
             [*IDENTIFY, "--law", "preisach"],
-            "Invalid value for '--law': 'preisach' is not one of "
-            "'effective-field', 'jiles-atherton-1986', 'play-cells', 'play-cells-langevin'. "
-            "See 'anhyst --help'.",
+            "law 'preisach' is unknown; use one of "
+            "effective-field, jiles-atherton-1986, play-cells, play-cells-langevin, auto",
         ),
         ([*IDENTIFY, "--search", "grid"], "Invalid value for '--search': 'grid' is not one of"),
         ([*IDENTIFY, "--gap-map", "spline"], "Invalid value for '--gap-map': 'spline' is not one"),

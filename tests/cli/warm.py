@@ -39,7 +39,7 @@ def load() -> None:
             "model.predict_file",
         ),
         *(
-            "reports.verbs",
+            "reports.studies",
             "study.bearing.simulate",
             "compilation",
             "draft.bearing",

@@ -8,15 +8,15 @@ import re
 import tomllib
 import zipfile
 from pathlib import Path
-from typing import get_args
 from xml.etree import ElementTree
 
 import kconfiglib
 import pytest
 import yaml
 
+import anhyst
 from anhyst.cli.app import main
-from anhyst.cli.compile import PackageName
+from anhyst.cli.docstring import read_docstring
 from anhyst.compilation.manifest import write_folder
 from anhyst.compilation.packages import (
     PACKAGES,
@@ -288,7 +288,7 @@ def test_the_command_refuses_what_has_no_package(
 
 
 def test_help_and_documents_name_every_package() -> None:
-    help_ = get_args(PackageName)[1].help
+    help_ = read_docstring(anhyst.compile).parameters["package"].text
     page = (ROOT / "docs" / "compile.md").read_text()
     for name in PACKAGES:
         assert name in help_

@@ -44,6 +44,7 @@ def test_only_exported_names_have_sections() -> None:
         if not noun.startswith("_")
         for name in names_of(getattr(anhyst, noun))
     }
+    exported.add(("anhyst.cli.reading", "read_options"))  # the help of options of every verb
     found = []
     for path in sorted(SOURCES.rglob("*.py")):
         parts = path.relative_to(SOURCES.parent).with_suffix("").parts

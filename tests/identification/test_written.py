@@ -24,11 +24,11 @@ from anhyst.identification.default import FoundModel
 from anhyst.laws import LAWS
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.parameters import GapMap
-from anhyst.model.predict_file import predict
 from anhyst.model.schema import CHOSEN, CandidateFit, FitFigures
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
+from anhyst.verbs.predict import predict
 from tests.identification.truths import (
     GAPS,
     HISTORIES,

@@ -12,10 +12,11 @@ import pytest
 from anhyst.data.path import History
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
-from anhyst.model.predict_file import invert, predict
 from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
+from anhyst.verbs.invert import invert
+from anhyst.verbs.predict import predict
 from tests.refusals import refused
 
 MODEL = Model(

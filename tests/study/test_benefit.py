@@ -12,7 +12,6 @@ import pytest
 
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.verdict import reversal_share
-from anhyst.reports.verbs import simulate_rig
 from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.drift import changed, with_iron
 from anhyst.rig.measuring import measure_loops
@@ -31,6 +30,7 @@ from anhyst.study.benefit import (
 from anhyst.study.engine.table import Interval, mean_interval, quotient
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
+from anhyst.verbs.simulate import simulate
 from tests.page import Page
 from tests.refusals import refused
 from tests.study import bearings, stages
@@ -290,7 +290,7 @@ def test_iron_of_a_stage_is_varied_and_measured_again() -> None:
 
 @pytest.mark.slow
 def test_the_map_of_any_rig_is_written_with_its_page(tmp_path: Path) -> None:
-    simulate_rig(PIEZO, out=tmp_path / "map.json", benefit=True)
+    simulate(PIEZO, out=tmp_path / "map.json", benefit=True)
     kept = json.loads((tmp_path / "map.json").read_text())
     assert {row["case"] for row in kept["cells"]} == {"triangle"}
     page = Page((tmp_path / "report.html").read_text())
@@ -302,7 +302,7 @@ def test_the_map_of_any_rig_is_written_with_its_page(tmp_path: Path) -> None:
 def test_a_rig_that_no_method_holds_has_its_map_and_page_too(tmp_path: Path) -> None:
     text = PIEZO.read_text().replace("bandwidth_Hz = 100.0", "bandwidth_Hz = 500.0")
     (tmp_path / "rig.toml").write_text(text)
-    simulate_rig(tmp_path / "rig.toml", out=tmp_path / "map.json", benefit=True)
+    simulate(tmp_path / "rig.toml", out=tmp_path / "map.json", benefit=True)
     first, *_ = json.loads((tmp_path / "map.json").read_text())["cells"]
     assert first["figures"] == {}
     assert first["against_strongest"]["rms_m"] == {"baseline": None, "outcome": "no gain"}

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from anhyst.cli.app import main
 from anhyst.cli.printing import printer, start_printing
-from anhyst.cli.shared import show_study
+from anhyst.cli.shared import show
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plan import CompileRequest, make_plan
@@ -23,6 +23,7 @@ from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.link.firmware import build
 from anhyst.model.actuator import Model, read_model
 from anhyst.reports.force import draw, figure_constant_gap, figure_moving, figure_positions
+from anhyst.reports.studies import lines_of
 from anhyst.rig.bench.force import run_firmware
 from anhyst.rig.force import programs
 from anhyst.rig.force.bench import ActuatorStand, with_lead_in
@@ -163,7 +164,7 @@ def test_the_verdict_names_the_strongest_baseline(
         assert worst[found["strongest"][stage]]["worst_percent"] == least
     start_printing()
     printer.is_verbose = True
-    show_study(run, "run")
+    show(*lines_of(run, "run"))
     said = unwrapped(capsys.readouterr().out)
     assert found["text"] in said
     assert "strongest baseline without hysteresis model" in said

@@ -13,24 +13,25 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.cli.printing import printer, start_printing
-from anhyst.cli.shared import show_study
+from anhyst.cli.shared import show
 from anhyst.compensate.force_controller import twin_of
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compilation.output import compile_model
 from anhyst.data import History, Loop, Loops
 from anhyst.data.speeds import slow_loops, speeds_of
-from anhyst.draft.drafting import init
 from anhyst.identification import identify
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.dynamics import Layers
 from anhyst.model.schema import CHOSEN
 from anhyst.reports.force import draw
+from anhyst.reports.studies import lines_of
 from anhyst.rig.force.bench import ActuatorStand
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import straight, take
 from anhyst.study.force_control import build_program, force_control
 from anhyst.support.units import QUANTITIES
+from anhyst.verbs.init import init
 from anhyst.verification.verify import verify
 from tests.refusals import refused
 from tests.truths import truth
@@ -187,7 +188,7 @@ def test_layers_in_the_firmware_leave_a_fraction_of_what_the_model_at_rest_does(
         assert {"full", "at-rest", "simplified"} <= set(outcome.recordings)
     start_printing()
     printer.is_verbose = True
-    show_study(run, "run")
+    show(*lines_of(run, "run"))
     assert "iron at rest" in capsys.readouterr().out
     manifest = json.loads((run.out / "stroke/full/controller/manifest.json").read_text())
     still = json.loads((run.out / "stroke/at-rest/controller/manifest.json").read_text())

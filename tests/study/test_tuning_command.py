@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 
 from anhyst.cli import app as cli
-from anhyst.cli.tune import tune as command
 from anhyst.control.controller_file import read_controller
 from anhyst.model.writer import write_model
 from anhyst.study.bearing.simulate import compared
 from anhyst.study.tuning import search
+from anhyst.verbs.tune import tune as command
 from tests.cli.command import Result, quick, refused, shares_said, speaking
 from tests.refusals import says
 from tests.study import bearings

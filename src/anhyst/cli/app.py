@@ -13,15 +13,9 @@ from typing import Annotated, Any, cast
 
 import typer
 
-from anhyst.cli.compile import compile_, verify
-from anhyst.cli.identify import identify
-from anhyst.cli.measurements import convert, fleet, inspect
+from anhyst.cli.generate import add_command, read_verbs
 from anhyst.cli.printing import printer, start_printing
-from anhyst.cli.rig import excite, init, live, watch, xcp
 from anhyst.cli.shared import one_line, say_error, warn
-from anhyst.cli.simulate import force_control, simulate
-from anhyst.cli.tune import calibrate, tune
-from anhyst.cli.use import diff, export, invert, predict, report
 from anhyst.support.errors import (
     CreepWarning,
     InputError,
@@ -48,16 +42,8 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_GROUPS: dict[str, tuple[Callable[..., None], ...]] = {
-    "From measurements to a model": (inspect, convert, identify, fleet, report, diff),
-    "Use a model": (predict, invert, compile_, verify, export),
-    "Rigs, simulated and real": (init, simulate, tune, calibrate, force_control, excite),
-    "During operation": (live, watch, xcp),
-}
-for _group, _verbs in _GROUPS.items():
-    for _verb in _verbs:
-        _name = _verb.__name__.strip("_").replace("_", "-")
-        app.command(_name, no_args_is_help=True, rich_help_panel=_group)(_verb)
+for _verb in read_verbs():
+    add_command(app, _verb)
 
 
 def _print_version(asked_for: bool) -> None:

@@ -9,9 +9,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import typer
 
@@ -20,14 +19,7 @@ from anhyst.support.atomic import json_text
 from anhyst.support.jobs import Progress
 
 if TYPE_CHECKING:
-    from anhyst.data.clean import ReadOptions
-    from anhyst.study.engine.table import StudyResult
     from anhyst.support.page import PageTable
-    from anhyst.support.units import Quantity
-
-
-BoardChoice = Literal["library", "host", "qemu-mps2"]
-"""Boards without hardware."""
 
 
 def of_its_kind(context: typer.Context, value: Any) -> Any:
@@ -35,21 +27,12 @@ def of_its_kind(context: typer.Context, value: Any) -> Any:
     from anhyst.support.kinds import TAKES, refuse_other
 
     verb = str(context.info_name)
-    for path in value if isinstance(value, list) else [value] if value else []:
+    given = value if isinstance(value, list) else [value] if value else []
+    for path in given if verb in TAKES else []:
         refuse_other(path, TAKES[verb], verb)
     return value
 
 
-LoopFiles = Annotated[
-    list[Path],
-    typer.Argument(metavar="LOOPS", help="CSV files, recordings or folders.", callback=of_its_kind),
-]
-ControllerPath = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE", help="Controller file. [default: 'controller.toml' next to the rig file]"
-    ),
-]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
@@ -64,130 +47,6 @@ Verbose = Annotated[
         "--verbose", help="Print all lines and columns, not only the first 25.", callback=_print_all
     ),
 ]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        metavar="ADDRESS",
-        help="Use the workers of a dask scheduler, such as tcp://host:8786 (extra "
-        "'cluster'). They must have access to the same files. [default: processes of "
-        "this machine]",
-        show_default=False,
-    ),
-]
-
-Columns = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FILE=OURS,...",
-        help="What columns of the file are, where their headers do not say, such as "
-        "'I_A_scaled=I_A,U_M_V=psi_Wb'. An empty right side leaves a column out. A name with a "
-        "comma needs double quotes: '\"Current, coil (A)\"=I_A'.",
-    ),
-]
-Scale = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME=FACTOR,...",
-        help="Value in our unit per unit in the file, such as 'CH1=10' for a probe of 10 A per V.",
-    ),
-]
-Flip = Annotated[
-    str | None,
-    typer.Option(metavar="NAME,...", help="Columns whose sign is reversed, such as 'F_N'."),
-]
-Drop = Annotated[
-    str | None,
-    typer.Option(
-        metavar="invalid",
-        help="Leave out samples without a measured value: NaN, infinity, overrange marks, and "
-        "samples that the recorder marks as invalid. Their number is reported.",
-    ),
-]
-Sidecar = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="TOML file with information that is not in the headers (columns, history, ...). "
-        "[default: a .toml of the same name next to each file]",
-    ),
-]
-Schedule = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Quantity or column on which the parameters depend."),
-]
-LoopColumn = Annotated[
-    str | None,
-    typer.Option("--loop", metavar="COLUMN", help="Column that distinguishes loops."),
-]
-Constants = Annotated[
-    str | None,
-    typer.Option(
-        metavar="OURS=VALUE,...",
-        help="Constant values that are not in a column, such as 'gap_mm=0.4'.",
-    ),
-]
-Clean = Annotated[
-    str | None,
-    typer.Option(
-        metavar="STEP,...",
-        help="Cleaning steps: dedupe, spikes, steady, drift, offset, skew, holes, ripple, denoise, "
-        "thin; or 'none'. "
-        "[default: dedupe,holes,ripple,denoise,thin]",
-        show_default=False,
-    ),
-]
-LoopHistory = Annotated[
-    str | None,
-    typer.Option(
-        metavar="HISTORY",
-        help="What happened before the first sample: 'demagnetised', 'settled' (a cycle that "
-        "was repeated), or 'conditioned:0,2,0' (reversal points of the input in SI "
-        "units). [default: as in the sidecar, or proposed for each record]",
-        show_default=False,
-    ),
-]
-RunHistory = Annotated[
-    str | None,
-    typer.Option(
-        metavar="HISTORY",
-        help="What happened before the first sample: 'demagnetised', 'settled' (the file is "
-        "a cycle, repeated until it closes), or 'conditioned:0,2,0' (reversal points of "
-        "the input in SI units). [default: as in the model]",
-        show_default=False,
-    ),
-]
-ModelPath = Annotated[
-    Path, typer.Argument(metavar="MODEL", help="A model.toml.", callback=of_its_kind)
-]
-
-
-def read_options(
-    columns: str | None = None,
-    sidecar: Path | None = None,
-    schedule: str | None = None,
-    loop: str | None = None,
-    constants: str | None = None,
-    history: str | None = None,
-    clean: str | None = None,
-    scale: str | None = None,
-    flip: str | None = None,
-    drop: str | None = None,
-) -> ReadOptions:
-    """Collect what the options say about reading measurements."""
-    from anhyst.data.clean import ReadOptions
-
-    return ReadOptions.from_text(
-        columns=columns,
-        sidecar=None if sidecar is None else str(sidecar),
-        schedule=schedule,
-        loop=loop,
-        constants=constants,
-        history=history,
-        clean=clean,
-        scale=scale,
-        flip=flip,
-        drop=drop,
-    )
 
 
 def say_error(text: str) -> None:
@@ -213,52 +72,27 @@ def print_json(result: Mapping[str, Any]) -> None:
     print(json_text(result), end="")
 
 
-def table(title: str, headers: Sequence[str]) -> TerminalTable:
-    """Start a table."""
-    return TerminalTable(title, headers)
-
-
-def from_page(drawn: PageTable) -> tuple[TerminalTable, ...] | tuple[TerminalTable, str]:
+def _from_page(drawn: PageTable) -> tuple[TerminalTable, ...] | tuple[TerminalTable, str]:
     """Return a table of a page for a terminal, and what stands below it."""
     from anhyst.support.page import NBSP
 
-    result = table(drawn.title, drawn.head)
+    result = TerminalTable(drawn.title, drawn.head)
     for row in drawn.rows:
         result.add_row(*(cell.text.replace(NBSP, " ") for cell in row))
     return (result, drawn.caption) if drawn.caption else (result,)
 
 
-def show_study(result: StudyResult, written: str) -> None:
-    """Print a study: losses, tables, verdict, and what was written."""
-    from anhyst.reports.verbs import printed
-
-    tables, lines = printed(result)
-    left_out = getattr(result, "left_out", {}).items()
-    show(
-        *(f"lost: {one}" for one in result.lost_in),
-        f"verdict: {result.verdict.sentence}",
-        f"written: {written}",
-        *(part for one in tables for part in from_page(one)),
-        *lines,
-        *(f"left out: {name}: {why}" for name, why in left_out),
-    )
+Part = Union[str, TerminalTable, "PageTable"]
+"""A sentence or a table that a verb shows."""
 
 
-def in_small_units(quantity: Quantity | None) -> tuple[str, float]:
-    """Return the heading of a scheduling variable and what to multiply it by: gaps in mm."""
-    if quantity is None:
-        return "", 1.0
-    if quantity.unit == "m":
-        return f"{quantity.symbol} mm", 1e3
-    return f"{quantity.symbol} {quantity.unit}", 1.0
-
-
-def show(*parts: str | TerminalTable) -> None:
+def show(*parts: Part) -> None:
     """Print tables and lines for a person, the most useful first."""
-    printer.print(parts)
+    for part in parts:
+        printer.print([part] if isinstance(part, str | TerminalTable) else _from_page(part))
 
 
-def show_with(warnings: Sequence[str], *parts: str | TerminalTable) -> None:
+def show_with(warnings: Sequence[str], *parts: Part) -> None:
     """Print tables and lines, and then warnings, for which lines are kept free."""
     printer.reserve(warnings)
     show(*parts)

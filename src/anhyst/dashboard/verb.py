@@ -128,42 +128,7 @@ def live(
     progress: Progress | None = None,
     started: Callable[[str, str], None] | None = None,
 ) -> RecordingFile | None:
-    """See, touch and record a rig in a browser while it runs, until ctrl-C.
-
-    Parameters
-    ----------
-    rig : path-like
-        Rig file, of any kind. With `xcp` or `port` the compiled folder around which
-        the firmware is built.
-    controller : path-like, optional
-        Controller file; ``controller.toml`` beside the rig file if left out.
-    xcp : str, optional
-        ``HOST:PORT`` where a controller that runs by itself offers XCP, in place of a virtual rig.
-    port : str, optional
-        The same on a serial port that carries XCP.
-    known : path-like, optional
-        With `xcp` or `port`: rig file of the actuator, to measure and improve its model.
-    record : path-like, optional
-        New ``.csv`` or ``.mf4`` to which every tick is written, from the first on.
-    listen : str
-        ``HOST:PORT`` in digits, or ``PORT`` on this machine; beyond this machine with a token only.
-    token : bool
-        Let in only browsers that show a token.
-    progress : callable, optional
-        Called with what is done of opening the rig, and what there is in all.
-    started : callable, optional
-        Called with the address of the page, and the token or nothing.
-
-    Returns
-    -------
-    RecordingFile or None
-        What was recorded.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read or written, an address is not free, or no controller answers.
-    """
+    """Show, operate and record a rig in a browser until ctrl-C: `anhyst.live`."""
     check_path(rig, "live: rig", "the path of a rig file")
     url = address_of(xcp, port)
     if url is None and known is not None:

@@ -15,7 +15,6 @@ from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import name_full_scale
 from anhyst.data.path import History, branches
 from anhyst.data.plausibility import check_plausible
-from anhyst.data.source import LoopSource, loops_from
 from anhyst.data.speeds import rate_line
 from anhyst.data.start import Proposal, carry_histories, propose_histories
 from anhyst.data.symmetry import bias_line, recentre
@@ -168,30 +167,11 @@ class Inspection(Result):
         return units
 
 
-def inspect(loops: LoopSource, **reading: Any) -> Inspection:
-    """Look at loops: figures of each, warnings, and whether a hysteresis model is worth it.
+def inspect(loops: Loops) -> Inspection:
+    """Look at loops: figures of each, warnings, and whether a model is worth it: `anhyst.inspect`.
 
     Noise and delay are those of the record before it is thinned.
-
-    Parameters
-    ----------
-    loops : Loops, path-like, list of path-like, data frame or dict
-        Files, folders, data frames and dicts of arrays are read as the command line does, and not
-        thinned. `Loops` are used unchanged.
-    **reading
-        How files or columns are read: the keywords of `read_loops`, and ``clean``, the cleaning
-        steps.
-
-    Returns
-    -------
-    Inspection
-
-    Raises
-    ------
-    InputError
-        If the record cannot be what its headers say, as `check_plausible`.
     """
-    loops = loops_from(loops, "inspect: loops", reading, without=("thin",)).loops
     warnings = list(check_plausible(loops))
     residuals = {id(loop): residual for loop, residual in single_valued(loops)}
     centred, even = recentre(loops)

@@ -15,6 +15,7 @@ from anhyst.data.reading import read_loops
 from anhyst.data.table import check_source
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, wrong_type
+from anhyst.support.jobs import Progress
 
 LoopSource = Loops | PathLike | Sequence[PathLike] | Mapping[str, Any] | Any
 """Loops, a file, a folder, several of them, a data frame, or a dict of arrays."""
@@ -34,6 +35,7 @@ def loops_from(
     reading: Mapping[str, Any],
     *,
     without: Collection[str] = (),
+    progress: Progress | None = None,
 ) -> ReadLoops:
     """Return the loops that a verb was given; files and data frames are read and cleaned.
 
@@ -61,7 +63,7 @@ def loops_from(
     options = options_of(verb, **{name: reading[name] for name in reading if name in own})
     steps = tuple(step for step in options.clean if step not in without)
     options = replace(options, clean=steps)
-    return ReadLoops(options.read(source, **more), options)
+    return ReadLoops(options.read(source, **{"progress": progress} | more), options)
 
 
 def options_of(verb: str, **reading: Any) -> ReadOptions:
@@ -69,6 +71,8 @@ def options_of(verb: str, **reading: Any) -> ReadOptions:
     plain = ReadOptions()
     given = {name: value for name, value in reading.items() if value is not None}
     for name, value in given.items():
+        if not hasattr(plain, name):
+            raise TypeError(f"{verb}() got an unexpected keyword argument '{name}'")
         default = getattr(plain, name)
         if name == "history":
             given[name] = history_text(value)

@@ -11,9 +11,7 @@ from typing import Any
 
 from anhyst.data import Loops
 from anhyst.data.clean import ReadOptions
-from anhyst.data.path import HistoryLike
 from anhyst.data.reading import files_read
-from anhyst.data.source import options_of
 from anhyst.data.speeds import rate_line
 from anhyst.data.table import check_source, is_frame
 from anhyst.draft.bearing import Numbers, draft_bearing, numbers_of
@@ -168,83 +166,24 @@ class Drafted:
 
 def init(
     out: PathLike,
-    loops: PathLike | Sequence[PathLike] | None = None,
+    loops: PathLike | Sequence[PathLike] | None,
     *,
-    mass: float | None = None,
-    load: float | None = None,
-    gap: float | None = None,
-    force_control: bool = False,
-    stage: bool = False,
-    example: str | None = None,
-    columns: Mapping[str, str] | None = None,
-    sidecar: PathLike | None = None,
-    schedule: str | None = None,
-    loop: str | None = None,
-    constants: Mapping[str, float | str] | None = None,
-    history: HistoryLike | None = None,
-    clean: Sequence[str] | None = None,
-    scale: Mapping[str, float | str] | None = None,
-    flip: Sequence[str] | str | None = None,
-    drop: str | None = None,
-    progress: Progress | None = None,
+    wanted: Wanted,
+    options: ReadOptions,
+    force_control: bool,
+    stage: bool,
+    example: str | None,
+    progress: Progress | None,
 ) -> Drafted:
-    """Write a rig of your own from measured loops, ready to run, or copy an example.
-
-    Parameters
-    ----------
-    out : path-like
-        Folder to write; made where it is not there. What is in it already is not written over.
-    loops : path-like or sequence of path-like, optional
-        Loops of the magnet, or of displacement over voltage of a piezo stack: files, folders;
-        without them an example is wanted.
-    mass, load, gap : float, optional
-        Of a bearing, kg, N and m, as far as they are known; the rest is guessed by rules.
-    force_control : bool
-        Instead, a rig whose force is controlled.
-    stage : bool
-        Instead, a stage between two of these magnets, which takes `mass` and `gap`.
-    example : str, optional
-        Instead, one of the examples that come with anhyst, such as ``"bearing"``.
-    columns, sidecar, schedule, loop, constants, history, scale, flip, drop
-        How the loops are read, as `read_loops` has them; it goes into the rig file.
-    clean : sequence of str, optional
-        Cleaning steps, as `clean` has them.
-    progress : callable, optional
-        Called with bytes read and file size.
-
-    Returns
-    -------
-    Drafted
-        The folder and its files, what was found and what was guessed.
-
-    Raises
-    ------
-    InputError
-        The loops cannot be read or do not fit, options do not go together, or one of the files is
-        there already.
-    """
-    wanted = Wanted(mass, load, gap)
+    """Write a rig of your own from measured loops, or copy an example: `anhyst.init`."""
     check_path(out, "init: out")
-    options = options_of(
-        "init",
-        columns=columns,
-        sidecar=sidecar,
-        schedule=schedule,
-        loop=loop,
-        constants=constants,
-        history=history,
-        clean=clean,
-        scale=scale,
-        flip=flip,
-        drop=drop,
-    )
     if force_control and wanted != Wanted():
         raise InputError(
             "--mass, --load and --gap belong to a bearing; leave out --force-control",
             code="option-not-for-this",
             key="--mass",
         )
-    if stage and (force_control or load is not None):
+    if stage and (force_control or wanted.load is not None):
         raise InputError(
             "--stage: takes --mass and --gap alone; leave out --force-control and --load",
             code="option-not-for-this",

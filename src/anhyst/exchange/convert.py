@@ -98,30 +98,7 @@ def _without_complex(parts: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup],
 
 
 def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -> Conversion:
-    """Write a measurement in the format that the suffix of a file name states.
-
-    Values stay bit for bit. If the format holds a single table, channels on several clocks are
-    interpolated onto the finest clock, and a note says so.
-
-    Parameters
-    ----------
-    source
-        A measurement in any format that can be read.
-    out
-        File to write; an existing file is replaced.
-    progress
-        Called with the bytes read and the file size, if the source is text.
-
-    Returns
-    -------
-    Conversion
-        The number of channels and samples that were written.
-
-    Raises
-    ------
-    InputError
-        The source cannot be read, the format cannot be written, or it holds nothing of the source.
-    """
+    """Write a measurement in the format that the suffix of a file name states: `anhyst.convert`."""
     check_path(source, "convert: source", "the path of a measurement")
     check_path(out, "convert: out")
     refuse_other(source, TAKES["convert"], "convert")

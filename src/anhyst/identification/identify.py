@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from anhyst.data import Loops
 from anhyst.data.lag import lag_line
@@ -15,7 +15,6 @@ from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.path import SETTLED
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.resonance import resonance_line
-from anhyst.data.source import LoopSource, loops_from
 from anhyst.data.speeds import Speeds, speeds_of, with_spread_times
 from anhyst.identification.any_law import fit_any
 from anhyst.identification.bare import form_of, model_of, valid_range
@@ -53,7 +52,7 @@ AUTO = "auto"
 
 
 def identify(
-    loops: LoopSource,
+    loops: Loops,
     *,
     law: str = AUTO,
     gap_map: str = "auto",
@@ -65,66 +64,14 @@ def identify(
     rate: bool = True,
     progress: Progress | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
-    **reading: Any,
 ) -> IdentifyResult:
-    """Find the model of an actuator from measured loops.
+    """Find the model of loops at constant scheduling values: `anhyst.identify`.
 
-    Parameters
-    ----------
-    loops : Loops, path-like, list of path-like, data frame or dict
-        Loops at constant scheduling values; all are fitted together. Files, folders, data frames
-        and dicts of arrays are read and cleaned as the command line does. `Loops` are used
-        unchanged.
-    law : str
-        One of :data:`anhyst.laws.LAWS`, or ``auto``: the law of Jiles and Atherton, and
-        play cells where they are certain to predict better.
-    gap_map : str
-        ``scaling``, ``reluctance``, ``circuit``, ``free`` or ``auto``, which tries those that a
-        controller can use.
-    search : str
-        ``default``, or ``paper`` for the sequence of the paper's section II.
-    seed : int
-        Of everything random. Same seed, machine and build: the same model.
-    weights : str
-        ``loops``: each loop counts the same; ``points``: each sample; ``relative``: each loop by
-        its own largest output.
-    offsets : bool
-        Whether offsets of input and output are taken where the data demand them; else they are
-        zero.
-    dead_band : bool
-        Whether the law is given the widest dead band ``r_d`` that the loops allow, so that small
-        movements leave no trace in its memory; the search ``paper`` gives none.
-    rate : bool
-        Whether, where loops of a gap run at speeds three times apart and more, it is fitted how late
-        solid iron answers: layers of the law (docs/rate.md). The static model is then that of the
-        slow loops. Where a model at rest predicts as well, it is that of all loops.
-    progress : callable or None
-        Called with the number of stages done and the total.
-    checkpoint : path-like or None
-        File that keeps the finished stages of the search ``paper``, so that a killed one goes on
-        where it was.
-    **reading
-        How files or columns are read: the keywords of `read_loops`, and ``clean``, the cleaning
-        steps.
-
-    Returns
-    -------
-    IdentifyResult
-        After ctrl-C the best so far, marked as interrupted.
-
-    Raises
-    ------
-    InputError
-        Loops that cannot be used or cannot be what they claim, or an unknown law, map, search or
-        weighting.
-    KeyboardInterrupt
-        Ctrl-C before there was any model.
+    After ctrl-C the best so far, marked as interrupted.
     """
     began, worked = time.perf_counter(), time.process_time()
     spent: dict[str, float] = {}
     check_wanted(law, gap_map, search)
-    read = loops_from(loops, "identify: loops", reading)
-    loops = read.loops
     odd = check_plausible(loops)
 
     def static(some: Loops, before: Outcome | None = None) -> Outcome:
@@ -186,8 +133,6 @@ def identify(
     line = left_over_text(left, loops, model)
     figures = replace(figures, not_noise=left.unexplained, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
-    if read.options is not None:
-        model = model.with_read_options(read.options)
     warnings += [reason] if (reason := obstacle(model.at_rest)) is not None else []
     spent["all else"] = time.process_time() - worked - sum(spent.values())
     return IdentifyResult(

@@ -14,7 +14,7 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from queue import Empty, Queue
 
@@ -38,7 +38,6 @@ from anhyst.link.frames import (
     XcpRequest,
 )
 from anhyst.link.wire import BAUD, Port, framed, key_for, split
-from anhyst.support.atomic import check_path
 from anhyst.support.block_words import GENERATION_AT, LENGTH_AT
 from anhyst.support.errors import InputError
 from anhyst.support.states import Command, State
@@ -483,32 +482,3 @@ class XcpBridge:
                 f"{self._controller.url}: this firmware carries no XCP; build it with this anhyst",
                 code="no-xcp",
             ) from None
-
-
-def xcp(port: str, listen: int = 5555, *, started: Callable[[int], None] | None = None) -> None:
-    """Offer XCP on TCP for a controller on a serial port, until ctrl-C.
-
-    Parameters
-    ----------
-    port : str
-        Link of the controller: ``/dev/ttyACM0``, ``COM3`` or ``socket://HOST:PORT``.
-    listen : int
-        Port of this machine for the tool; 0 takes a free one.
-    started : callable, optional
-        Called with that port once it listens.
-
-    Raises
-    ------
-    InputError
-        The port cannot be opened, or the firmware carries no XCP.
-    """
-    check_path(port, "xcp: port", "the port of a controller")
-    with ControllerLink(port) as controller:
-        bridge = XcpBridge(controller, listen)
-        if started is not None:
-            started(bridge.port)
-        try:
-            while True:
-                bridge.serve_one()
-        finally:
-            bridge.close()

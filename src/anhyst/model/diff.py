@@ -103,23 +103,7 @@ class ModelDiff(Result):
 
 
 def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
-    """Compare two models of the same kind.
-
-    Parameters
-    ----------
-    first, second : Model or path-like
-        Models, or their files, of the same input, output and scheduling variable.
-
-    Returns
-    -------
-    ModelDiff
-        Changes, and differences of the predicted settled loops.
-
-    Raises
-    ------
-    InputError
-        The models are of different quantities.
-    """
+    """Compare two models of the same kind: `anhyst.diff`."""
     first, second = model_from(first, "diff", "first"), model_from(second, "diff", "second")
     for role in ("input", "output"):
         mine, other = getattr(first, role), getattr(second, role)

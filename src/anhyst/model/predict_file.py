@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -125,100 +125,18 @@ class RunSummary(Result):
         return Path(path)
 
 
-def predict(
-    model: Model | PathLike,
-    drive: PathLike | Any,
-    out: PathLike | None = None,
-    *,
-    columns: Mapping[str, str] | None = None,
-    scale: Mapping[str, float | str] | None = None,
-    flip: Collection[str] | None = None,
-    history: HistoryLike | None = None,
-    progress: Progress | None = None,
-) -> RunSummary:
-    """Compute the output that a drive gives: current to force, as the model was made.
-
-    Parameters
-    ----------
-    model : Model or path-like
-        The model, or its file.
-    drive : path-like, Loops, data frame or dict of arrays
-        The drive and whatever the model runs over, with headers such as ``I_A`` and ``gap_m``.
-    out : path-like, optional
-        CSV file to write: the columns of the drive, the output, and ``valid``, 1 inside the valid
-        range, else 0. The result holds the same columns.
-    columns : mapping of str to str, optional
-        What columns of the file are, where their headers do not say.
-    scale : mapping of str to float, optional
-        By column, the value in our unit per unit in the file.
-    flip : collection of str
-        Columns whose sign is reversed.
-    history : str or list of float, optional
-        What happened before each run, instead of what the model says.
-    progress : callable, optional
-        Called with bytes read and file size.
-
-    Returns
-    -------
-    RunSummary
-
-    Raises
-    ------
-    InputError
-        A file cannot be read or written, a column is missing, or a sample is refused.
-    """
-
-    def read(source: PathLike | Any) -> DataTable:
-        return read_columns(source, columns, progress, scale, flip)
-
-    return _run(model, "predict", drive, out, read, history)
-
-
-def invert(
-    model: Model | PathLike,
-    demand: PathLike | Any,
-    out: PathLike | None = None,
-    *,
-    columns: Mapping[str, str] | None = None,
-    scale: Mapping[str, float | str] | None = None,
-    flip: Collection[str] | None = None,
-    history: HistoryLike | None = None,
-    progress: Progress | None = None,
-) -> RunSummary:
-    """Compute the drive that a demanded output needs: force to current.
-
-    Parameters
-    ----------
-    model, out, columns, scale, flip, history, progress
-        As of `predict`.
-    demand : path-like, Loops, data frame or dict of arrays
-        The demanded output and whatever the model runs over.
-
-    Returns
-    -------
-    RunSummary
-
-    Raises
-    ------
-    InputError
-        As of `predict`.
-    """
-
-    def read(source: PathLike | Any) -> DataTable:
-        return read_columns(source, columns, progress, scale, flip)
-
-    return _run(model, "invert", demand, out, read, history)
-
-
-def _run(
+def run_file(
     model: Model | PathLike,
     direction: Direction,
     source: PathLike | Any,
     out: PathLike | None,
-    read: Callable[[PathLike | Any], DataTable],
-    history: HistoryLike | None,
+    columns: Mapping[str, str] | None = None,
+    scale: Mapping[str, float | str] | None = None,
+    flip: Collection[str] | None = None,
+    history: HistoryLike | None = None,
+    progress: Progress | None = None,
 ) -> RunSummary:
-    """Predict or invert a whole file or data frame.
+    """Predict or invert a whole file or data frame: `anhyst.predict` and `anhyst.invert`.
 
     The columns of the file are repeated as they stood; the computed quantity and ``valid`` (1
     inside the valid range of the model, 0 outside) are added. Each loop that the column ``loop``
@@ -236,7 +154,7 @@ def _run(
         paths = [path for path in (model, source) if isinstance(path, str | os.PathLike)]
         check_writable(out, reads=paths)
     model = model_from(model, direction)
-    table = read(source)
+    table = read_columns(source, columns, progress, scale, flip)
     past = history_text(model.history if history is None else history)
     answers, valid, runs, warnings = _compute(model, direction, table, past)
     answer = model.output if direction == "predict" else model.input

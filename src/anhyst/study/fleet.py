@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst.compensate.block import Kind as BlockKind
-from anhyst.compensate.force_controller import Io
 from anhyst.data.formats.text import write_csv
-from anhyst.data.path import HistoryLike, history_text
-from anhyst.identification.identify import check_wanted
 from anhyst.identification.space import coordinate_of
 from anhyst.study.fleet_magnets import (
     MODEL,
@@ -27,9 +23,9 @@ from anhyst.study.fleet_magnets import (
     share,
 )
 from anhyst.study.fleet_spread import FleetSpread, MagnetEstimate, spread_of
-from anhyst.support.atomic import PathLike, check_path, check_writable, write_json
+from anhyst.support.atomic import PathLike, check_writable, write_json
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, all_of, workers_of
+from anhyst.support.jobs import Progress, all_of
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, columns_of
 
@@ -304,70 +300,3 @@ def _compared(
         jobs=jobs,
     )
     return Fleet(out, settings, tuple(results), typical, tuple(shared), spread, names)
-
-
-def judge_fleet(
-    magnets: PathLike,
-    out: PathLike,
-    *,
-    rate: float = 10_000.0,
-    tolerance: float = 1.0,
-    law: str = "auto",
-    gap_map: str = "auto",
-    kind: BlockKind = "full",
-    io: Io = "q31",
-    on: str = "host",
-    seed: int = 1,
-    history: HistoryLike | None = None,
-    scheduler: str | None = None,
-    jobs: int | None = None,
-    progress: Progress | None = None,
-) -> Fleet:
-    """Identify, compile, verify and judge many magnets of one type.
-
-    All get the same law and gap map, so that their parameters compare. A run that was stopped goes
-    on where it was.
-
-    Parameters
-    ----------
-    magnets : path-like
-        Folder with a file of loops, or a folder of them, for each magnet.
-    out : path-like
-        Folder to write to.
-    rate : float
-        Ticks a second of the controllers.
-    tolerance : float
-        Largest rms deviation of a good magnet from its loops, per cent of the largest output.
-    law, gap_map : str
-        For all; ``"auto"``: what most of the first magnets choose.
-    kind, io, on : str
-        Of the compensators, as of `compile` and `verify`.
-    seed : int
-        Of everything random.
-    history : str or list of float, optional
-        What happened before every loop; as sidecars say, or as each record proposes, if left out.
-    scheduler : str, optional
-        Of dask, such as ``"tcp://host:8786"``, whose workers do the work.
-    jobs : int, optional
-        Processes of this machine; as many as there are cores if left out.
-    progress : callable, optional
-        Called with magnets done and all.
-
-    Returns
-    -------
-    Fleet
-
-    Raises
-    ------
-    InputError
-        The folder holds no magnet, or a place cannot be written.
-    NegativeResult
-        Not one magnet could be judged.
-    """
-    check_path(magnets, "fleet: magnets", "the path of a folder")
-    check_path(out, "fleet: out")
-    check_wanted(law, gap_map, "default")
-    past = None if history is None else history_text(history)
-    settings = FleetSettings(rate, kind, io, law, gap_map, on, tolerance, seed, past)
-    with workers_of(scheduler):
-        return fleet(magnets, out, settings, progress=progress, jobs=jobs)

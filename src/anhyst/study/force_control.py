@@ -38,11 +38,12 @@ from anhyst.study.force_trials import (
     run_trial,
     verdict_of,
 )
-from anhyst.support.atomic import PathLike, check_path, whole_folder, write_json
+from anhyst.support.atomic import PathLike, whole_folder, write_json
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.kinds import MethodName
 from anhyst.support.result import columns_of
+from anhyst.verification.result import Verification
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,6 +74,8 @@ class ForceControl(StudyResult):
         Recordings of all trials.
     plant : PlantCheck
         What the loops say about the actuator.
+    verified : Verification, optional
+        Of the compiled C, if the rig was made from loops.
     """
 
     rig: Rig
@@ -80,6 +83,12 @@ class ForceControl(StudyResult):
     figures: dict[str, Any]
     outcomes: tuple[ForceOutcome, ...]
     plant: PlantCheck
+    verified: Verification | None = None
+
+    @property
+    def compiled(self) -> Path:
+        """The folder of C that holds for the whole stroke."""
+        return self.out / "stroke" / "full" / "controller"
 
     @property
     def lost_in(self) -> list[str]:
@@ -137,8 +146,9 @@ class ForceControl(StudyResult):
         return columns_of(self._errors())
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``figures.json`` holds."""
-        return self.figures
+        """Return what ``figures.json`` holds, and the verification."""
+        verified = {"verified": self.verified.as_dict()} if self.verified else {}
+        return self.figures | verified
 
     def draw(self, ax: Axes) -> None:
         """Draw demand and force of every controller in the first trial."""
@@ -159,36 +169,7 @@ def force_control(
     recordings: str = "csv",
     progress: Progress | None = None,
 ) -> ForceControl:
-    """Identify, compile, build, and run every trial of a rig.
-
-    Parameters
-    ----------
-    rig : path-like
-        The rig file.
-    out : path-like
-        Folder to write; made where it is not there.
-    board : str
-        Where the firmware runs: ``"library"``, ``"host"`` or ``"qemu-mps2"``.
-    demand : path-like, optional
-        A CSV with columns ``t_s`` and ``F_N``: a demand beside those of the rig file.
-    recordings : str
-        Format of the recordings, such as ``"csv"``, ``"mat"`` or ``"mf4"``.
-    progress : callable, optional
-        Called with what is done and the total.
-
-    Returns
-    -------
-    ForceControl
-
-    Raises
-    ------
-    InputError
-        The rig, its loops or the demand cannot be used, or a tool is not installed.
-    NegativeResult
-        A model cannot be compiled, or a controller did not follow its commands.
-    """
-    check_path(rig, "force_control: rig", "the path of a rig file")
-    check_path(out, "force_control: out")
+    """Identify, compile, build, and run every trial of a rig: `anhyst.force_control`."""
     return _run(read_rig(rig), out, board, demand, recordings, progress)
 
 

@@ -13,7 +13,7 @@ A recording of one run, watched as if it were running.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -333,38 +333,15 @@ class Watched:
         }
 
 
-def watch(
+def watch_recording(
     model: Model | PathLike,
     recording: LoopSource,
+    reading: Mapping[str, Any],
     *,
-    least: float | None = None,
-    run_length: float = 1e5,
-    **reading: Any,
+    least: float | None,
+    run_length: float,
 ) -> Watched:
-    """Say whether a model still fits its magnet, or since when it has drifted and by how much.
-
-    Parameters
-    ----------
-    model : Model or path-like
-        The model, or its file.
-    recording : Loops, path-like, data frame or dict
-        One run of force over current and gap, with its times.
-    least : float, optional
-        Smallest drift worth an alarm, N; a thousandth of the model's largest force if left out.
-    run_length : float
-        Mean number of cycles to a false alarm.
-    **reading
-        How a file or columns are read, as of `read_loops`.
-
-    Returns
-    -------
-    Watched
-
-    Raises
-    ------
-    InputError
-        The recording is no single run, or has no time or gap.
-    """
+    """Watch a recording of one run as if it were running: :func:`anhyst.watch`."""
     if least is not None and not least > 0.0:
         raise InputError(
             f"--least: {least:g} N is not above 0; correct it", code="not-above-zero", key="--least"

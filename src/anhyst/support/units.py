@@ -552,3 +552,12 @@ def _unknown_unit(text: str) -> str:
     near = difflib.get_close_matches(text, UNITS, n=2, cutoff=0.5)
     hint = f" (did you mean {' or '.join(near)}?)" if near else ""
     return f"unknown unit '{text}'{hint}"
+
+
+def schedule_scale(quantity: Quantity | None) -> tuple[str, float]:
+    """Return the heading of a scheduling variable and what to multiply it by: gaps in mm."""
+    if quantity is None:
+        return "", 1.0
+    if quantity.unit == "m":
+        return f"{quantity.symbol} mm", 1e3
+    return f"{quantity.symbol} {quantity.unit}", 1.0

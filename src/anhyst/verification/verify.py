@@ -73,34 +73,9 @@ def verify(
     seed: int = SEED,
     progress: Progress | None = None,
 ) -> Verification:
-    """Compare compiled C bit for bit on several targets, and measure it there.
+    """Compare compiled C bit for bit on several targets, and measure it there: `anhyst.verify`.
 
-    The compensator, and the position controller where the folder holds one.
-
-    Parameters
-    ----------
-    folder : path-like
-        What ``anhyst compile --out`` wrote.
-    on : str, optional
-        Targets, separated by commas. Left out: :data:`DEFAULT`, as far as there are tools.
-    host_steps, target_steps : int
-        Random steps on the host and on each other target, at least 1.
-    seed : int
-        Of the random steps, 1 to 2^32 - 1.
-    progress : callable or None
-        Called with builds done and their number.
-
-    Returns
-    -------
-    Verification
-        Differences included: look at ``passed``; targets whose tools are missing, too: look at
-        ``not_run`` and ``missing``.
-
-    Raises
-    ------
-    InputError
-        The folder is not what compile wrote, a target is unknown, no target at all can run, or a
-        number is out of range.
+    Left out, the targets are :data:`DEFAULT`, as far as there are tools.
     """
     check_path(folder, "verify: folder", "the path of a compiled folder")
     for name, number in (("host steps", host_steps), ("steps", target_steps), ("seed", seed)):

@@ -36,7 +36,7 @@ from anhyst.reports.model.sections_model import (
     section_reduction,
 )
 from anhyst.reports.model.subject import ModelSubject, acceptance, gather, own_figures, share
-from anhyst.support.atomic import PathLike, atomic_writer, check_path
+from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.errors import InputError
 from anhyst.support.figures import write_png
 from anhyst.support.kept import c_name
@@ -212,36 +212,14 @@ def _holds(subject: ModelSubject) -> str:
 
 
 def write_report(model: Model | PathLike, out: PathLike = "report.html") -> tuple[str, ...]:
-    """Write the report of a model: one HTML file that needs nothing else.
-
-    The measurements are read again. Where they are missing or have changed, the report is written
-    from the model file alone and says so.
-
-    Parameters
-    ----------
-    model : Model or path-like
-        The model, or its file. The measurements of a `Model` are searched for from the working
-        folder.
-    out : path-like
-        Where the HTML file is to appear, whole or not at all.
-
-    Returns
-    -------
-    tuple of str
-        What a user should know, one sentence each: measurements that could not be read, figures
-        that are stale, an acceptance test that failed.
-
-    Raises
-    ------
-    InputError
-        The model file cannot be used, or the report cannot be written.
-    """
+    """Write the report of a model: `anhyst.report`."""
     check_path(out, "report: out")
     if isinstance(model, Model):
         with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
             file = model.save(Path(scratch) / f"{c_name(model.name)}.toml")
             return _write(model, Path(), file, out)
     path = Path(check_path(model, "report: model", MODEL_SOURCES))
+    check_writable(out, reads=[path])
     return _write(read_model(path), path.parent, path, out)
 
 

@@ -303,35 +303,10 @@ def calibrate(
     methods: Sequence[MethodName] = (),
     controller: ControllerFile | PathLike | None = None,
 ) -> Calibration:
-    """Learn from recorded motions of a stage or a bearing what its magnets are off by.
+    """Learn from recorded motions what magnets are off by: `anhyst.calibrate`.
 
-    Parameters
-    ----------
-    rig : BodyRig, BodyRig or path-like
-        The stage or bearing, or its rig file. Its mass is the scale of all forces, its ``[spread]`` says how
-        far each number may be off.
-    recordings : Recording, path-like, or a sequence of them
-        Runs from the demagnetised iron, as ``anhyst simulate`` writes them: demanded force,
-        position and gaps as read, commanded currents; flux densities for ``flux``, the load of a
-        bearing where it changes.
-    out : path-like, optional
-        File to write, which the rig file names as ``control.calibration``; not written where
-        nothing was learnt.
-    magnet : IdentifiedMagnet, optional
-        What is known of the magnets; identified from the loops of the rig file if left out.
-    methods : sequence of str
-        Which to calibrate; all that the recordings suffice for if left out.
-    controller : ControllerFile or path-like, optional
-        Controller file of a bearing; ``controller.toml`` beside the rig file if left out.
-
-    Returns
-    -------
-    Calibration
-
-    Raises
-    ------
-    InputError
-        A file cannot be read, or does not fit the rig.
+    The recordings are runs from the demagnetised iron, as ``anhyst simulate`` writes them. The file
+    is not written if nothing was learnt.
     """
     if not isinstance(rig, BodyRig):
         check_path(rig, "calibrate: rig", "the path of a rig file")

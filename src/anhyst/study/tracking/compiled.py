@@ -18,12 +18,9 @@ from anhyst.compilation.manifest import (
     check_folder,
     write_folder,
 )
-from anhyst.compilation.output import Compiled, compile_actuator
-from anhyst.compilation.play import CompiledPlay
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
 from anhyst.compilation.vectors import vectors_csv
 from anhyst.control.fixed_axes import codes
-from anhyst.model.actuator import MODEL_SOURCES, Model
 from anhyst.rig.body import BodyRig
 from anhyst.rig.loop import SimulatedLoop
 from anhyst.rig.recording import Loss, column, of_magnets
@@ -54,11 +51,11 @@ from anhyst.rig.stage.loop import (
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst.support import running_version
-from anhyst.support.atomic import PathLike, check_path
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
 from anhyst.support.kept import c_name, check_name
-from anhyst.support.kinds import FileKind, NumberFormat, kind_of
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
 from anhyst.verification.bundle import column_of
@@ -117,89 +114,6 @@ class CompiledStage(CompiledFolder):
             ax.plot(time, self.vectors[f"current_{number}"], lw=1.0, label=f"magnet {number}")
         ax.set_xlabel("time [s]")
         ax.set_ylabel("current [A]" if self.manifest["io"] == "f32" else "current [code]")
-
-
-def compile_file(
-    model: Model | PathLike,
-    out: PathLike,
-    *,
-    rate: float | None = None,
-    kind: StageKind = "full",
-    io: Io | None = None,
-    accuracy: float | None = None,
-    name: str | None = None,
-    controller: PathLike | None = None,
-    package: str | None = None,
-    progress: Progress | None = None,
-) -> Compiled | CompiledPlay | CompiledStage:
-    """Compile a model, or the controller of a stage, into a folder of C.
-
-    Parameters
-    ----------
-    model : Model or path-like
-        The model, or its file: demand in, current out. Or the rig file of a stage: position heads,
-        gaps and feedforward in, the currents of all magnets out.
-    out : path-like
-        The folder to write; one that was compiled before is replaced, any other is left alone.
-    rate : float, optional
-        Ticks a second, 1 to 10^6; may be left out with a controller or a rig, whose file has it.
-    kind : str
-        ``"full"``: the law with its exact step; ``"simplified"``: a straight anhysteretic curve in
-        closed form, less exact and faster; ``"play"``: of a magnet, the best current without
-        memory and one play; ``"single-valued"``: of a stage, the same without the play.
-    io : str, optional
-        Format of the signals: ``"q15"`` (of a model, if left out), ``"q31"`` or ``"f32"`` (of a
-        stage, if left out); a stage in ``"q31"`` is in fixed point throughout.
-    accuracy : float, optional
-        Largest deviation from the model, per cent of the largest output; not of a stage.
-    name : str, optional
-        What the actuator is called in C; after the model or the rig if left out.
-    controller : path-like, optional
-        A controller file: the folder also holds the position controller of a bearing.
-    package : str, optional
-        Layout of the folder: ``"cmsis-pack"``, ``"zephyr"``, ``"platformio"``, ``"arduino"`` or
-        ``"cargo"``, with manifest, example and licence. Not for a stage.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-
-    Returns
-    -------
-    Compiled, CompiledPlay or CompiledStage
-
-    Raises
-    ------
-    InputError
-        The model or rig cannot be read or compiled, an option does not fit what is compiled, or the
-        folder cannot be written.
-    NegativeResult
-        The wanted accuracy cannot be reached.
-    """
-    check_path(out, "compile: out")
-    if not isinstance(model, Model):
-        check_path(model, "compile: model", f"{MODEL_SOURCES} or of the rig file of a stage")
-    if not isinstance(model, Model) and kind_of(model) is FileKind.STAGE:
-        for option, given in (
-            ("--accuracy", accuracy),
-            ("--controller", controller),
-            ("--package", package),
-        ):
-            if given is not None:
-                raise InputError(
-                    f"{option}: is for a model; a stage is compiled as its rig file says, leave it out",
-                    code="option-not-for-this",
-                    key=option,
-                )
-        return compile_stage(model, out, kind, io or "f32", rate, name, progress)
-    if kind == "single-valued":
-        raise InputError(
-            "--kind: single-valued is for the rig file of a stage; give full, simplified or play",
-            code="option-not-for-this",
-            key="--kind",
-        )
-    return compile_actuator(
-        model, out, rate=rate, kind=kind, io=io or "q15", accuracy=accuracy, name=name,
-        controller=controller, package=package, progress=progress,
-    )  # fmt: skip
 
 
 def compile_stage(

@@ -7,7 +7,7 @@ import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -38,12 +38,12 @@ from anhyst.study.tuning.aims import Aims
 from anhyst.study.tuning.bearing import BearingLoop, default_conditions
 from anhyst.study.tuning.piezo import PiezoLoop
 from anhyst.study.tuning.result import RESULTS, Tuned, Tuning, file_note, write_results
-from anhyst.study.tuning.search import BUDGET, GainSearch
+from anhyst.study.tuning.search import GainSearch
 from anhyst.study.tuning.stage import SLOWEST, StageLoop
 from anhyst.study.tuning.trial import Tunable
-from anhyst.support.atomic import PathLike, check_path, check_writable, seen_from
+from anhyst.support.atomic import PathLike, check_writable, seen_from
 from anhyst.support.errors import InputError, Interrupted
-from anhyst.support.jobs import Progress, all_of, workers_of
+from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import NAMES, PROBED, TAKES, FileKind, MethodName
 from anhyst.support.toml_file import take_kind
 from anhyst.support.toml_text import Path as KeyPath
@@ -51,85 +51,18 @@ from anhyst.support.toml_text import Path as KeyPath
 
 def tune(
     rig: PathLike,
-    out: PathLike,
-    controller: PathLike | None = None,
+    out: Path,
+    controller: PathLike | None,
+    aims: Aims,
     *,
-    all_variants: bool = False,
-    overshoot: float | None = None,
-    peak: float = 3.0,
-    settling: float | None = None,
-    average: float | None = None,
-    error: float | None = None,
-    standstill: float | None = None,
-    effort: float | None = None,
-    crossover: float | None = None,
-    budget: int = BUDGET,
-    seed: int = 0,
-    scheduler: str | None = None,
-    jobs: int | None = None,
-    progress: Progress | None = None,
+    all_variants: bool,
+    crossover: float | None,
+    budget: int,
+    seed: int,
+    jobs: int | None,
+    progress: Progress | None,
 ) -> Tuning:
-    """Find gains for stated aims over all that a rig file names at once; write the files.
-
-    Parameters
-    ----------
-    rig : path-like
-        Rig file. Of a bearing its gaps, steps and load are the test cases, and two thirds of that
-        load; of a stage the training set-point, judged on the test set-point and on drawn plants; of
-        a piezo stage its triangle, on the nominal stage and on drawn ones.
-    out : path-like
-        Folder to write to: ``controller.toml``, of stages ``rig.toml`` (with `all_variants`, one
-        for each: ``controller-full.toml``), ``tuning.json`` and ``tuning.md``.
-    controller : path-like, optional
-        Controller file of a bearing to begin with; ``controller.toml`` beside the rig file if left
-        out. Everything but the gains, filters and set-point weight is kept.
-    all_variants : bool
-        Tune every kind of compensation for itself, and compare.
-    overshoot : float, optional
-        Largest overshoot of any step of a bearing, per cent; 2 if left out.
-    peak : float
-        Largest peak of the sensitivity.
-    settling : float, optional
-        Longest settling time, s; of a bearing the least is sought anyway.
-    average : float, optional
-        Largest moving average of a stage, m; the least is sought anyway.
-    error : float, optional
-        Largest error of a stage or a piezo stage, m; of the latter the least rms is sought anyway.
-    standstill : float, optional
-        Largest rms of the gap, or of the error of a stage, at standstill, m.
-    effort : float, optional
-        Largest rms rate of change of the current, A/s: of a bearing in a step.
-    crossover : float, optional
-        Highest crossover of a stage, Hz; a twentieth of the controller's rate if left out. A
-        virtual stage has no resonances, a real one has.
-    budget : int
-        Sets of gains that are tried in the nonlinear loop, for each kind.
-    seed : int
-        The same seed gives the same result on any number of cores.
-    scheduler : str, optional
-        Of dask, such as ``"tcp://host:8786"``, whose workers do the work.
-    jobs : int, optional
-        Processes of this machine; as many as there are cores if left out.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-
-    Returns
-    -------
-    Tuning
-        Written even if aims are missed.
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read, written, or does not fit the others; an option that is not for
-        this kind of rig.
-    NegativeResult
-        No gains hold the body.
-    Interrupted
-        Ctrl-C, too early for any gains.
-    """
-    check_path(rig, "tune: rig", "the path of a rig file")
-    check_path(out, "tune: out")
+    """Find gains for stated aims over all that a rig file names at once: `anhyst.tune`."""
     if budget < 10:
         raise InputError(
             f"--budget: {budget} sets of gains are too few; give 10 or more",
@@ -140,13 +73,13 @@ def tune(
     bearing, stage, piezo = FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO
     options = (
         ("--controller", controller, {bearing}),
-        ("--overshoot", overshoot, {bearing}),
-        ("--average", average, {stage}),
+        ("--overshoot", aims.overshoot_percent, {bearing}),
+        ("--average", aims.average_m, {stage}),
         ("--crossover", crossover, {stage}),
-        ("--error", error, {stage, piezo}),
-        ("--settling", settling, {bearing, stage}),
-        ("--standstill", standstill, {bearing, stage}),
-        ("--effort", effort, {bearing, stage}),
+        ("--error", aims.error_peak_m, {stage, piezo}),
+        ("--settling", aims.settling_time_s, {bearing, stage}),
+        ("--standstill", aims.standstill_rms_m, {bearing, stage}),
+        ("--effort", aims.current_rate_rms_A_per_s, {bearing, stage}),
     )
     if refused := [name for name, value, of in options if value is not None and kind not in of]:
         raise InputError(
@@ -154,22 +87,20 @@ def tune(
             code="option-not-for-this",
             key=refused[0],
         )
-    overshoot = 2.0 if kind is bearing and overshoot is None else overshoot
-    aims = Aims(overshoot, peak, settling, standstill, effort, error, average)
+    if kind is bearing and aims.overshoot_percent is None:
+        aims = replace(aims, overshoot_percent=2.0)
     begin, used = time.perf_counter(), _processor_time()
-    task = _Task(aims, budget, seed, jobs)
-    with workers_of(scheduler):
-        subject: _Subject
-        if kind is piezo:
-            subject = _Piezo(read_piezo_rig(rig))
-        elif kind is stage:
-            subject = _Stage(read_stage(rig), crossover)
-        else:
-            subject = _Bearing(*read_files(rig, controller))
-        names = subject.names() if all_variants else (subject.own,)
-        places = subject.places(Path(out), names)
-        tuned, interrupted = task.run(subject.loops(names, jobs), progress)
-    Path(out).mkdir(parents=True, exist_ok=True)
+    subject: _Subject
+    if kind is piezo:
+        subject = _Piezo(read_piezo_rig(rig))
+    elif kind is stage:
+        subject = _Stage(read_stage(rig), crossover)
+    else:
+        subject = _Bearing(*read_files(rig, controller))
+    names = subject.names() if all_variants else (subject.own,)
+    places = subject.places(out, names)
+    tuned, interrupted = _Task(aims, budget, seed, jobs).run(subject.loops(names, jobs), progress)
+    out.mkdir(parents=True, exist_ok=True)
     result = Tuning(
         rig=subject.rig,
         controller=subject.controller,
@@ -186,7 +117,7 @@ def tune(
     )
     for name, path in result.written.items():
         subject.write(tuned[name], path, file_note(tuned[name], result))
-    write_results(result, Path(out))
+    write_results(result, out)
     return result
 
 

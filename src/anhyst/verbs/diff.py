@@ -1,0 +1,111 @@
+"""The verb ``diff``: two models compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from anhyst.cli.shared import Part
+    from anhyst.model.actuator import Model
+    from anhyst.model.diff import ModelDiff
+    from anhyst.support.atomic import PathLike
+
+PLACE = 16, "From measurements to a model"
+
+
+def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
+    """Show the differences between two models, in their parameters and in newtons.
+
+    The command compares steady-state loops over the range of the drive in which both models are
+    valid, at the gaps of both models and half-way between. The difference is in the unit of the
+    output (N for a force).
+
+    Parameters
+    ----------
+    first : Model or path-like, ``A``
+        A model.toml.
+    second : Model or path-like, ``B``
+        Another model.toml.
+
+    Returns
+    -------
+    ModelDiff
+
+    Raises
+    ------
+    InputError
+        The models have different quantities.
+
+    Examples
+    --------
+    anhyst diff old.toml new.toml
+    """
+    from anhyst.model.diff import diff as work
+
+    return work(first, second)
+
+
+def as_json(result: ModelDiff, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the result for JSON."""
+    from dataclasses import asdict
+
+    from anhyst.model.actuator import read_model
+
+    unit = read_model(given["first"]).output.unit
+    return asdict(result) | {"same": result.same, "unit": unit}
+
+
+def show(result: ModelDiff, given: Mapping[str, Any]) -> Iterator[Part]:
+    """Return what has changed, and by how much the predicted loops differ."""
+    from anhyst.cli.printing import TerminalTable
+    from anhyst.model.actuator import read_model
+    from anhyst.support.units import schedule_scale
+
+    if result.same:
+        yield "the two models compute the same"
+        return
+    model, other = read_model(given["first"]), read_model(given["second"])
+    names = {name: key for name, (_, key) in {**model.keys, **other.keys}.items()}
+    changes = TerminalTable("different", ["", "A", "B", "change"])
+    for change in (*result.settings, *result.parameters):
+        changes.add_row(
+            names.get(change.name, change.name),
+            _text(change.first),
+            _text(change.second),
+            _relative(change.first, change.second) if change.name in names else "",
+        )
+    yield changes
+    if result.drive is None:
+        yield result.note
+        return
+    unit, drive = model.output.unit, model.input
+    low, high = result.drive
+    title = f"settled loops, {drive.symbol} from {low:g} to {high:g} {drive.unit}"
+    at, scale = schedule_scale(model.schedule)
+    heads = [at, f"largest [{unit}]", f"mean apart [{unit}]", f"worst [{unit}]", "at"]
+    loops = TerminalTable(title, heads)
+    for loop in result.loops:
+        loops.add_row(
+            "" if loop.schedule is None else f"{scale * loop.schedule:.6g}",
+            f"{loop.largest_output:.5g}",
+            f"{loop.mean:.4g}",
+            f"{loop.worst:.4g}",
+            f"{loop.at_drive:.4g} {drive.unit}",
+        )
+    yield loops
+    yield f"all together: mean {result.mean:.4g} {unit}, worst {result.worst:.4g} {unit}"
+
+
+def _text(value: float | tuple[float, ...] | str | None) -> str:
+    if isinstance(value, tuple):
+        return ", ".join(f"{number:.6g}" for number in value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return value or "none"
+
+
+def _relative(first: object, second: object) -> str:
+    if isinstance(first, float) and isinstance(second, float) and first:
+        return f"{100.0 * (second / first - 1.0):+.3g} %"
+    return ""

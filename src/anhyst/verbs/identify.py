@@ -1,0 +1,293 @@
+"""The verb ``identify``: measured loops to a model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
+    from anhyst.data.source import LoopSource
+    from anhyst.identification.run import IdentifyResult
+    from anhyst.model.actuator import Model
+    from anhyst.support.atomic import PathLike
+    from anhyst.support.jobs import Progress
+
+PLACE = 13, "From measurements to a model"
+PROGRESS = "searching"
+
+GapMap = Literal["scaling", "reluctance", "circuit", "free", "auto"]
+"""Gap maps, and letting the cross-validation error choose."""
+Weights = Literal["loops", "points", "relative"]
+"""What counts the same."""
+Search = Literal["default", "paper"]
+"""Ways to search."""
+
+
+def identify(
+    loops: LoopSource,
+    *,
+    out: PathLike | None = None,
+    law: str = "auto",
+    gap_map: GapMap = "auto",
+    search: Search = "default",
+    seed: int = 1,
+    weights: Weights = "loops",
+    offsets: bool = True,
+    dead_band: bool = True,
+    rate: bool = True,
+    progress: Progress | None = None,
+    checkpoint: PathLike | None = None,
+    **reading: Any,
+) -> IdentifyResult:
+    """Find the model of an actuator from measured loops.
+
+    All loops at all gaps are fitted together. The model file keeps parameters with units, valid
+    range, fit figures, uncertainty and where it came from.
+
+    Exit code 1: the model file is written, but the model must not be used. Either its rms deviation
+    exceeds 5 % of full scale and is not noise, or its force does not rise everywhere as the gap
+    closes and as the current rises.
+
+    Ctrl-C writes the best model found until then; the exit code is 130. If a search 'paper' was
+    stopped or killed, the same command continues it.
+
+    Parameters
+    ----------
+    loops : Loops, path-like, list of path-like, data frame or dict
+        CSV files, recordings or folders.
+    out : path-like, ``FILE``, required on the command line
+        Model file to write.
+    law : str, ``LAW``
+        Hysteresis law: effective-field, jiles-atherton-1986, play-cells, play-cells-langevin, or
+        auto: the law that best predicts withheld data.
+    gap_map : str, ``MAP``
+        What depends on the gap: 'scaling' of the field (as in the paper), 'reluctance' in series,
+        'circuit' (all parameters except those of the iron), 'free' (all parameters; for fixed gaps
+        only), or 'auto': the one of scaling, reluctance and circuit that best predicts withheld
+        gaps.
+    search : str, ``HOW``
+        'default', or 'paper' to reproduce the figures of the paper.
+    seed : int, at least 0
+        The same seed gives the same model on the same machine.
+    weights : str, ``WHAT``
+        Equal weights for all loops ('loops', so that minor loops count), for all samples
+        ('points'), or for all loops relative to their own largest output ('relative').
+    offsets : bool
+        Use offsets of input and output if the loops require them, or no offsets.
+    dead_band : bool
+        Use the widest dead band that the loops allow, so that small movements do not erase the
+        history, or no dead band.
+    rate : bool
+        If the loops have several speeds, fit the eddy-current lag of solid iron, or treat all loops
+        as quasi-static.
+    progress : callable, optional
+        Called with the number of stages done and the total.
+    checkpoint : path-like, optional, only in Python
+        File that keeps the finished stages of the search 'paper', so that a killed search can
+        continue. [default: next to `out`]
+    **reading
+        How files or columns are read: the keywords of `read_loops`, and ``clean``, the cleaning
+        steps. `Loops` are used unchanged.
+
+    Returns
+    -------
+    IdentifyResult
+        After Ctrl-C the best model so far, marked as interrupted.
+
+    Raises
+    ------
+    InputError
+        Loops that cannot be used or cannot be what they claim, or an unknown law, map, search or
+        weighting.
+    KeyboardInterrupt
+        Ctrl-C before there was a model.
+
+    Examples
+    --------
+    anhyst identify loops.csv --out model.toml --gap-map auto
+    """
+    from dataclasses import replace
+
+    from anhyst.data.loops import Loops
+    from anhyst.data.reading import files_read
+    from anhyst.data.source import loops_from
+    from anhyst.data.table import check_source, is_frame
+    from anhyst.identification.identify import check_wanted
+    from anhyst.identification.identify import identify as work
+    from anhyst.support.atomic import check_writable
+    from anhyst.support.jobs import in_parts
+
+    check_wanted(law, gap_map, search)
+    if out is not None:
+        files: Any = None if isinstance(loops, Loops) or is_frame(loops) else loops
+        if files is not None:
+            check_source(files, "identify: loops")
+            files = files_read(files, reading.get("sidecar"))
+        check_writable(out, reads=files or ())
+        checkpoint = checkpoint or _checkpoint(Path(out))
+    first, then = in_parts(progress, (1.0, 9.0))
+    read = loops_from(loops, "identify: loops", reading, progress=first)
+    result = work(
+        read.loops, law=law, gap_map=gap_map, search=search, seed=seed, weights=weights,
+        offsets=offsets, dead_band=dead_band, rate=rate, progress=then, checkpoint=checkpoint,
+    )  # fmt: skip
+    if read.options is not None:
+        result = replace(result, model=result.model.with_read_options(read.options))
+    if out is not None:
+        result.model.save(out)
+    return result
+
+
+def _checkpoint(out: Path) -> Path | None:
+    """Place of the checkpoint; beside a device there is none."""
+    if out.exists() and not out.is_file():
+        return None
+    return out.with_name(f"{out.name}.checkpoint")
+
+
+def stopped(given: Mapping[str, Any]) -> str:
+    """Return what Ctrl-C leaves before there is a model."""
+    return f"too early for a model, nothing written{_continues(given)}"
+
+
+def _continues(given: Mapping[str, Any]) -> str:
+    """Say that a stopped search may continue, if it may."""
+    checkpoint = _checkpoint(given["out"]) if given["search"] == "paper" else None
+    is_kept = checkpoint is not None and checkpoint.exists()
+    return "; the same command goes on from there" if is_kept else ""
+
+
+def refuse(result: IdentifyResult, given: Mapping[str, Any]) -> None:
+    """Raise an error if the search was interrupted or the model must not be used."""
+    from anhyst.support.errors import Interrupted, NegativeResult
+
+    out = given["out"]
+    if result.interrupted:
+        raise Interrupted(f"{out} holds the best model so far{_continues(given)}")
+    if result.acceptance.passed is False:
+        failed = result.acceptance.text(result.model.input.unit)
+        reasons = "; ".join(filter(None, (failed, result.rejection)))
+        raise NegativeResult(f"{out}: {reasons}", code="acceptance-failed")
+    if result.rejection:
+        raise NegativeResult(f"{out}: {result.rejection}", code="fit-rejected")
+
+
+def as_json(result: IdentifyResult, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the result for JSON."""
+    from dataclasses import asdict
+
+    model = result.model
+    return {
+        "out": str(given["out"]),
+        "law": model.law,
+        "gap_map": model.gap_map,
+        "parameters": dict(model.parameters),
+        "nodes": list(model.nodes),
+        "fit": asdict(model.fit) if model.fit else None,
+        "uncertainty": asdict(model.uncertainty) if model.uncertainty else None,
+        "reduction": [asdict(step) for step in model.reduction],
+        "rejection": result.rejection,
+        "warnings": list(result.warnings),
+        "seconds": result.seconds,
+        "stages_s": dict(result.stages),
+        "evaluations": result.evaluations,
+        "interrupted": result.interrupted,
+    }
+
+
+def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[Part]:
+    """Return how well the model fits, what was chosen and why."""
+    model, fit = result.model, result.model.fit
+    yield f"{given['out']}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
+    yield from _fit(model)
+    settings = model.provenance.settings
+    if reason := settings.get("law_reason"):
+        yield str(reason)
+    yield from _offsets(model)
+    if chosen := settings.get("dead_band"):
+        yield f"dead band: {chosen}"
+    if late := settings.get("rate"):
+        yield f"rate: {late}"
+    for step in model.reduction:
+        yield (
+            f"reduction: {step.frozen} made common to all nodes, mean deviation "
+            f"{100.0 * step.cost_before:.3g} % -> {100.0 * step.cost_after:.3g} %"
+        )
+    if model.uncertainty is not None:
+        yield from (f"note: {text}" for text in model.uncertainty.statements)
+    for name, error in fit.left_out.items() if fit else ():
+        yield f"cross-validation error with gap map {name}: {100.0 * error:.3g} %"
+
+
+def _fit(model: Model) -> Iterator[Part]:
+    """Return the deviations from the loops, and the candidates."""
+    from anhyst.data.output_map import name_full_scale
+
+    fit = model.fit
+    if fit is None or not fit.largest_output > 0.0:
+        return
+    mean, rms, worst = (
+        100.0 * value / fit.largest_output for value in (fit.mean_abs, fit.rms, fit.worst)
+    )
+    yield (
+        f"deviation from the measurement: mean {mean:.3g} %, rms {rms:.3g} %, worst "
+        f"{worst:.3g} % of {name_full_scale(model.output, fit.largest_output)}"
+    )
+    if fit.left_over:
+        yield fit.left_over
+    if expected := fit.cross_validation:
+        where = (
+            "between the measured values, choice of the map and all"
+            if expected.left_out == "gap"
+            else "at other samples of such loops, not of other sizes"
+        )
+        low, high = (100.0 * end for end in expected.interval)
+        yield f"expected {where}: {100.0 * expected.error:.3g} % ({low:.2g} to {high:.2g} %)"
+    yield from _candidates(model)
+
+
+MAX_CANDIDATES = 4
+"""Candidates that are listed without ``--verbose``."""
+
+
+def _candidates(model: Model) -> list[str | TerminalTable]:
+    """List the candidates: the chosen one first, then by their error at withheld data."""
+    from anhyst.cli.printing import TerminalTable, printer
+    from anhyst.support.wording import count_of
+
+    listed = sorted(
+        model.fit.candidates if model.fit else (),
+        key=lambda one: (
+            one.note != "chosen",
+            one.left_out is None,
+            one.left_out or one.rms or 0.0,
+        ),
+    )
+    shown = listed if printer.is_verbose else listed[:MAX_CANDIDATES]
+    hidden = len(listed) - len(shown)
+    rows = TerminalTable(
+        "candidates, the chosen one first", ["law", "gap map", "rms %", "left out %", "numbers"]
+    )
+    for one in shown:
+        note = f" ({one.note})" if one.note else ""
+        left_out = "" if one.left_out is None else f"{100.0 * one.left_out:.3g}"
+        rms = "" if one.rms is None else f"{100.0 * one.rms:.3g}"
+        rows.add_row(f"{one.law}{note}", one.gap_map, rms, left_out, str(one.numbers))
+    more = [f"{count_of(hidden, 'more candidate')}: --verbose"] if hidden else []
+    return [rows, *more] if listed else []
+
+
+def _offsets(model: Model) -> list[str]:
+    """Name the offsets that were taken, and how sure they are."""
+    unsure = model.uncertainty
+    if unsure is None:
+        return []
+    lines = [
+        f"{name}: {value:.3g} +- {std:.2g}"
+        for name, value, std in zip(unsure.names, unsure.values, unsure.std, strict=True)
+        if "offset" in name
+    ]
+    return lines or ["offsets of input and output: none, the loops demand none"]

@@ -1,0 +1,190 @@
+"""The verb ``inspect``: what was measured, and whether hysteresis matters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
+    from anhyst.data.inspection import Inspection, LoopFigures
+    from anhyst.data.source import LoopSource
+    from anhyst.data.table import ChannelFigures
+    from anhyst.support.atomic import PathLike
+    from anhyst.support.jobs import Progress
+
+PLACE = 11, "From measurements to a model"
+PROGRESS = "reading"
+
+
+def inspect(
+    loops: LoopSource,
+    *,
+    plot: PathLike | None = None,
+    progress: Progress | None = None,
+    **reading: Any,
+) -> Inspection:
+    """Show how measured loops were read, and whether a hysteresis model is worth the effort.
+
+    The command reports gaps, loops, ranges, sampling, offsets, drift, closure, noise, delay between
+    the channels, saturation and repairs. The verdict states the width of the loops, the error of
+    the best single-valued curve, and the largest possible gain of a model.
+
+    Name the columns with their units: t_s, I_A, F_N, gap_m, H_A_per_m, B_T, psi_Wb, u_V, x_m, T_C,
+    loop. 'I [mA]', 'gap (mm)' and a row of units are understood, too. For a recording (MAT, MDF 4,
+    TDMS, HDF5, Parquet, Excel), the channels are listed first, with their probable meaning.
+
+    Parameters
+    ----------
+    loops : Loops, path-like, list of path-like, data frame or dict
+        CSV files, recordings or folders.
+    plot : path-like, ``FILE``, optional
+        Draw the loops (png, svg or pdf).
+    progress : callable, optional
+        Called with bytes read and size of the present file.
+    **reading
+        How files or columns are read: the keywords of `read_loops`, and ``clean``, the cleaning
+        steps. The loops are not thinned, because that hides noise and delay.
+
+    Returns
+    -------
+    Inspection
+
+    Raises
+    ------
+    InputError
+        The record cannot be what its headers say.
+
+    Examples
+    --------
+    anhyst inspect loops.csv --plot loops.png
+    """
+    from anhyst.data.inspection import inspect as work
+    from anhyst.data.inspection import plot_inspection
+    from anhyst.data.source import loops_from
+    from anhyst.support.atomic import check_picture, write_figure
+
+    if plot is not None:
+        check_picture(plot)
+    read = loops_from(loops, "inspect: loops", reading, without=("thin",), progress=progress)
+    inspection = work(read.loops)
+    if plot is not None:
+        write_figure(plot_inspection(inspection, read.loops), plot)
+    return inspection
+
+
+def preview(given: Mapping[str, Any]) -> Iterator[TerminalTable]:
+    """Return the channels of a recording."""
+    from anhyst.support.atomic import check_picture
+
+    if given["plot"] is not None:
+        check_picture(given["plot"])
+    if listed := _channels(given):
+        yield _table_of_channels(listed)
+
+
+def as_json(result: Inspection, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the result for JSON."""
+    listed = _channels(given)
+    channels = {"channels": [channel.as_dict() for channel in listed]} if listed else {}
+    return result.as_dict() | channels
+
+
+def _channels(given: Mapping[str, Any]) -> list[ChannelFigures]:
+    """Return the channels of a recording; the columns of a text are in its first line."""
+    from anhyst.data.formats import ChannelTable, open_table
+    from anhyst.data.table import list_channels
+
+    loops: Sequence[Path] = given["loops"]
+    is_alone = len(loops) == 1 and not loops[0].is_dir() and not given["columns"]
+    if not is_alone or not isinstance(open_table(loops[0]), ChannelTable):
+        return []
+    return list_channels(loops[0])
+
+
+def _table_of_channels(listed: list[ChannelFigures]) -> TerminalTable:
+    from anhyst.cli.printing import TerminalTable
+
+    rows = TerminalTable("channels", ["name", "unit", "samples", "per s", "range", "is"])
+    for one in listed:
+        span = "" if one.low is None else f"{one.low:.4g} to {one.high:.4g}"
+        rate = "" if one.rate is None else f"{one.rate:.6g}"
+        rows.add_row(one.name, one.unit, str(one.samples), rate, span, one.role)
+    return rows
+
+
+def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[Part]:
+    """Return the verdict, how the loops were read, and the figures of each loop."""
+    from anhyst.cli.printing import TerminalTable
+    from anhyst.support.units import in_small_unit, schedule_scale
+    from anhyst.support.wording import count_of
+
+    drive, answer, schedule = inspection.input, inspection.output, inspection.schedule
+    at, scale = schedule_scale(schedule)
+    headers = ["loop", *([at] if schedule else []), "rows"]
+    largest = max(max(abs(one.output_low), abs(one.output_high)) for one in inspection.loops)
+    unit, small = in_small_unit(answer, largest)
+    headers += [f"{drive.symbol} {drive.unit}", f"{answer.symbol} {unit}"]
+    headers += [f"width {drive.unit}", f"noise {unit}"]
+    headers += ["history", "cycles", f"drift {unit}", f"closure {unit}", "delay", "saturation"]
+    loops = count_of(len(inspection.loops), "loop")
+    figures = TerminalTable(f"{loops}, {drive.name} to {answer.name}", headers)
+    for loop in inspection.loops:
+        figures.add_row(*_row(loop, scale if schedule else None, small))
+    # How the columns were read matters more than the histories, which the table shows, too.
+    histories = tuple(note for note in inspection.notes if ": history of loop" in note)
+    reading = tuple(note for note in inspection.notes if note not in histories)
+    yield "is it worth it?"
+    yield from _indented(inspection.verdict.sentences)
+    yield from _titled("read", reading)
+    yield from _titled("repaired", inspection.repairs)
+    yield from _titled("speed", (inspection.rate,) if inspection.rate else ())
+    yield figures
+    yield from _titled("histories", histories)
+    if given["plot"] is not None:
+        yield f"{given['plot']} written"
+
+
+def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:
+    from anhyst.cli.printing import MAX_CELL, printer
+
+    cells, history = [loop.label], str(loop.history)
+    if len(history) > MAX_CELL:
+        history = f"{history[: MAX_CELL - 1]}…"
+    if scale is not None:
+        cells.append("moves" if loop.schedule is None else f"{scale * loop.schedule:.6g}")
+    return [
+        *cells,
+        str(loop.samples),
+        f"{loop.input_low:.4g} to {loop.input_high:.4g}",
+        f"{small * loop.output_low:.4g} to {small * loop.output_high:.4g}",
+        _number(loop.width),
+        _number(loop.noise, small),
+        history if printer.is_verbose else loop.history.kind,
+        f"{loop.cycles:g}",
+        _number(loop.drift, small),
+        _number(loop.closure, small),
+        _delay(loop),
+        _number(loop.saturation),
+    ]
+
+
+def _delay(loop: LoopFigures) -> str:
+    """Write the delay in seconds, in samples without time."""
+    if loop.skew is None:
+        return "unknown"
+    return f"{loop.skew:.3g} samples" if loop.skew_s is None else f"{loop.skew_s:.3g} s"
+
+
+def _number(value: float | None, scale: float = 1.0) -> str:
+    return "" if value is None else f"{scale * value:.3g}"
+
+
+def _titled(title: str, texts: Sequence[str]) -> list[str]:
+    return [f"{title}:", *_indented(texts)] if texts else []
+
+
+def _indented(texts: Sequence[str]) -> list[str]:
+    return [f"  {text}" for text in texts]

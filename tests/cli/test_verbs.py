@@ -1,0 +1,174 @@
+"""Every command is made from a function of the package: its signature and its docstring."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import get_args
+
+import pytest
+import typer
+
+import anhyst
+from anhyst import verbs
+from anhyst.cli import app as cli
+from anhyst.cli.docstring import read_docstring, with_options
+from anhyst.cli.generate import Verb, add_command, read_verbs
+from anhyst.cli.reading import read_options
+from anhyst.compensate.block import Kind
+from anhyst.compensate.force_controller import Io
+from anhyst.exchange import export
+from anhyst.laws import LAWS
+from anhyst.study.tracking.compiled import StageKind
+from anhyst.study.tuning import search
+from anhyst.verification.verify import HOST_STEPS, TARGET_STEPS
+
+VERBS = {verb.name: verb for verb in read_verbs()}
+
+
+@pytest.mark.parametrize("verb", VERBS.values(), ids=VERBS)
+def test_docstring_describes_every_parameter(verb: Verb) -> None:
+    described = {name.strip("*") for name in verb.described.parameters}
+    assert described == inspect.signature(verb.function).parameters.keys()
+    assert getattr(anhyst, verb.name) is verb.function
+    assert verb.name in anhyst.__all__
+
+
+@pytest.mark.parametrize("verb", VERBS.values(), ids=VERBS)
+def test_command_has_the_parameters_and_defaults_of_the_function(verb: Verb) -> None:
+    command = typer.main.get_command(cli.app).commands[verb.command]  # type: ignore[attr-defined]
+    defaults = {one.name: one.default for one in command.params if not one.required}
+    own = {} if verb.is_endless else {"as_json": False, "_verbose": False}
+    in_python = {name: one.default for name, one in verb.parameters.items()}
+    assert defaults == {
+        name: Path(value) if (verb.name, name) == ("report", "out") else value
+        for name, value in (in_python | own).items()
+        if name in defaults
+    }
+    assert {one.name for one in command.params} == in_python.keys() | own.keys()
+    assert all(one.help for one in command.params)
+
+
+def test_options_of_reading_are_those_of_read_loops() -> None:
+    takes = inspect.signature(anhyst.read_loops).parameters
+    names = inspect.signature(read_options).parameters.keys() - {"clean"}
+    assert {takes[name].default for name in names} == {None}
+    assert read_docstring(read_options).parameters.keys() - {"clean"} == names
+
+
+def test_words_and_numbers_of_a_signature_are_those_of_the_package() -> None:
+    for verb, name, words in (
+        ("compile", "Io", Io),
+        ("compile", "Kind", StageKind),
+        ("fleet", "Kind", Kind),
+        ("fleet", "Io", Io),
+        ("export", "Of", export.Of),
+        ("export", "Form", export.As),
+    ):
+        assert set(get_args(getattr(VERBS[verb].module, name))) <= set(get_args(words)), verb
+    law = VERBS["identify"].described.parameters["law"].text
+    assert all(name in law for name in LAWS)
+    assert VERBS["tune"].parameters["budget"].default == search.BUDGET
+    steps = inspect.signature(anhyst.verify).parameters
+    assert steps["host_steps"].default == HOST_STEPS
+    assert steps["target_steps"].default == TARGET_STEPS
+
+
+NEW = '''"""The verb ``weigh_parts``."""
+
+from __future__ import annotations
+
+PLACE = 26, "Use a model"
+
+
+def weigh_parts(part: PathLike, *, count: int = 1, unit: Unit = "kg", known: str = "") -> dict:
+    """Return the mass of some parts.
+
+    Exit code 1 if `count` is too large.
+
+    Parameters
+    ----------
+    part : path-like
+        A file.
+    count : int, 1 to 9, ``N``
+        Number of parts.
+    unit : str
+        Unit of the mass.
+    known : str, ``--as TEXT``, optional
+        What it is called; see `count`.
+
+    Examples
+    --------
+    anhyst weigh-parts part.step --count 2
+    """
+    return {"part": part.name, "mass": 2.0 * count, "unit": unit, "name": known}
+
+
+def as_json(result, given):
+    return result
+
+
+def show(result, given):
+    yield f"{result['mass']} {result['unit']}"
+
+
+def refuse(result, given):
+    from anhyst import NegativeResult
+
+    if given["count"] > 5:
+        raise NegativeResult("too heavy", code="too-heavy")
+
+
+from typing import Literal
+Unit = Literal["kg", "g"]
+'''
+
+
+@pytest.fixture
+def new_verb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A file in the folder of the verbs, and nothing else."""
+    (tmp_path / "weigh_parts.py").write_text(NEW)
+    monkeypatch.setattr(verbs, "__path__", [*verbs.__path__, str(tmp_path)])
+    added = typer.Typer(rich_markup_mode="markdown")
+    for verb in read_verbs():
+        add_command(added, verb)
+    monkeypatch.setattr(cli, "app", added)
+    yield
+    vars(anhyst).pop("weigh_parts", None)
+
+
+@pytest.mark.usefixtures("new_verb")
+def test_a_new_verb_is_one_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["--help"]) == 0
+    assert "Return the mass of some parts." in capsys.readouterr().out
+    assert cli.main(["weigh-parts", "--help"]) == 0
+    shown = capsys.readouterr().out
+    for text in (
+        "Exit code 1 if --count is too large.",
+        "Example: anhyst weigh-parts part.step --count 2",
+        "PART",
+        "N [1<=x<=9]",
+        "--as",
+        "see --count",
+        "--json",
+        "[default: kg]",
+    ):
+        assert text in shown
+    assert cli.main(["weigh-parts", "a.step", "--count", "3"]) == 0
+    assert capsys.readouterr().out == "6.0 kg\n"
+    assert cli.main(["weigh-parts", "a.step", "--unit", "g", "--as", "x", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found == {"part": "a.step", "mass": 2.0, "unit": "g", "name": "x"}
+    assert cli.main(["weigh-parts", "a.step", "--count", "6"]) == 1
+    assert capsys.readouterr().err == "anhyst: too heavy\n"
+    assert cli.main(["weigh-parts", "a.step", "--count", "10"]) == 2
+    assert "--count" in capsys.readouterr().err
+    assert anhyst.weigh_parts(Path("b"))["mass"] == 2.0  # type: ignore[operator]
+
+
+def test_texts_are_worded_for_the_command_line() -> None:
+    flags = {"known": "--rig", "port": "--port"}
+    assert with_options("With `port` or `known`: ``x``", flags) == "With --port or --rig: x"
+    assert with_options("as for `verify`", flags) == "as for 'verify'"
