@@ -24,7 +24,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from anhyst.verbs import names
+from anhyst import verbs
 
 if TYPE_CHECKING:  # for checkers and editors; a verb that is not here has no type and works
     __version__: str
@@ -120,7 +120,7 @@ _PLACES = {
 }
 """The module of each name that is not a verb."""
 
-__all__ = sorted(["__version__", *_PLACES, *names()])  # noqa: PLE0605
+__all__ = sorted(["__version__", *_PLACES, *verbs.names()])  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> object:
@@ -129,7 +129,7 @@ def __getattr__(name: str) -> object:
         from anhyst.support import running_version
 
         return running_version()
-    place = f"verbs.{name}" if name in names() else _PLACES.get(name)
+    place = f"verbs.{name}" if name in verbs.names() else _PLACES.get(name)
     if place is None:
         raise AttributeError(f"module 'anhyst' has no attribute {name!r}")
     found = getattr(import_module(f"anhyst.{place}"), name)
