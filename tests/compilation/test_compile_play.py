@@ -16,6 +16,7 @@ from anhyst.verification import verify
 from tests.actuators import magnet, ring
 from tests.compilation.test_compile import WARNINGS, measured
 from tests.core.test_c_core import tool
+from tests.docs.blocks import blocks
 from tests.refusals import refused, says
 
 
@@ -45,6 +46,15 @@ def test_the_example_builds_without_a_warning_and_gives_the_golden_currents(
     with (compiled.out / "vectors.csv").open() as vectors:
         run = subprocess.run([program], stdin=vectors, capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout) == (0, "1000 rows, 0 differ\n")
+
+
+def test_the_example_of_the_drop_in_guide_compiles(compiled: CompiledPlay, tmp_path: Path) -> None:
+    text = (compiled.out / "DROP_IN.md").read_text(encoding="utf-8")
+    source = tmp_path / "guide.c"
+    source.write_text("\n".join(block.code for block in blocks(text) if block.language == "c"))
+    include = [f"-I{compiled.out / 'include'}", f"-I{compiled.out}"]
+    command = [tool("cc"), *WARNINGS, *include, "-c", source, "-o", tmp_path / "guide.o"]
+    subprocess.run(command, check=True)
 
 
 def test_the_folder_refuses_a_damaged_block(compiled: CompiledPlay, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -116,6 +117,20 @@ def test_every_example_of_the_drop_in_guide_compiles(folder: Path, tmp_path: Pat
     source.write_text(guide(folder))
     assert source.read_text().count("{") > 3
     compiles(folder, source, tool("cc"))
+
+
+def test_the_commands_at_the_head_of_the_example_run_as_printed(
+    folder: Path, tmp_path: Path
+) -> None:
+    place = Path(shutil.copytree(folder, tmp_path / "folder"))
+    head = (place / "main.c").read_text().split("*/", 2)[1]
+    commands = re.findall(r"(?m)^     (\S.*)$", head)
+    assert len(commands) == 2
+    done = subprocess.run(
+        ["sh", "-ec", "\n".join(commands)], cwd=place, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.endswith(" rows, 0 differ\n")
 
 
 def test_the_interrupt_example_compiles_for_a_cortex_m4(folder: Path, tmp_path: Path) -> None:

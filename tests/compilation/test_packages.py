@@ -45,6 +45,11 @@ def test_every_package_has_licence_readme_and_every_c_file(
     assert "--name" in readme
     files = {path for path in folder.rglob("*") if path.is_file()}
     written = {path.name for path in files}
+    guide = next(path for path in files if path.name == "DROP_IN.md").read_text()
+    assert [
+        name for name in ("anhyst.mk", "anhyst.cmake", "main.c", "example/") if name in guide
+    ] == []
+    assert "interrupt.c" in written
     for name in one.files:
         if name.startswith(("include/", "src/", "upper_2_")):
             assert name.rpartition("/")[2] in written, name

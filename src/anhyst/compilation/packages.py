@@ -90,7 +90,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
         "CMSIS-Pack",
         places={
             "include": "include", "src": "src", "port": "port", "headers": "actuator",
-            "sources": "actuator", "docs": "docs",
+            "sources": "actuator", "docs": "docs", "example": "docs",
         },
         templates={
             "anhyst.{name}.pdsc": "cmsis/pack.pdsc.j2",
@@ -106,7 +106,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
         "Zephyr module",
         places={
             "include": "include", "src": "src", "port": "port", "headers": "actuator",
-            "sources": "actuator", "docs": "docs",
+            "sources": "actuator", "docs": "docs", "example": "docs",
         },
         templates={
             "zephyr/module.yml": "zephyr/module.yml.j2",
@@ -125,7 +125,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
         "PlatformIO library",
         places={
             "include": "include", "src": "src", "port": "include", "headers": "include",
-            "sources": "src", "docs": "docs",
+            "sources": "src", "docs": "docs", "example": "docs",
         },
         templates={
             "library.json": "platformio/library.json.j2",
@@ -138,7 +138,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
     "arduino": Ecosystem(
         "Arduino library",
         places={
-            "include": "src", "src": "src", "headers": "src", "sources": "src", "docs": "extras",
+            "include": "src", "src": "src", "headers": "src", "sources": "src", "docs": "extras", "example": "extras",
         },
         templates={
             "library.properties": "arduino/library.properties.j2",
@@ -153,7 +153,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
         "Rust crate",
         places={
             "include": "c/include", "src": "c/src", "port": "c/port", "headers": "c/actuator",
-            "sources": "c/actuator", "docs": "docs",
+            "sources": "c/actuator", "docs": "docs", "example": "docs",
         },
         templates={
             "Cargo.toml": "cargo/Cargo.toml.j2",
@@ -207,9 +207,24 @@ def package_files(
 
 def _edited(ecosystem: Ecosystem, path: str, text: str, values: Values) -> str:
     """Return the text of a file of the package; an ecosystem changes only C."""
+    if path.endswith("/DROP_IN.md"):
+        return _guide(text)
     if ecosystem.edit is None or not path.endswith((".c", ".h")):
         return text
     return ecosystem.edit(path, text, values)
+
+
+def _guide(text: str) -> str:
+    """Return the drop-in guide without the files that a package has no use for."""
+    text = re.sub(r"`anhyst.mk` and `anhyst.cmake` do both\.", "The package does both.", text)
+    text = re.sub(
+        r"`anhyst.mk` and `anhyst.cmake`( of both)?", "the manifests of the packages", text
+    )
+    text = re.sub(r"(?m)^\| `main.c` \|.*\n", "", text)
+    text = text.replace(
+        "`main.c` contains this, ready to run. On a PC it plays", "The example plays"
+    )
+    return text.replace("`example/interrupt.c`", "`interrupt.c`")
 
 
 def _place(path: str, ecosystem: Ecosystem, name: str) -> str | None:
