@@ -53,7 +53,7 @@ def test_the_example_of_the_drop_in_guide_compiles(compiled: CompiledPlay, tmp_p
     source = tmp_path / "guide.c"
     source.write_text("\n".join(block.code for block in blocks(text) if block.language == "c"))
     include = [f"-I{compiled.out / 'include'}", f"-I{compiled.out}"]
-    command = [tool("cc"), *WARNINGS, *include, "-c", source, "-o", tmp_path / "guide.o"]
+    command = [tool("cc"), *WARNINGS, *include, "-c", str(source), "-o", str(tmp_path / "guide.o")]
     subprocess.run(command, check=True)
 
 
