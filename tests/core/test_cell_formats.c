@@ -1,38 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the law of cells in fixed point, f32 and f64 together: the formats agree on random
    paths, none of them drifts at rest, and damaged states and signals do no harm. */
-#include <string.h>
-
-#include "anhyst/compensator/compensator.h"
-#include "anhyst/compensator/compensator_f32.h"
-#include "anhyst/compensator/compensator_f64.h"
-
-#include "cell_words.h"
+#include "cell_law_formats.h"
 #include "check.h"
 #include "truth.h"
 
 enum { STEPS = 100000, RESTING = 200000 };
 
-static float words_f32[1024];
-static double words_f64[1024];
-
 static void fill(void)
 {
   fill_cell_words();
-  for (int i = 0; i < 1024; i++) {
-    words_f64[i] = number_of(i);
-    words_f32[i] = (float)words_f64[i];
-  }
+  fill_real_words();
 }
-
-#define LAW_FORMATS                                                                                \
-  FORMAT(fixed, anhyst_compensator, anhyst_arms, anhyst_kernel_cells, int32_t, words,              \
-         1073741824.0, weight_of)                                                                  \
-  FORMAT(f32, anhyst_compensator_f32, anhyst_arms_f32, anhyst_kernel_cells_f32, float, words_f32,  \
-         1.0, single_of)                                                                           \
-  FORMAT(f64, anhyst_compensator_f64, anhyst_arms_f64, anhyst_kernel_cells_f64, double, words_f64, \
-         1.0, double_of)
-#include "law_formats.h"
 
 /* The gap moves the arms; a third of the currents is on the grid of a converter of 12 bits, and now
    and then another current is applied. */

@@ -1,29 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of solid iron in fixed point, f32 and f64 together: the formats agree while the demand
    moves, the current of a held demand comes to rest, and damaged states do no harm. */
-#include <string.h>
-
-#include "anhyst/compensator/compensator.h"
-#include "anhyst/compensator/compensator_f32.h"
-#include "anhyst/compensator/compensator_f64.h"
-
-#include "cell_words.h"
+#include "cell_law_formats.h"
 #include "check.h"
 #include "truth.h"
 
 enum { STEPS = 20000, RESTING = 20000 };
-
-static float words_f32[1024];
-static double words_f64[1024];
-
-#define LAW_FORMATS                                                                                \
-  FORMAT(fixed, anhyst_compensator, anhyst_arms, anhyst_kernel_cells, int32_t, words,              \
-         1073741824.0, weight_of)                                                                  \
-  FORMAT(f32, anhyst_compensator_f32, anhyst_arms_f32, anhyst_kernel_cells_f32, float, words_f32,  \
-         1.0, single_of)                                                                           \
-  FORMAT(f64, anhyst_compensator_f64, anhyst_arms_f64, anhyst_kernel_cells_f64, double, words_f64, \
-         1.0, double_of)
-#include "law_formats.h"
 
 /* An iron of this many layers. The fields between them are 0.3*2^shift for a flux of 1 a tick. */
 static void fill(int layers, int shift, int laminated)
@@ -36,10 +18,7 @@ static void fill(int layers, int shift, int laminated)
   words[ANHYST_WORD_SOLID_OWN] = -200;
   words[ANHYST_WORD_SOLID_SURFACE] = 8192;
   words[ANHYST_WORD_SOLID_LAMINATED] = (int16_t)laminated;
-  for (int i = 0; i < 1024; i++) {
-    words_f64[i] = number_of(i);
-    words_f32[i] = (float)words_f64[i];
-  }
+  fill_real_words();
   fixed_start();
   f32_start();
   f64_start();

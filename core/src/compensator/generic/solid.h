@@ -211,16 +211,22 @@ static number missing_current(const solid_tick *tick)
   return difference(tick->given, made);
 }
 
-/* The line of the circuit and the laminated part at the surface. */
-static solid_line outside(const solid_tick *tick)
+/* How much the field outside of the surface falls as the flux of the section rises, a slope. */
+static number falls_outside(const solid_tick *tick)
 {
   number reluctance = tick->reluctance;
   if (tick->laminated > 0) {
     reluctance = sum(reluctance, shared(tick->stiffness[tick->layers], tick->laminated));
   }
+  return reluctance > 0 ? per_solid(reluctance, tick->laminated) : 0;
+}
+
+/* The line of the circuit and the laminated part at the surface. */
+static solid_line outside(const solid_tick *tick)
+{
   solid_line line;
   line.field = sum(coarse(tick->field[0]), sloped(coarse(missing_current(tick)), tick->arm));
-  line.falls = reluctance > 0 ? per_solid(reluctance, tick->laminated) : 0;
+  line.falls = falls_outside(tick);
   return line;
 }
 
@@ -336,7 +342,7 @@ static int is_met(solid_tick *tick)
     }
   }
   if (met && !tick->is_flux_given) {
-    return is_residual_small(sloped(missing_current(tick), tick->arm), outside(tick).falls);
+    return is_residual_small(sloped(missing_current(tick), tick->arm), falls_outside(tick));
   }
   return met;
 }
