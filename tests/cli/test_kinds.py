@@ -22,7 +22,7 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import MEASUREMENTS, REASONS, TAKES, FileKind, kind_of
+from anhyst.support.kinds import MEASUREMENTS, UNKNOWN, kind_of, kinds_for, rig_kinds
 
 from .records import model
 
@@ -196,8 +196,8 @@ def test_where_physics_forbids_a_verb_the_refusal_says_so(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert reason in refusal(verb, written(kind, tmp_path), monkeypatch, capsys)
-    for name, kinds in REASONS:
-        assert kinds not in TAKES[name]
+    for record in rig_kinds().values():
+        assert not set(record.verbs) & set(record.reasons)
 
 
 def test_the_page_says_which_rig_a_verb_takes() -> None:
@@ -205,12 +205,11 @@ def test_the_page_says_which_rig_a_verb_takes() -> None:
     rows = re.findall(
         r"^\| `([\w-]+)` \|(.*)\|$", page.partition("### What a rig")[2].partition("\n## ")[0], re.M
     )
-    columns = (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO, FileKind.FORCE)
-    verbs = {verb for verb, kinds in TAKES.items() if {*kinds} & {*columns}}
-    assert {verb for verb, _ in rows} == verbs
+    columns = [rig_kinds()[word] for word in ("levitation", "tracking", "displacement", "force")]
+    assert {verb for verb, _ in rows} == {verb for kind in columns for verb in kind.verbs}
     for verb, cells in rows:
         taken = [cell.strip() == "yes" for cell in cells.split("|")]
-        assert taken == [kind in TAKES[verb] for kind in columns], verb
+        assert taken == [kind in kinds_for(verb) for kind in columns], verb
 
 
 def test_every_verb_has_its_row() -> None:
@@ -257,5 +256,5 @@ def test_an_ending_of_measurements_is_one_that_is_read() -> None:
 
 
 def test_a_folder_without_manifest_and_a_missing_file_are_of_no_kind(tmp_path: Path) -> None:
-    assert kind_of(tmp_path) is FileKind.UNKNOWN
-    assert kind_of(tmp_path / "none.toml") is FileKind.UNKNOWN
+    assert kind_of(tmp_path) is UNKNOWN
+    assert kind_of(tmp_path / "none.toml") is UNKNOWN

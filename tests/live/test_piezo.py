@@ -20,9 +20,8 @@ from anhyst.dashboard.generator import Generator
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.verb import opened
 from anhyst.study import bench as opening
-from anhyst.study.bench import kind_of_bench, prepared_once
+from anhyst.study.bench import prepared_once
 from anhyst.study.prepared import PreparedPiezo
-from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.states import Command, State
 from tests.cli.command import unwrapped
@@ -121,7 +120,6 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     rig = tmp_path / "rig.toml"
     rig.write_text(RIG.read_text(encoding="utf-8"), encoding="utf-8")
-    assert kind_of_bench(rig) is FileKind.PIEZO
     with prepared_once(rig, None) as first:
         assert isinstance(first, PreparedPiezo)
     prepares: list[object] = []

@@ -16,7 +16,7 @@ from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.parts.magnet import ACTUATORS, ActuatorKind, Poles
 from anhyst.rig.stage.file import least_of, opposed, read_stage
 from anhyst.study.excite.design import Bound, bearing_specimen
-from anhyst.support.kinds import RIGS
+from anhyst.support.kinds import kind_of
 from anhyst.support.toml_text import toml_key, toml_value
 from tests.refusals import refused
 
@@ -88,7 +88,7 @@ def read(folder: Path, content: Content) -> RigFile:
     lines = [f"{toml_key(key)} = {toml_value(value)}" for key, value in content.items()]
     path = folder / "rig.toml"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return read_rig_file(path, RIGS)
+    return read_rig_file(path, kind_of(path).word)
 
 
 def table_of(content: Content, name: str) -> tuple[str, Any]:
@@ -115,7 +115,7 @@ def test_every_table_has_its_sample() -> None:
 
 @pytest.mark.parametrize("kind", FOLDERS)
 def test_the_bundled_rigs_are_whole(kind: str, tmp_path: Path) -> None:
-    assert read(tmp_path, example(kind)).kind.value == example(kind)["control"]["kind"]
+    assert read(tmp_path, example(kind)).kind.word == example(kind)["control"]["kind"]
 
 
 @pytest.mark.parametrize(("kind", "name"), cells(FOREIGN))
@@ -287,7 +287,7 @@ def test_a_misspelt_list_is_named_with_its_first_line(
     path.write_text(text.replace(lists, wrong), encoding="utf-8")
     line = 1 + text[: text.index(lists)].count("\n")
     with refused(f"extra-forbidden {wrong.strip('[]')}: rig.toml:{line}:; {lists.strip('[]')}"):
-        read_rig_file(path, RIGS)
+        read_rig_file(path, kind_of(path).word)
 
 
 # What pushes as well as it pulls

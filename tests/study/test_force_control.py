@@ -22,6 +22,7 @@ from anhyst.data import Loops
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.link.firmware import build
 from anhyst.model.actuator import Model, read_model
+from anhyst.reports import force
 from anhyst.reports.force import draw, figure_constant_gap, figure_moving, figure_positions
 from anhyst.reports.studies import lines_of
 from anhyst.rig.bench.force import run_firmware
@@ -164,7 +165,7 @@ def test_the_verdict_names_the_strongest_baseline(
         assert worst[found["strongest"][stage]]["worst_percent"] == least
     start_printing()
     printer.is_verbose = True
-    show(*lines_of(run, "run"))
+    show(*lines_of(run, force.printed(run), "run"))
     said = unwrapped(capsys.readouterr().out)
     assert found["text"] in said
     assert "strongest baseline without hysteresis model" in said

@@ -15,7 +15,7 @@ from anhyst.cli.printing import printer, start_printing
 from anhyst.cli.shared import show
 from anhyst.data.table import read_columns
 from anhyst.reports.studies import lines_of
-from anhyst.reports.tracking import render
+from anhyst.reports.tracking import printed, render
 from anhyst.rig.force.bench import with_lead_in
 from anhyst.rig.recording import Loss, Recording, SignalBound, find_loss
 from anhyst.rig.stage.loop import Feedforward, track
@@ -120,7 +120,7 @@ def test_a_stage_that_was_lost_in_one_run_gets_no_verdict(
     assert lost.verdict.level == "unknown"
     start_printing()
     printer.is_verbose = True
-    show(*lines_of(lost, "run.csv"))
+    show(*lines_of(lost, printed(lost), "run.csv"))
     shown = unwrapped(capsys.readouterr().out)
     assert shown.startswith("lost: ")
     assert "orth it" not in shown

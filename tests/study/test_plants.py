@@ -6,18 +6,20 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from anhyst.cli.app import main
 from anhyst.reports.plants import render
-from anhyst.rig.drift import Drift, drifted_file
-from anhyst.rig.kind_rules import RULES
+from anhyst.rig.drift import Drift, draw_drift, drifted_file
+from anhyst.rig.kind_rules import read_rig_file, spread_keys
+from anhyst.rig.magnet_table import MagnetTable
 from anhyst.rig.piezo import PiezoRig, read_piezo_rig
-from anhyst.rig.tables import SpreadTable, spread_keys
+from anhyst.rig.tables import SpreadTable
 from anhyst.study.engine.monte_carlo import MonteCarlo, Plants, monte_carlo
 from anhyst.study.piezo import find_inverses, follow, judged_from, reference
 from anhyst.study.plants import ERRORS, force_plants, piezo_plants, stage_plants
-from anhyst.support.kinds import RIGS
+from anhyst.support.kinds import kind_of
 from tests.refusals import refused
 from tests.rig import forces
 from tests.study import bearings, stages
@@ -106,11 +108,19 @@ def test_a_force_rig_is_run_in_every_trial_of_the_stroke(tmp_path: Path) -> None
 
 
 def test_every_kind_of_rig_takes_the_keys_of_spread_that_it_draws_from() -> None:
-    for kind in RIGS:
-        unused = RULES[kind].unused[SpreadTable]
-        assert set(unused) | spread_keys(kind) == set(SpreadTable.model_fields)
-        assert not set(unused) & spread_keys(kind)
-        assert "spread" in RULES[kind].single
+    for name in ("bearing", "stage", "planar", "solenoid", "piezo"):
+        path = EXAMPLES / name / "rig.toml"
+        file = read_rig_file(path, kind_of(path).word)
+        taken = spread_keys(file)
+        if not any(isinstance(one, MagnetTable) and one.solid for one in file.magnets):
+            taken -= {"conductivity_percent"}
+        for key in SpreadTable.model_fields:
+            alone = SpreadTable.model_validate(
+                dict.fromkeys(SpreadTable.model_fields, 0.0) | {key: 0.5}
+            )
+            given = file.model_copy(update={"spread": alone})
+            drawn = draw_drift(given, np.random.default_rng(1)).as_dict()
+            assert bool(drawn) == (key in taken), (name, key)
 
 
 def test_a_key_of_spread_that_a_kind_does_not_draw_is_refused(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.dynamics import Layers
 from anhyst.model.schema import CHOSEN
+from anhyst.reports import force
 from anhyst.reports.force import draw
 from anhyst.reports.studies import lines_of
 from anhyst.rig.force.bench import ActuatorStand
@@ -188,7 +189,7 @@ def test_layers_in_the_firmware_leave_a_fraction_of_what_the_model_at_rest_does(
         assert {"full", "at-rest", "simplified"} <= set(outcome.recordings)
     start_printing()
     printer.is_verbose = True
-    show(*lines_of(run, "run"))
+    show(*lines_of(run, force.printed(run), "run"))
     assert "iron at rest" in capsys.readouterr().out
     manifest = json.loads((run.out / "stroke/full/controller/manifest.json").read_text())
     still = json.loads((run.out / "stroke/at-rest/controller/manifest.json").read_text())

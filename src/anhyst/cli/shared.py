@@ -24,12 +24,13 @@ if TYPE_CHECKING:
 
 def of_its_kind(context: typer.Context, value: Any) -> Any:
     """Refuse a first argument of another kind than the verb takes, and name the verbs that do."""
-    from anhyst.support.kinds import TAKES, refuse_other
+    from anhyst.support.kinds import kinds_for, refuse_other
 
     verb = str(context.info_name)
     given = value if isinstance(value, list) else [value] if value else []
-    for path in given if verb in TAKES else []:
-        refuse_other(path, TAKES[verb], verb)
+    taken = kinds_for(verb)
+    for path in given if taken else []:
+        refuse_other(path, taken, verb)
     return value
 
 

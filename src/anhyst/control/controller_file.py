@@ -20,7 +20,7 @@ from anhyst.control.position import Levitation, PositionControl, PositionLimits,
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind, MethodName, NumberFormat
+from anhyst.support.kinds import CONTROLLER, MethodName, NumberFormat
 from anhyst.support.toml_file import (
     FileFault,
     NotNegative,
@@ -290,7 +290,7 @@ class ControllerFile:
 def read_controller(path: PathLike) -> ControllerFile:
     """Read a controller file."""
     file = Path(path)
-    settings = read_toml(file, ControllerTable, [FileKind.CONTROLLER])
+    settings = read_toml(file, ControllerTable, [CONTROLLER])
     faults = _own_faults(settings)
     if faults:
         raise faults_error(file, faults)

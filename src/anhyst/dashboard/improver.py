@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from anhyst.study.excite.on_board import DrivenBoard
 from anhyst.study.improve import (
@@ -151,6 +151,7 @@ class BoardJob:
         self._ended(outcome)
 
 
+@runtime_checkable
 class BlockHolder(Protocol):
     """A bench beyond :class:`anhyst.rig.bench.protocol.Bench`: it holds a parameter block."""
 

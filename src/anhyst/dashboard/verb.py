@@ -13,21 +13,20 @@ import uvicorn
 
 from anhyst.dashboard.browsers import names_of, read_address
 from anhyst.dashboard.connections import Connection
-from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.improver import BlockHolder, Improver
 from anhyst.dashboard.recording import RecordingFile, start_recording
 from anhyst.dashboard.server import MESSAGE_MOST, LiveServer
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.starting import start_page
 from anhyst.rig.bench.pace import going_first
 from anhyst.rig.bench.protocol import Bench
-from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.study.bench import address_of, open_board, prepare_board, prepared_once
-from anhyst.study.prepared import Prepared, PreparedBearing, PreparedPiezo, PreparedStage
-from anhyst.study.tracking.beside import BearingLearner, BenchLearner, StageLearner
+from anhyst.study.prepared import Prepared
+from anhyst.study.tracking.beside import BenchLearner
 from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.kinds import FileKind, kind_of
+from anhyst.support.kinds import COMPILED, kind_of
 
 _HTTP_MOST = 512
 """Connections at a time, of pages that load and of those that are open; half of the files that a
@@ -143,7 +142,7 @@ def live(
             code="option-not-for-this",
             key="--controller",
         )
-    if url is None and kind_of(rig) is FileKind.COMPILED:
+    if url is None and kind_of(rig) is COMPILED:
         raise InputError(
             f"{rig}: runs on a controller; name it with --xcp or --port",
             code="options-missing",
@@ -201,15 +200,8 @@ def _open(
 
 def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | None]:
     """Open what was prepared, with what improves or calibrates it."""
-    if isinstance(prepared, PreparedPiezo):
-        return prepared.open(), None, None
-    if isinstance(prepared, PreparedStage):
-        stage = prepared.open()
-        return stage, None, StageLearner(prepared.magnet, stage)
-    if isinstance(prepared, PreparedBearing):
-        bearing = prepared.open()
-        known = IdentifiedMagnet(prepared.measured, prepared.model)
-        learner = BearingLearner(prepared.setup, known, prepared.words, bearing)
-        return bearing, Improver(prepared, bearing), learner
-    bench = prepared.open()
-    return bench, Improver(prepared, bench), None
+    bench, learner = prepared.open_with_learner()
+    if prepared.improvable is None:
+        return bench, None, learner
+    assert isinstance(bench, BlockHolder)
+    return bench, Improver(prepared.improvable, bench), learner

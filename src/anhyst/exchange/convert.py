@@ -24,7 +24,7 @@ from anhyst.data.table import check_recording, read_columns, write_sections
 from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.kinds import TAKES, refuse_other
+from anhyst.support.kinds import MEASUREMENT, refuse_other
 from anhyst.support.units import split_header
 
 
@@ -101,7 +101,7 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     """Write a measurement in the format that the suffix of a file name states: `anhyst.convert`."""
     check_path(source, "convert: source", "the path of a measurement")
     check_path(out, "convert: out")
-    refuse_other(source, TAKES["convert"], "convert")
+    refuse_other(source, [MEASUREMENT], "convert")
     source, out = Path(source), Path(out)
     check_recording(out, reads=[source])
     opened = open_table(source, least=1)

@@ -10,14 +10,12 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
 from anhyst.compilation.toolchain import zig_cc
 from anhyst.data.formats.text import write_csv
-from anhyst.exchange.bearing_part import bearing_part
-from anhyst.exchange.force_part import force_part
 from anhyst.exchange.part import (
     MODEL,
     WRAPPER,
@@ -29,8 +27,6 @@ from anhyst.exchange.part import (
     compensator_part,
     model_description,
 )
-from anhyst.exchange.piezo_part import piezo_part
-from anhyst.exchange.stage_part import stage_part
 from anhyst.model.actuator import MODEL_SOURCES, Model, model_from
 from anhyst.support import running_version
 from anhyst.support.atomic import (
@@ -46,8 +42,9 @@ from anhyst.support.atomic import (
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, cores
 from anhyst.support.kept import c_name
-from anhyst.support.kinds import TAKES, FileKind
-from anhyst.support.toml_file import take_kind
+from anhyst.support.kinds import MODEL as MODEL_FILE
+from anhyst.support.kinds import kinds_for
+from anhyst.support.toml_file import take_kind, take_rig
 
 
 @dataclass(frozen=True)
@@ -180,12 +177,19 @@ def export_fmu(
     return path
 
 
+@runtime_checkable
+class HasPart(Protocol):
+    """A kind of rig that other simulations can contain."""
+
+    def part(self, rig: PathLike) -> Part:
+        """Return plant and controller of a rig file as C, with inputs and outputs."""
+
+
 def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Kind | None) -> Part:
     """Return the part of a model that is asked for."""
     if not isinstance(model, Model):
         check_path(model, "export: model", f"{MODEL_SOURCES} or of a rig file")
-    file = FileKind.MODEL if isinstance(model, Model) else take_kind(model, TAKES["export"])
-    if not isinstance(model, Model) and file is not FileKind.MODEL:
+    if not isinstance(model, Model) and take_kind(model, kinds_for("export")) is not MODEL_FILE:
         for name, value in (("--of", of), ("--rate", rate), ("--kind", kind)):
             if value is not None:
                 raise InputError(
@@ -193,13 +197,9 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
                     code="option-not-for-this",
                     key=name,
                 )
-        parts = {
-            FileKind.BEARING: bearing_part,
-            FileKind.STAGE: stage_part,
-            FileKind.FORCE: force_part,
-            FileKind.PIEZO: piezo_part,
-        }
-        return parts[file](model)
+        rig_kind = take_rig(model, "export")
+        assert isinstance(rig_kind, HasPart)
+        return rig_kind.part(model)
     if of == "actuator":
         for name, value in (("--rate", rate), ("--kind", kind)):
             if value is not None:

@@ -19,7 +19,7 @@ from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, core_folder, firmware_folder, write_bytes
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kept import compile_and_link
-from anhyst.support.kinds import FileKind, refuse_other
+from anhyst.support.kinds import COMPILED, refuse_other
 
 _MANIFEST = "manifest.json"
 _WARNINGS = ["-Wall", "-Wextra", "-Wconversion"]
@@ -79,7 +79,7 @@ def actuator_defines(name: str) -> dict[str, str]:
 
 def _actuator(folder: Path) -> str:
     """Return a folder's name of its actuator in C; refuse a rate that no clock of a board divides."""
-    refuse_other(folder, [FileKind.COMPILED])
+    refuse_other(folder, [COMPILED])
     path = folder / _MANIFEST
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))

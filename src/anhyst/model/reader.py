@@ -28,7 +28,7 @@ from anhyst.model.schema import (
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind
+from anhyst.support.kinds import MODEL
 from anhyst.support.toml_file import Advice, TomlFile, check_kind, explain
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.units import QUANTITIES, Quantity, find_unit
@@ -76,7 +76,7 @@ class _Reader:
         return self._build(kind, table, drive, answer, schedule, cells)
 
     def _check_version(self, content: dict[str, Any]) -> None:
-        check_kind(self.file, [FileKind.MODEL])
+        check_kind(self.file, [MODEL])
         if content.get("version") != VERSION:
             version = content.get("version")
             self.file.add(

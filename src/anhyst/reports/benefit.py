@@ -22,7 +22,6 @@ from anhyst.rig.piezo import PiezoRig
 from anhyst.study.benefit import Benefit, Comparison, MapCell
 from anhyst.study.engine.table import Metric
 from anhyst.support.figures import ALARM, new_figure, styled
-from anhyst.support.kinds import NAMES
 from anhyst.support.page import (
     NBSP,
     NOT_KNOWN,
@@ -189,7 +188,7 @@ def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, com
 
 def render(rig: BodyRig | Rig | PiezoRig, gains: Benefit, command: str) -> str:
     """Return the page of the map of any other rig."""
-    kind = NAMES[rig.settings.kind][0]
+    kind = rig.settings.kind.title
     cases = ", ".join(dict.fromkeys(_case(cell.case) for cell in gains.cells))
     what = f"{kind.capitalize()}, judged in: {cases}."
     runs = f"each with gains of its own where it has some, {gains.seeds} noise seeds each."

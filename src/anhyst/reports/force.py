@@ -146,6 +146,14 @@ CAPTIONS: Mapping[str, str] = {
 """What the figures of the page show, in its order."""
 
 
+def written(result: ForceControl) -> str:
+    """Say what was written."""
+    return (
+        f"{result.out}: report.html, figures.json, fig6 to fig8, moving (PNG and SVG), one "
+        "recording of each trial"
+    )
+
+
 def printed(result: ForceControl) -> Printed:
     """Return what a terminal shows of force control."""
     figures = result.figures

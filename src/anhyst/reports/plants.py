@@ -22,10 +22,10 @@ from anhyst.reports.study.page import (
     verdict_note,
 )
 from anhyst.rig.drift import Drift
-from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
+from anhyst.rig.tables import SPREADS, SPREADS_OF_AXES
 from anhyst.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
 from anhyst.support.figures import new_figure, panels, styled
-from anhyst.support.kinds import NAMES, MethodName
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import (
     MINUS,
@@ -58,7 +58,7 @@ def _headline(runs: MonteCarlo) -> Headline:
     lost = any(runs.lost(name) for name in runs.runs)
     return Headline(
         title=file.name,
-        what=f"{len(runs.drifts)} plants of {NAMES[file.kind][0]}, each with a noise of its own, "
+        what=f"{len(runs.drifts)} plants of {file.kind.title}, each with a noise of its own, "
         f"whose properties are off by chance: {_deviations(runs)} (standard deviations). What "
         "controls them was made for the nominal one and knows nothing of it.",
         basis=f"Simulated, seed {runs.plants.seed}; all variants meet the same plants.",
@@ -74,10 +74,9 @@ def _headline(runs: MonteCarlo) -> Headline:
 
 def _deviations(runs: MonteCarlo) -> str:
     file, shown = runs.plants.file, []
-    spread, drawn = file.spread, SPREADS[file.kind]
+    spread, drawn = file.spread, SPREADS[file.control.kind]
     if file.several:
-        of_all = (SPREADS_OF_MAGNET, SPREADS_OF_BODY, SPREADS_OF_HEAD)
-        drawn = {key.rpartition("_")[0]: key for drift in of_all for key in drift.values()}
+        drawn = {key.rpartition("_")[0]: key for part in SPREADS_OF_AXES for key in part.values()}
     for name, key in drawn.items():
         value, what = getattr(spread, key), name.replace("_", " ")
         if key.endswith("_percent"):

@@ -14,7 +14,7 @@ from anhyst._core import Coil, Magnet
 from anhyst.model.actuator import Model, read_model
 from anhyst.rig.calibration import (
     CENTRE,
-    OF_ONE,
+    OF_ONE_AXIS,
     CalibratedMethod,
     CalibrationFile,
     ParameterName,
@@ -37,7 +37,7 @@ from anhyst.rig.parts.magnet import (
 from anhyst.rig.tables import TrackingTable
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind, MethodName
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import FileFault, Table, faults_error
 from anhyst.support.toml_text import Path as KeyPath
@@ -105,15 +105,11 @@ class BodyRig:
     @property
     def numbers(self) -> tuple[ParameterName, ...]:
         """All that its motion may teach."""
+        magnets = len(self.settings.placed)
         if self.settings.several:
-            count = range(1, len(self.settings.placed) + 1)
-            kinds = ("scale_{}", "gap_zero_{}_m", "width_{}")
+            kinds, count = ("scale_{}", "gap_zero_{}_m", "width_{}"), range(1, magnets + 1)
             return (*(kind.format(one) for kind in kinds for one in count), "payload", *CENTRE)
-        if self.settings.kind is FileKind.STAGE:
-            return OF_ONE
-        if len(self.settings.placed) == 1:
-            return ("scale_1", "gap_zero_m", "width", "bias_N")
-        return ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N")
+        return OF_ONE_AXIS[self.settings.control.kind, magnets]
 
     def learnt(self, method: MethodName) -> CalibratedMethod | None:
         """Return what the calibration that it names says of a method; None where it says nothing."""
@@ -229,7 +225,7 @@ def step_ends(gap: float, height: float) -> tuple[float, float]:
 def read_bearing(path: PathLike) -> BodyRig:
     """Read the rig file of a bearing."""
     file = Path(path)
-    settings = read_rig_file(file, [FileKind.BEARING])
+    settings = read_rig_file(file, "levitation")
     faults = [*plant_faults(settings), *_case_faults(settings)]
     if faults:
         raise faults_error(file, faults)

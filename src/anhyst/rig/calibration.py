@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from anhyst.rig.file import RigFile
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind, MethodName
+from anhyst.support.kinds import CALIBRATION, MethodName
 from anhyst.support.toml_file import NotNegative, Number, Positive, Table, read_toml
 
 ParameterName = str
@@ -26,11 +26,16 @@ probe) does more than it says. Of one coordinate both magnets together, of sever
 ``payload``, the part by which it is heavier, ``centre``, by which its centre of mass is off, and
 ``cable_N_per_m``, the stiffness that pulls it back to where a motion begins."""
 CENTRE: tuple[ParameterName, ...] = ("centre_x_m", "centre_y_m", "centre_z_m")
-OF_ONE: tuple[ParameterName, ...] = (
+OF_STAGE: tuple[ParameterName, ...] = (
     *("scale_1", "scale_2", "gap_zero_m", "width", "lag_s"),
     *("bias_N", "payload", "cable_N_per_m"),
 )
-"""All numbers of a stage of one coordinate, in the order of files."""
+OF_ONE_AXIS: Mapping[tuple[str, int], tuple[ParameterName, ...]] = {
+    ("tracking", 2): OF_STAGE,
+    ("levitation", 1): ("scale_1", "gap_zero_m", "width", "bias_N"),
+    ("levitation", 2): ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N"),
+}
+"""All numbers of a body of one coordinate, by kind of control and number of magnets, as in files."""
 LIMITS: Mapping[str, float] = {
     "scale": 0.3,
     "gap_zero_m": 1e-4,
@@ -153,7 +158,7 @@ def read_calibration(
 
     Feedforward and force scale must believe in the same mass.
     """
-    file = read_toml(path, CalibrationFile, kinds=[FileKind.CALIBRATION])
+    file = read_toml(path, CalibrationFile, kinds=[CALIBRATION])
     if file.rig != settings.name:
         raise InputError(
             f"{path}: rig: is that of '{file.rig}', and {rig} is "

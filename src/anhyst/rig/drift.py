@@ -22,7 +22,6 @@ from anhyst.rig.parts.magnet import iron_magnet
 from anhyst.rig.plant import make_plant, plant_numbers
 from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind
 
 CUT = 3.0
 """Standard deviations at which the distribution of a change ends."""
@@ -92,7 +91,7 @@ def draw_drift(file: RigFile, rng: np.random.Generator) -> Drift:
         magnets = tuple(_drawn(file, SPREADS_OF_MAGNET, rng) for _ in file.placed)
         heads = tuple(_drawn(file, SPREADS_OF_HEAD, rng) for _ in file.position_sensors)
         return replace(_drawn(file, SPREADS_OF_BODY, rng), magnets=magnets, heads=heads)
-    return _drawn(file, SPREADS[file.kind], rng)
+    return _drawn(file, SPREADS[file.control.kind], rng)
 
 
 def _drawn(file: RigFile, spreads: Mapping[str, str], rng: np.random.Generator) -> Drift:
@@ -118,7 +117,15 @@ def draw_plant(file: RigFile, seed: int, number: int) -> tuple[Drift, int]:
 
 def drifted_file(file: RigFile, drift: Drift) -> RigFile:
     """Return what the file of a plant that has drifted would say; an identified law stays."""
-    return file.changed(_of_stack(file, drift) if file.kind is FileKind.PIEZO else _of(file, drift))
+    changes: dict[str, Any] = {}
+    if file.stacks:
+        changes |= _of_stack(file, drift)
+    if file.magnets and file.bodies:
+        changes |= _of_body(file, drift)
+    if file.iron is not None:
+        iron = file.iron.drifted(drift.pinning, drift.reversible, drift.saturation)
+        changes |= {f"iron.{key}": value for key, value in iron.items()}
+    return file.changed(changes)
 
 
 def _of_stack(file: RigFile, drift: Drift) -> dict[str, Any]:
@@ -131,32 +138,27 @@ def _of_stack(file: RigFile, drift: Drift) -> dict[str, Any]:
     }
 
 
-def _of(file: RigFile, drift: Drift) -> dict[str, Any]:
-    """Return the changes of a body between magnets, or of a held armature.
+def _of_body(file: RigFile, drift: Drift) -> dict[str, Any]:
+    """Return the changes of a body that magnets move, of their winding, and of its sensors.
 
     The gain error of the position sensor turns its reading around the operating gap, so that gain
     and offset are two things.
     """
-    changes: dict[str, Any] = {}
-    if file.kind is not FileKind.FORCE:
-        sensor, shunt, hall = file.gap_sensor, file.current_sensor, file.hall_probe
-        turned = drift.position_gain * file.gap_m
-        changes = {
-            "magnet.resistance_ohm": file.magnet.poles.resistance * (1.0 + drift.resistance),
-            "body.mass_kg": file.body.mass_kg * (1.0 + drift.mass),
-            "gap_sensor.gain_error": sensor.gain_error + drift.position_gain,
-            "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
-            "current_sensor.gain_error": shunt.gain_error + drift.current_gain,
-        }
-        solid = file.magnet.solid_iron
-        if solid is not None:
-            conductivity = solid.conductivity * (1.0 + drift.conductivity)
-            changes["magnet.solid.conductivity_S_per_m"] = conductivity
-        if hall is not None:
-            changes["hall_probe.gain_error"] = hall.gain_error + drift.flux_gain
-    if file.iron is not None:
-        iron = file.iron.drifted(drift.pinning, drift.reversible, drift.saturation)
-        changes |= {f"iron.{key}": value for key, value in iron.items()}
+    sensor, shunt, hall = file.gap_sensor, file.current_sensor, file.hall_probe
+    turned = drift.position_gain * file.gap_m
+    changes = {
+        "magnet.resistance_ohm": file.magnet.poles.resistance * (1.0 + drift.resistance),
+        "body.mass_kg": file.body.mass_kg * (1.0 + drift.mass),
+        "gap_sensor.gain_error": sensor.gain_error + drift.position_gain,
+        "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
+        "current_sensor.gain_error": shunt.gain_error + drift.current_gain,
+    }
+    solid = file.magnet.solid_iron
+    if solid is not None:
+        conductivity = solid.conductivity * (1.0 + drift.conductivity)
+        changes["magnet.solid.conductivity_S_per_m"] = conductivity
+    if hall is not None:
+        changes["hall_probe.gain_error"] = hall.gain_error + drift.flux_gain
     return changes
 
 
@@ -164,9 +166,8 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     """Return a plant that has drifted, at rest; a stage is seen from the long stroke."""
     other = replace(rig, settings=drifted_file(rig.settings, drift))
     settings = other.settings
-    if settings.kind is FileKind.BEARING:
-        magnet = other.magnet if rig.law is None else other.magnet_of(drifted_law(rig.law, drift))
-        return make_plant(other, seed, magnet)
+    if rig.law is not None:
+        return make_plant(other, seed, other.magnet_of(drifted_law(rig.law, drift)))
     if not drift.magnets:
         pair = [replace(drift, first_scale=one) for one in (drift.first_scale, drift.second_scale)]
         each = [NO_DRIFT] if settings.several else pair

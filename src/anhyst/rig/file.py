@@ -53,7 +53,7 @@ from anhyst.rig.tables import (
     TimingTable,
     TrackingTable,
 )
-from anhyst.support.kinds import FileKind
+from anhyst.support.kinds import FileKind, rig_kinds
 from anhyst.support.toml_file import Table
 from anhyst.support.toml_text import Path as KeyPath
 
@@ -137,8 +137,8 @@ class RigFile(Table):
 
     @property
     def kind(self) -> FileKind:
-        """What kind of rig it is."""
-        return FileKind(self.control.kind)
+        """The record of its kind of rig."""
+        return rig_kinds()[self.control.kind]
 
     @property
     def iron(self) -> NamedIron | None:

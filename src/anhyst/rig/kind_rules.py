@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from anhyst.rig.case_table import (
@@ -29,250 +28,156 @@ from anhyst.rig.sensor_table import (
     PositionSensorTable,
 )
 from anhyst.rig.tables import (
+    SPREADS,
+    SPREADS_OF_AXES,
     AmplifierTable,
     BodyTable,
     FlexureTable,
-    SpreadTable,
     StackAmplifierTable,
     StackTable,
     TimingTable,
     TrackingTable,
-    spread_keys,
 )
 from anhyst.support.atomic import PathLike
-from anhyst.support.kinds import NAMES, FileKind
+from anhyst.support.kinds import rig_kinds
 from anhyst.support.toml_file import FileFault, Table, faults_error, read_toml
+from anhyst.support.toml_text import Path as KeyPath
 
-ONE, SOME, ANY, MANY = (1, 1), (0, 1), (0, math.inf), (1, math.inf)
-"""How many tables of a kind a rig has."""
+KINDS = ("levitation", "tracking", "axes", "force", "displacement")
+"""Columns of the grids below: the words of ``control.kind``, and a stage of several coordinates."""
+_NUMBERS = {"1": (1, 1), "?": (0, 1), "*": (0, math.inf), "+": (1, math.inf), ".": (0, 0)}
+"""Least and largest number of tables that a sign of a grid allows."""
 
-
-@dataclass(frozen=True)
-class KindRule:
-    """What the file of one kind of rig holds beside times, sensors and control."""
-
-    tables: Mapping[type[Table], tuple[float, float]]  # lists: how many of each kind of table
-    single: Mapping[str, bool]  # other tables and keys that it may have: whether it must
-    # keys that a table of it must have though others may leave them out, and those without a use
-    needed: Mapping[type[Table], tuple[str, ...]] = field(default_factory=dict)
-    unused: Mapping[type[Table], tuple[str, ...]] = field(default_factory=dict)
-    # how many tables there are instead where the body is free in several coordinates
-    several: Mapping[type[Table], tuple[float, float]] = field(default_factory=dict)
-
-
-_READ: Mapping[type[Table], tuple[float, float]] = {
-    GapSensorTable: ONE,
-    CurrentSensorTable: ONE,
-    ForceSensorTable: ONE,
+_TABLES: Mapping[type[Table], tuple[str, str, str]] = {
+    MagnetTable: ("1 1 1 ? .", "magnet", "a [[magnet]] with winding and poles"),
+    LikeTable: ("? 1 + . .", "magnet", "a second [[magnet]], with like and direction"),
+    SolenoidTable: (". . . ? .", "magnet", 'a [[magnet]] of kind "solenoid"'),
+    StackTable: (". . . . 1", "stack", "a [[stack]]"),
+    AmplifierTable: ("1 1 1 1 .", "amplifier", 'an [[amplifier]] with mode "current" or "voltage"'),
+    StackAmplifierTable: (". . . . 1", "amplifier", 'an [[amplifier]] with mode "stack"'),
+    BodyTable: ("1 1 1 . .", "body", "a [[body]] with mass_kg and stops"),
+    FlexureTable: (". . . . 1", "body", "a [[body]] with resonance_Hz"),
+    GapSensorTable: ("1 1 1 1 .", "sensor", 'a [[sensor]] of = "gap"'),
+    CurrentSensorTable: ("1 1 1 1 .", "sensor", 'a [[sensor]] of = "current"'),
+    ForceSensorTable: ("1 1 1 1 .", "sensor", 'a [[sensor]] of = "force"'),
+    FluxSensorTable: ("? ? ? . .", "sensor", 'a [[sensor]] of = "flux"'),
+    PositionSensorTable: (". 1 + . 1", "sensor", 'a [[sensor]] of = "position"'),
+    StepCase: ("1 . . . .", "case", 'a [[case]] of kind "step"'),
+    LoadCase: ("? . . . .", "case", 'a [[case]] of kind "load"'),
+    TrajectoryCase: ("* . . . .", "case", 'a [[case]] of kind "triangle" or "sine"'),
+    ScanCase: (". 1 1 . .", "case", 'a [[case]] of kind "scan"'),
+    LossCase: (". . ? . .", "case", 'a [[case]] of kind "loss"'),
+    ForceCase: (". . . + .", "case", 'a [[case]] of kind "force"'),
+    HeldCase: (". . . 1 .", "case", 'a [[case]] of kind "held"'),
+    MovingCase: (". . . 1 .", "case", 'a [[case]] of kind "moving"'),
+    DisplacementCase: (". . . . 1", "case", 'a [[case]] of kind "displacement"'),
 }
-_BODY_NEEDS: Mapping[type[Table], tuple[str, ...]] = {
-    MagnetTable: ("gap_m",),
-    AmplifierTable: ("supply_V",),
+"""How many tables of each type a kind of rig has; the key of their list, and their name in messages."""
+
+_SINGLE = {
+    "loops": "1 1 1 1 .",
+    "load": "1 . . . .",
+    "frame": ". ? ? . .",
+    "measurement": "1 1 1 . .",
+    "excite": "? ? ? ? .",
+    "spread": "? ? ? ? ?",
+    "seed": "? ? ? ? ?",
+    "noise_seeds": "? ? ? . .",
 }
-_BODY_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
-    AmplifierTable: ("slew_A_per_s",),
-    CurrentSensorTable: ("offset_A",),
-    PositionSensorTable: ("step_m",),
-}
+"""Other tables and keys of the file: whether a kind of rig must, may or must not have them."""
 
-
-_SEVERAL_NEED: Mapping[type[Table], tuple[str, ...]] = {
-    MagnetTable: ("direction", "position_m"),
-    LikeTable: ("position_m",),
-    PositionSensorTable: ("direction", "position_m"),
-}
-"""Keys that say where things are on a body of several coordinates."""
-_ONE_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
-    MagnetTable: ("position_m",),
-    LikeTable: ("position_m",),
-    PositionSensorTable: ("direction", "position_m", "stands", "dead_path_m", "refraction_ppm"),
-    BodyTable: (
-        *("centre_m", "inertia_kg_m2", "tilt_rad"),
-        *("cable_N_per_m", "cable_N_s_per_m", "cable_m"),
-    ),
-    ScanCase: ("direction",),
-    TrackingTable: (
-        "force_min_N",
-        "lost_A",
-        "lost_s",
-        "head_m_per_s",
-        "head_s",
-        "land_m_per_s",
-        "lift_m_per_s",
-    ),
-    SpreadTable: ("centre_m", "head_m"),
-}
-"""Keys without a use where there is one coordinate."""
-_SEVERAL_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
-    SpreadTable: ("eddy_s", "conductivity_percent", "cable_N_per_m")
-}
-
-
-def _no_spread(kind: FileKind) -> tuple[str, ...]:
-    """Return the keys of ``[spread]`` that a kind has no use for."""
-    used = spread_keys(kind)
-    return tuple(key for key in SpreadTable.model_fields if key not in used)
-
-
-RULES: Mapping[FileKind, KindRule] = {
-    FileKind.BEARING: KindRule(
-        tables={
-            **_READ,
-            MagnetTable: ONE,
-            LikeTable: SOME,
-            AmplifierTable: ONE,
-            BodyTable: ONE,
-            FluxSensorTable: SOME,
-            StepCase: ONE,
-            LoadCase: SOME,
-            TrajectoryCase: ANY,
-        },
-        single={
-            "loops": True,
-            "load": True,
-            "measurement": True,
-            "excite": False,
-            "spread": False,
-            "seed": False,
-            "noise_seeds": False,
-        },
-        needed=_BODY_NEEDS,
-        unused={**_BODY_UNUSED, BodyTable: ("free",), SpreadTable: _no_spread(FileKind.BEARING)},
-    ),
-    FileKind.STAGE: KindRule(
-        tables={
-            **_READ,
-            MagnetTable: ONE,
-            LikeTable: ONE,
-            AmplifierTable: ONE,
-            BodyTable: ONE,
-            FluxSensorTable: SOME,
-            PositionSensorTable: ONE,
-            ScanCase: ONE,
-        },
-        single={
-            "loops": True,
-            "measurement": True,
-            "excite": False,
-            "frame": False,
-            "spread": False,
-            "seed": False,
-            "noise_seeds": False,
-        },
-        needed=_BODY_NEEDS,
-        unused={**_BODY_UNUSED, SpreadTable: _no_spread(FileKind.STAGE)},
-        several={LikeTable: MANY, PositionSensorTable: MANY, LossCase: SOME},
-    ),
-    FileKind.FORCE: KindRule(
-        tables={
-            **_READ,
-            MagnetTable: SOME,
-            SolenoidTable: SOME,
-            AmplifierTable: ONE,
-            ForceCase: MANY,
-            HeldCase: ONE,
-            MovingCase: ONE,
-        },
-        single={"loops": True, "excite": False, "spread": False, "seed": False},
-        needed={AmplifierTable: ("slew_A_per_s",)},
-        unused={
-            TimingTable: ("substeps", "delay_ticks"),
-            MagnetTable: ("gap_m", "direction", "eddy_time_s", "model", "flux_table"),
-            AmplifierTable: ("mode", "supply_V", "current_low_A", "delay_s"),
-            GapSensorTable: ("delay_s", "gain_error", "offset_m"),
-            CurrentSensorTable: ("gain_error",),
-            SpreadTable: _no_spread(FileKind.FORCE),
-        },
-    ),
-    FileKind.PIEZO: KindRule(
-        tables={
-            StackTable: ONE,
-            StackAmplifierTable: ONE,
-            FlexureTable: ONE,
-            PositionSensorTable: ONE,
-            DisplacementCase: ONE,
-        },
-        single={"spread": False, "seed": False},
-        needed={PositionSensorTable: ("step_m",)},
-        unused={TimingTable: ("substeps", "delay_ticks"), SpreadTable: _no_spread(FileKind.PIEZO)},
+_KEYS: Mapping[type[Table], Mapping[str, str]] = {
+    TimingTable: dict.fromkeys(("substeps", "delay_ticks"), "? ? ? . ."),
+    MagnetTable: {
+        "gap_m": "1 1 1 . .",
+        "direction": "? ? 1 . .",
+        "position_m": ". . 1 . .",
+        **dict.fromkeys(("eddy_time_s", "model", "flux_table"), "? ? ? . ."),
+    },
+    LikeTable: {"position_m": ". . 1 . ."},
+    AmplifierTable: {
+        "supply_V": "1 1 1 . .",
+        "slew_A_per_s": ". . . 1 .",
+        **dict.fromkeys(("mode", "current_low_A", "delay_s"), "? ? ? . ."),
+    },
+    BodyTable: {
+        "free": ". ? ? . .",
+        **dict.fromkeys(("centre_m", "inertia_kg_m2", "tilt_rad"), ". . ? . ."),
+        **dict.fromkeys(("cable_N_per_m", "cable_N_s_per_m", "cable_m"), ". . ? . ."),
+    },
+    GapSensorTable: dict.fromkeys(("delay_s", "gain_error", "offset_m"), "? ? ? . ."),
+    CurrentSensorTable: {"offset_A": ". . . ? .", "gain_error": "? ? ? . ."},
+    PositionSensorTable: {
+        "step_m": ". . . . 1",
+        **dict.fromkeys(("direction", "position_m"), ". . 1 . ."),
+        **dict.fromkeys(("stands", "dead_path_m", "refraction_ppm"), ". . ? . ."),
+    },
+    ScanCase: {"direction": ". . ? . ."},
+    TrackingTable: dict.fromkeys(
+        (
+            *("force_min_N", "lost_A", "lost_s", "head_m_per_s", "head_s"),
+            *("land_m_per_s", "lift_m_per_s"),
+        ),
+        ". . ? . .",
     ),
 }
+"""Keys of a table that a kind of rig must have, or has no use for; it may have all others."""
 
-_SINGLE = ("loops", "load", "frame", "measurement", "excite", "spread", "seed", "noise_seeds")
-_TITLES: Mapping[type[Table], tuple[str, str]] = {
-    MagnetTable: ("magnet", "a [[magnet]] with winding and poles"),
-    LikeTable: ("magnet", "a second [[magnet]], with like and direction"),
-    SolenoidTable: ("magnet", 'a [[magnet]] of kind "solenoid"'),
-    StackTable: ("stack", "a [[stack]]"),
-    AmplifierTable: ("amplifier", 'an [[amplifier]] with mode "current" or "voltage"'),
-    StackAmplifierTable: ("amplifier", 'an [[amplifier]] with mode "stack"'),
-    BodyTable: ("body", "a [[body]] with mass_kg and stops"),
-    FlexureTable: ("body", "a [[body]] with resonance_Hz"),
-    GapSensorTable: ("sensor", 'a [[sensor]] of = "gap"'),
-    CurrentSensorTable: ("sensor", 'a [[sensor]] of = "current"'),
-    ForceSensorTable: ("sensor", 'a [[sensor]] of = "force"'),
-    FluxSensorTable: ("sensor", 'a [[sensor]] of = "flux"'),
-    PositionSensorTable: ("sensor", 'a [[sensor]] of = "position"'),
-    StepCase: ("case", 'a [[case]] of kind "step"'),
-    LoadCase: ("case", 'a [[case]] of kind "load"'),
-    TrajectoryCase: ("case", 'a [[case]] of kind "triangle" or "sine"'),
-    ScanCase: ("case", 'a [[case]] of kind "scan"'),
-    LossCase: ("case", 'a [[case]] of kind "loss"'),
-    ForceCase: ("case", 'a [[case]] of kind "force"'),
-    HeldCase: ("case", 'a [[case]] of kind "held"'),
-    MovingCase: ("case", 'a [[case]] of kind "moving"'),
-    DisplacementCase: ("case", 'a [[case]] of kind "displacement"'),
-}
-"""Key of the list that holds a table, and what messages call it."""
+
+def _number(file: RigFile, row: str) -> tuple[float, float]:
+    """Return the least and the largest number that a row of a grid allows the kind of a file."""
+    return _NUMBERS[row.split()[KINDS.index("axes" if file.several else file.control.kind)]]
+
+
+def spread_keys(file: RigFile) -> set[str]:
+    """Return the keys of ``[spread]`` that plants of a file are drawn from."""
+    if file.several:
+        return {key for part in SPREADS_OF_AXES for key in part.values()}
+    return {*SPREADS[file.control.kind].values()}
 
 
 def _count_faults(file: RigFile) -> Iterator[FileFault]:
-    rule, whose = RULES[file.kind], NAMES[file.kind][0]
-    counts = {**rule.tables, **(rule.several if file.several else {})}
-    for kind, (key, title) in _TITLES.items():
-        places = [path for path, table in file.tables() if type(table) is kind]
-        least, most = counts.get(kind, (0, 0))
+    whose = file.kind.title
+    for table, (row, key, title) in _TABLES.items():
+        places = [path for path, one in file.tables() if type(one) is table]
+        least, most = _number(file, row)
         if len(places) < least:
             yield FileFault((key,), f"{whose} needs {title}; add one", code="missing")
         elif len(places) > most:
             text = f"{whose} has no use for {title}" if not most else f"{whose} has one of them"
             yield FileFault(places[int(most)], f"{text}; remove it", code="not-for-this-kind")
-    actuators = [kind for kind in (MagnetTable, SolenoidTable) if kind in rule.tables]
-    if len(actuators) == 2 and len(file.magnets) != 1:
+    if _number(file, _TABLES[SolenoidTable][0])[1] and len(file.magnets) != 1:
         text = "needs one magnet: with winding and poles, or a solenoid; correct it"
         yield FileFault(("magnet",), text, code="one-of-two")
 
 
 def _single_faults(file: RigFile) -> Iterator[FileFault]:
-    rule, whose = RULES[file.kind], NAMES[file.kind][0]
-    fields = file.model_fields_set
-    for key in _SINGLE:
-        written = bool({key, f"given_{key}"} & fields)
-        if rule.single.get(key, False) and not written:
-            yield FileFault((key,), f"{whose} needs it; add it", code="missing")
-        if key not in rule.single and written:
-            text = f"{whose} has no use for it; remove it"
-            yield FileFault((key,), text, code="not-for-this-kind")
+    for key, row in _SINGLE.items():
+        is_given = bool({key, f"given_{key}"} & file.model_fields_set)
+        yield from _presence_fault(file, (key,), row, is_given, "needs it; add it")
 
 
 def _key_faults(file: RigFile) -> Iterator[FileFault]:
-    rule, whose = RULES[file.kind], NAMES[file.kind][0]
-    single: list[tuple[Any, Table]] = [
-        (("timing",), file.timing),
-        (("control",), file.control),
-        (("spread",), file.spread),
-    ]
-    also = _SEVERAL_NEED if file.several else {}
-    besides = _SEVERAL_UNUSED if file.several else _ONE_UNUSED
+    single: list[tuple[Any, Table]] = [(("timing",), file.timing), (("control",), file.control)]
     for path, table in [*file.tables(), *single]:
-        for key in (*rule.needed.get(type(table), ()), *also.get(type(table), ())):
-            if key not in table.model_fields_set:
-                text = f"is missing, {whose} needs it; add it"
-                yield FileFault((*path, key), text, code="missing")
-        for key in (*rule.unused.get(type(table), ()), *besides.get(type(table), ())):
-            if key in table.model_fields_set:
-                text = f"{whose} has no use for it; remove it"
-                yield FileFault((*path, key), text, code="not-for-this-kind")
+        for key, row in _KEYS.get(type(table), {}).items():
+            is_given = key in table.model_fields_set
+            yield from _presence_fault(file, (*path, key), row, is_given, "")
+    for key in sorted(file.spread.model_fields_set - spread_keys(file)):
+        yield from _presence_fault(file, ("spread", key), ". . . . .", True, "")
+
+
+def _presence_fault(
+    file: RigFile, path: KeyPath, row: str, is_given: bool, needed: str
+) -> Iterator[FileFault]:
+    """Find a key that the kind of the file must have and has not, or has no use for."""
+    whose, (least, most) = file.kind.title, _number(file, row)
+    if least and not is_given:
+        text = f"{whose} {needed}" if needed else f"is missing, {whose} needs it; add it"
+        yield FileFault(path, text, code="missing")
+    if not most and is_given:
+        text = f"{whose} has no use for it; remove it"
+        yield FileFault(path, text, code="not-for-this-kind")
 
 
 def _name_faults(file: RigFile) -> Iterator[FileFault]:
@@ -314,9 +219,10 @@ def _pair_faults(file: RigFile) -> Iterator[FileFault]:
     if first is not None and pushes and not file.several:
         text = "pushes as well as it pulls; it is for a stage of several coordinates"
         yield FileFault(file.place(first, "kind"), text, code="not-for-this-kind")
-    if file.kind not in (FileKind.BEARING, FileKind.STAGE):
+    if not hasattr(file.control, "bias_N"):
         return
-    pairs = not pushes and (file.opposite is not None or file.kind is FileKind.STAGE)
+    needs_opposite = _number(file, _TABLES[LikeTable][0])[0] > 0
+    pairs = not pushes and (file.opposite is not None or needs_opposite)
     if pairs != (file.bias_N is not None):
         text = "a pair of magnets needs it; add it"
         if not pairs:
@@ -350,9 +256,9 @@ def _opposite_faults(file: RigFile, path: Any, magnet: LikeTable) -> Iterator[Fi
         yield FileFault((*path, "direction"), text, code="wrong-direction")
 
 
-def read_rig_file(path: PathLike, kinds: Collection[FileKind]) -> RigFile:
-    """Read the rig file of one of the given kinds."""
-    file = read_toml(path, RigFile, kinds=kinds)
+def read_rig_file(path: PathLike, word: str) -> RigFile:
+    """Read the rig file of one kind of rig, named by its ``control.kind``."""
+    file = read_toml(path, RigFile, kinds=[rig_kinds()[word]])
     faults = [*_count_faults(file), *_single_faults(file), *_key_faults(file), *_name_faults(file)]
     if file.given_loops is not None:
         faults += identify_faults(file.loops)

@@ -24,7 +24,6 @@ from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.recording import Loss, SignalBound, find_loss
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import faults_error
 
@@ -107,7 +106,7 @@ def steps_in(file: RigFile, seconds: float) -> int:
 
 def read_piezo_rig(path: PathLike) -> PiezoRig:
     """Read and check the rig file of a piezo stage."""
-    settings = read_rig_file(path, [FileKind.PIEZO])
+    settings = read_rig_file(path, "displacement")
     if faults := [*frequency_faults(settings, [settings.moved])]:
         raise faults_error(path, faults)
     return PiezoRig(Path(path), settings)

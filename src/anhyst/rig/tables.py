@@ -11,7 +11,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from anhyst.rig.magnet_table import ORIGIN, Place
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind, NumberFormat
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.toml_file import (
     BRANCH,
     Bits,
@@ -259,8 +259,8 @@ _OF_IRON = {
     "saturation": "saturation_percent",
 }
 _OF_SCALES = {"first_scale": "current_percent", "second_scale": "current_percent"}
-SPREADS: Mapping[FileKind, Mapping[str, str]] = {
-    FileKind.BEARING: {
+SPREADS: Mapping[str, Mapping[str, str]] = {
+    "levitation": {
         **_OF_IRON,
         "mass": "mass_percent",
         "resistance": "resistance_percent",
@@ -269,7 +269,7 @@ SPREADS: Mapping[FileKind, Mapping[str, str]] = {
         "flux_gain": "sensor_gain_percent",
         "gap_offset": "gap_zero_m",
     },
-    FileKind.STAGE: {
+    "tracking": {
         "gap_offset": "gap_zero_m",
         **_OF_SCALES,
         "pinning": "pinning_percent",
@@ -279,14 +279,15 @@ SPREADS: Mapping[FileKind, Mapping[str, str]] = {
         "mass": "payload_percent",
         "cable": "cable_N_per_m",
     },
-    FileKind.FORCE: {**_OF_IRON, "gap_offset": "gap_zero_m", "first_scale": "current_percent"},
-    FileKind.PIEZO: {
+    "force": {**_OF_IRON, "gap_offset": "gap_zero_m", "first_scale": "current_percent"},
+    "displacement": {
         "stroke": "stroke_percent",
         "creep": "creep_percent",
         "resonance": "resonance_percent",
     },
 }
-"""What differs from plant to plant of each kind, and the key of ``[spread]`` that says by how much."""
+"""What differs from plant to plant, and the key of ``[spread]`` that says by how much: by the kind
+of ``[control]``."""
 SPREADS_OF_MAGNET = {
     "gap_offset": "gap_zero_m",
     "first_scale": "current_percent",
@@ -295,15 +296,8 @@ SPREADS_OF_MAGNET = {
 }
 SPREADS_OF_HEAD = {f"place_{axis}": "head_m" for axis in "xyz"}
 SPREADS_OF_BODY = {"mass": "payload_percent", **{f"place_{axis}": "centre_m" for axis in "xyz"}}
-"""The same of a body of several coordinates: of each magnet, each position head, and of the body."""
-
-
-def spread_keys(kind: FileKind) -> set[str]:
-    """Return the keys of ``[spread]`` that a kind of rig is drawn from."""
-    keys = {*SPREADS[kind].values()}
-    if kind is FileKind.STAGE:
-        keys |= {*SPREADS_OF_MAGNET.values(), *SPREADS_OF_HEAD.values(), *SPREADS_OF_BODY.values()}
-    return keys
+SPREADS_OF_AXES = (SPREADS_OF_MAGNET, SPREADS_OF_BODY, SPREADS_OF_HEAD)
+"""The same of a body of several coordinates: of each magnet, of the body, and of each position head."""
 
 
 class LevitationTable(Table):

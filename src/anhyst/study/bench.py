@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from anhyst.compensate.block import DemandLimits, Kind
 from anhyst.compensate.plan import CompileRequest
@@ -56,8 +56,8 @@ from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.kept import computed_with, forget, load, sealed
-from anhyst.support.kinds import NAMES, RIGS, FileKind, MethodName, refuse_other
-from anhyst.support.toml_file import take_kind
+from anhyst.support.kinds import COMPILED, MethodName, refuse_other
+from anhyst.support.toml_file import take_rig
 
 
 def open_bench(
@@ -123,7 +123,7 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
 
 def _manifest(folder: PathLike) -> dict[str, Any]:
     """Read the manifest of a compiled folder."""
-    refuse_other(folder, [FileKind.COMPILED])
+    refuse_other(folder, [COMPILED])
     path = Path(folder) / "manifest.json"
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
@@ -152,31 +152,33 @@ def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
     )
 
 
+@runtime_checkable
+class HasBench(Protocol):
+    """A kind of rig that has a virtual bench."""
+
+    def prepare(
+        self, rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None
+    ) -> Prepared:
+        """Compile and build all that the bench needs, its firmware in a folder."""
+
+    def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
+        """Return the rig file, and all files that it and a controller file name."""
+
+
 def prepare_bench(
-    rig_path: PathLike,
-    controller_path: PathLike | None,
-    folder: Path,
-    progress: Progress | None = None,
+    rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None = None
 ) -> Prepared:
     """Compile and build all that the virtual bench of a rig needs."""
-    kind = kind_of_bench(rig_path)
-    if kind is FileKind.BEARING:
-        return _bearing(rig_path, controller_path, folder, progress)
-    if controller_path is not None:
-        what = NAMES[kind][0]
-        raise InputError(
-            f"{controller_path}: {what} has no controller file", code="option-not-for-this"
-        )
-    if kind is FileKind.STAGE:
-        return _stage(rig_path, progress)
-    if kind is FileKind.PIEZO:
-        return _piezo(rig_path)
-    return _force(rig_path, folder, progress)
+    kind = take_rig(rig, "live")
+    assert isinstance(kind, HasBench)
+    kind.refuse_options("live", {"--controller": controller})
+    return kind.prepare(rig, controller, folder, progress)
 
 
-def _bearing(
+def prepare_bearing(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedBearing:
+    """Identify the magnet of a bearing, and build the firmware of its controller."""
     parts = in_parts(progress, (1.0, 1.0))
     rig, controller = read_files(rig_path, controller_path)
     ready = make_ready(rig, controller)
@@ -187,7 +189,8 @@ def _bearing(
     return PreparedBearing(setup, known.model, firmware)
 
 
-def _force(rig_path: PathLike, folder: Path, progress: Progress | None) -> PreparedForce:
+def prepare_force(rig_path: PathLike, folder: Path, progress: Progress | None) -> PreparedForce:
+    """Identify the actuator of a rig, and build the firmware that controls its force."""
     parts = in_parts(progress, (1.0, 1.0))
     rig = read_rig(rig_path)
     loops = loops_of_rig(rig)
@@ -204,7 +207,7 @@ COMPARED: tuple[MethodName, MethodName] = ("single-valued", OWN)
 """Between what a stage is switched while it runs."""
 
 
-def _stage(rig_path: PathLike, progress: Progress | None) -> PreparedStage:
+def prepare_stage(rig_path: PathLike, progress: Progress | None) -> PreparedStage:
     """Identify the magnets of a stage, and find the gains of both methods."""
     parts = in_parts(progress, (2.0, 1.0))
     rig = read_stage(rig_path)
@@ -218,15 +221,11 @@ def _stage(rig_path: PathLike, progress: Progress | None) -> PreparedStage:
     return PreparedStage(magnet, tuple(setups), tuple(gains))
 
 
-def _piezo(rig_path: PathLike) -> PreparedPiezo:
+def prepare_piezo(rig_path: PathLike) -> PreparedPiezo:
+    """Find what makes voltages of displacements, with memory and without."""
     rig = read_piezo_rig(rig_path)
     inverses = find_inverses(rig)
     return PreparedPiezo(rig, (inverses["single-valued"], inverses["full"]))
-
-
-def kind_of_bench(path: PathLike) -> FileKind:
-    """Return what a rig file is of; no other kind has a virtual bench."""
-    return take_kind(path, RIGS)
 
 
 MOST = 20
@@ -277,33 +276,13 @@ def _keep(prepared: Prepared, place: Path) -> None:
 def _key(rig_path: PathLike, controller_path: PathLike | None) -> str:
     """Return a name for all that goes into a bench."""
     digest = hashlib.sha256(computed_with())
-    for path in [*_named(rig_path, controller_path), *_sources()]:
+    kind = take_rig(rig_path, "live")
+    assert isinstance(kind, HasBench)
+    for path in [*kind.files(rig_path, controller_path), *_sources()]:
         digest.update(f"\0{path}\0{path.resolve()}\0".encode())
         with suppress(OSError):  # whoever reads it says what is wrong
             digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
-
-
-def _named(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
-    """Return all files that a rig and a controller name."""
-    kind = kind_of_bench(rig_path)
-    if kind is FileKind.STAGE:
-        stage = read_stage(rig_path)
-        own = [stage.path, stage.calibration]
-        files = stage.measured.files
-    elif kind is FileKind.PIEZO:
-        return [Path(rig_path)]
-    elif kind is FileKind.FORCE:
-        force = read_rig(rig_path)
-        named = force.settings.solenoid
-        own = [force.path, None if named is None else force.path.parent / named.file]
-        files = force.measured.files
-    else:
-        rig, controller = read_files(rig_path, controller_path)
-        own = [rig.path, rig.model, rig.flux_table, controller.path, controller.model]
-        own += [rig.calibration]
-        files = rig.measured.files
-    return [name for name in own if name is not None] + list(files)
 
 
 def _sources() -> Iterator[Path]:

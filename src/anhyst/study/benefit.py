@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -21,10 +21,9 @@ from anhyst.data.verdict import judge, reversal_share
 from anhyst.rig.bearing.loop import check_controller, make_setup
 from anhyst.rig.body import BodyRig
 from anhyst.rig.drift import NO_DRIFT, Drift, with_iron
+from anhyst.rig.file import RigFile
 from anhyst.rig.fitting import identify_magnet
 from anhyst.rig.force.file import Rig
-from anhyst.rig.force.programs import loops_of_rig
-from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import measure_loops
 from anhyst.rig.parts.iron import NamedCells
 from anhyst.rig.piezo import PiezoRig
@@ -39,7 +38,7 @@ from anhyst.study.piezo import measure as measure_stack
 from anhyst.study.plants import drifted_rig, force_plants, piezo_plants, stage_plants
 from anhyst.support import running_version
 from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import FileKind, MethodName
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 
 WIDTHS = (0.5, 1.0, 2.0)
@@ -55,11 +54,6 @@ OF_STEPS = (
     Metric("settling_in_noise_s", "settling time", "ms", 1e3),
 )
 """Figures of a step that are compared."""
-CASES: Mapping[FileKind, str] = {
-    FileKind.STAGE: "test set-point",
-    FileKind.PIEZO: "triangle",
-}
-"""What a rig with a single case is judged in; of force control each stage of its trials is one."""
 SEEDS = 4
 """Of noise, where the rig file says none."""
 STANDSTILLS = 3.0
@@ -120,7 +114,7 @@ class MapCell:
     """One iron in one case."""
 
     iron: IronFigures
-    case: float | str  # height of a step, m, or one of :data:`CASES`
+    case: float | str  # height of a step, m, or what the trials of a plant are called
     # by variant, then by key of a metric; a variant that was lost is missing
     figures: Mapping[MethodName, Mapping[str, Interval]]
     # rms of the gap at the end of the holds of steps, mean over seeds and directions, m; by variant
@@ -205,7 +199,7 @@ def benefit(
     count = tried.noise_seeds if seeds is None else seeds
     work = [
         _Work(with_iron(rig, fraction, scale), controller, scale, fraction, steps, (*range(count),))
-        for scale, fraction in product(scales, fractions or fractions_of(rig))
+        for scale, fraction in product(scales, fractions or fractions_of(rig.settings))
     ]
     rows = all_of(_map_iron, work, progress, jobs)
     return Benefit(
@@ -220,10 +214,10 @@ def benefit(
     )
 
 
-def fractions_of(rig: BodyRig | Rig | PiezoRig) -> Sequence[float | None]:
+def fractions_of(file: RigFile) -> Sequence[float | None]:
     """Return the reversible fractions that a map of a rig goes over."""
-    of_cells = isinstance(rig, BodyRig) and isinstance(rig.settings.iron, NamedCells)
-    return FRACTIONS if of_cells else (None,)
+    is_of_cells = file.bodies and file.magnets and isinstance(file.iron, NamedCells)
+    return FRACTIONS if is_of_cells else (None,)
 
 
 def _map_iron(work: _Work) -> list[MapCell]:
@@ -343,16 +337,36 @@ def _beyond(
     return replace(compared, floor=floor, small=most < floor)
 
 
+AnyRig = BodyRig | Rig | PiezoRig
+
+
+@runtime_checkable
+class HasIrons(Protocol):
+    """A kind of rig whose plants can be run with other irons."""
+
+    def ready_for_irons(self, rig: AnyRig, seeds: int) -> tuple[AnyRig, int]:
+        """Return a rig whose magnet is whole, and how many seeds of noise a map of it takes."""
+
+    def with_iron(self, rig: AnyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
+        """Measure the loops of a rig with another iron; return them and its plants."""
+
+
+def _irons_of(rig: AnyRig) -> HasIrons:
+    kind = rig.settings.kind
+    assert isinstance(kind, HasIrons)
+    return kind
+
+
 @dataclass(frozen=True)
 class _PlantWork:
-    rig: BodyRig | Rig | PiezoRig
+    rig: AnyRig
     scale: float
     fraction: float | None
     seeds: tuple[int, ...]
 
 
 def benefit_of_plants(
-    rig: BodyRig | Rig | PiezoRig,
+    rig: AnyRig,
     scales: Sequence[float] = WIDTHS,
     fractions: Sequence[float | None] | None = None,
     seeds: int | None = None,
@@ -364,12 +378,11 @@ def benefit_of_plants(
     Loops of every iron are measured and identified anew; judged is what a plant without drift does,
     by the figures of its kind, over some seeds of noise.
     """
-    if isinstance(rig, Rig):
-        rig = complete_rig(rig, loops_of_rig(rig))
-    count = seeds or (rig.settings.noise_seeds if isinstance(rig, BodyRig) else SEEDS)
+    rig, usual = _irons_of(rig).ready_for_irons(rig, SEEDS)
+    count = seeds or usual
     work = [
         _PlantWork(rig, scale, fraction, (*range(1, count + 1),))
-        for scale, fraction in product(scales, fractions or fractions_of(rig))
+        for scale, fraction in product(scales, fractions or fractions_of(rig.settings))
     ]
     rows = all_of(_map_plants, work, progress, jobs)
     return Benefit(
@@ -382,7 +395,7 @@ def benefit_of_plants(
 
 def _map_plants(work: _PlantWork) -> tuple[list[MapCell], tuple[Metric, ...]]:
     """Run one iron behind every method."""
-    loops, plants = _with_other_iron(work)
+    loops, plants = _irons_of(work.rig).with_iron(work.rig, work.fraction, work.scale)
     share = reversal_share(loops)
     label = "" if share is None else label_of(share)
     width = judge(loops).width_relative
@@ -409,8 +422,8 @@ def _map_plants(work: _PlantWork) -> tuple[list[MapCell], tuple[Metric, ...]]:
 
 def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
     """Return the cases of a map, and the places of each in the figures of a plant."""
-    if plants.file.kind is not FileKind.FORCE:
-        return {CASES[plants.file.kind]: [0]}
+    if plants.single_case:
+        return {plants.single_case: [0]}
     stages = [name.partition("_")[0] for name in plants.figures[0].names]
     return {
         f"worst of {stage}": [place for place, one in enumerate(stages) if one == stage]
@@ -424,23 +437,28 @@ def _largest(figure: float | Sequence[float | None] | None, numbers: Sequence[in
     return max(math.inf if value is None else value for value in row)
 
 
-def _with_other_iron(work: _PlantWork) -> tuple[Loops, Plants]:
-    """Return the loops of a rig with another iron, and what its plants are run with."""
-    rig, scale = work.rig, work.scale
-    if isinstance(rig, PiezoRig):
-        slope = scale * rig.settings.stack.slope_m_per_V
-        wider = replace(rig, settings=rig.settings.changed({"stack.slope_m_per_V": slope}))
-        loops = measure_stack(wider)
-        return loops, piezo_plants(wider, loops)
-    if isinstance(rig, Rig):
-        other = drifted_rig(rig, Drift(pinning=scale - 1.0))
-        loops = excite_specimen(force_specimen(other)).loops
-        return loops, force_plants(other, loops=loops)
-    iron = with_iron(rig, work.fraction, scale)
+def stage_with_iron(rig: BodyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
+    """Measure the loops of a stage with another iron; return them and its plants."""
+    iron = with_iron(rig, fraction, scale)
     known = identify_stage(iron, measure_loops(iron))
     probed: tuple[MethodName, ...] = ("flux",) if rig.settings.hall_probe is not None else ()
     names: tuple[MethodName, ...] = (*BASELINES, "full", *probed)
     return known.loops, stage_plants(iron, known, names, errors={"none": ()}, jobs=1)
+
+
+def force_with_iron(rig: Rig, scale: float) -> tuple[Loops, Plants]:
+    """Measure the loops of an actuator with another iron; return them and its plants."""
+    other = drifted_rig(rig, Drift(pinning=scale - 1.0))
+    loops = excite_specimen(force_specimen(other)).loops
+    return loops, force_plants(other, loops=loops)
+
+
+def piezo_with_iron(rig: PiezoRig, scale: float) -> tuple[Loops, Plants]:
+    """Measure the loops of a stack that is wider by a factor; return them and the stage's plants."""
+    slope = scale * rig.settings.stack.slope_m_per_V
+    wider = replace(rig, settings=rig.settings.changed({"stack.slope_m_per_V": slope}))
+    loops = measure_stack(wider)
+    return loops, piezo_plants(wider, loops)
 
 
 def _row(cell: MapCell) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.loop import BearingSetup, lost_at, make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
@@ -93,6 +94,7 @@ def bearing_plants(
         read=tuple(path for path in files if path is not None),
         depends={"controller": controller.settings.model_dump_json()},
         seed=rig.settings.seed if seed is None else seed,
+        where_it_pays=WHERE_IT_PAYS["feedback"],
     )
 
 
@@ -182,6 +184,7 @@ def force_plants(rig: Rig, model: Model | None = None, loops: Loops | None = Non
         read=tuple(files),
         depends={},
         seed=settings.seed,
+        where_it_pays=WHERE_IT_PAYS["force"],
     )
 
 
@@ -248,6 +251,8 @@ def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
         read=(),
         depends={},
         seed=rig.settings.seed,
+        where_it_pays=WHERE_IT_PAYS["piezo"],
+        single_case="triangle",
     )
 
 
@@ -334,6 +339,8 @@ def stage_plants(
         read=tuple(rig.measured.files),
         depends={},
         seed=rig.settings.seed,
+        where_it_pays=WHERE_IT_PAYS["stage"],
+        single_case="test set-point",
     )
 
 

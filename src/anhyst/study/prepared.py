@@ -27,6 +27,7 @@ from anhyst.rig.measurement_table import identify_loops
 from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.stage.loop import Feedforward, StageSetup
 from anhyst.study.excite.design import Specimen, bearing_specimen, force_specimen
+from anhyst.study.tracking.beside import BearingLearner, StageLearner
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -65,6 +66,16 @@ class PreparedBearing:
     def open(self) -> BearingBench:
         """Switch on; at rest, before its first tick. To be closed."""
         return BearingBench(self.setup, self.firmware)
+
+    @property
+    def improvable(self) -> PreparedBearing:
+        """What a better model can be found for: itself."""
+        return self
+
+    def open_with_learner(self) -> tuple[BearingBench, BearingLearner]:
+        """Switch on, with what calibrates the bearing from its motions."""
+        bench, known = self.open(), IdentifiedMagnet(self.measured, self.model)
+        return bench, BearingLearner(self.setup, known, self.words, bench)
 
     def specimen(self) -> Specimen:
         """Return the magnet as it is measured, armature held."""
@@ -156,6 +167,15 @@ class PreparedForce(ForceRig):
         bench.apply({"ratio": 1.0 / float(ratio.ratio[0])})
         return bench
 
+    @property
+    def improvable(self) -> PreparedForce:
+        """What a better model can be found for: itself."""
+        return self
+
+    def open_with_learner(self) -> tuple[ForceBench, None]:
+        """Switch on; motion teaches nothing of a held armature."""
+        return self.open(), None
+
     def compile(self, model: Model) -> Plan:
         """Compile another model for the running board."""
         request = CompileRequest(self.program.kind, "q31", self.whole.settings.timing.rate_Hz)
@@ -195,10 +215,16 @@ class PreparedStage:
     gains: tuple[Feedforward, ...]  # that were found with each
 
     firmware = None
+    improvable = None
 
     def open(self) -> StageBench:
         """Switch on; at rest, before its first tick. To be closed."""
         return StageBench(self.setups, self.gains)
+
+    def open_with_learner(self) -> tuple[StageBench, StageLearner]:
+        """Switch on, with what calibrates the stage from its motions."""
+        bench = self.open()
+        return bench, StageLearner(self.magnet, bench)
 
 
 @dataclass(frozen=True)
@@ -209,10 +235,15 @@ class PreparedPiezo:
     inverses: tuple[ForceController, ForceController]
 
     firmware = None
+    improvable = None
 
     def open(self) -> PiezoBench:
         """Switch on; at rest, before its first tick. To be closed."""
         return PiezoBench(self.rig, self.inverses)
+
+    def open_with_learner(self) -> tuple[PiezoBench, None]:
+        """Switch on; a piezo stage has no magnets whose errors motion would teach."""
+        return self.open(), None
 
 
 Prepared = PreparedBearing | PreparedForce | PreparedStage | PreparedPiezo

@@ -4,83 +4,117 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Collection, Mapping
-from enum import StrEnum
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Literal
 
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 
-
-class FileKind(StrEnum):
-    """What a verb can be given; of a rig, its ``control.kind``, of another file its ``format``."""
-
-    BEARING = "levitation"
-    STAGE = "tracking"
-    PIEZO = "displacement"
-    FORCE = "force"
-    MODEL = "anhyst-model"
-    CONTROLLER = "anhyst-controller"
-    CALIBRATION = "anhyst-calibration"
-    COMPILED = "compiled folder"
-    PACKAGE = "package"
-    MEASUREMENT = "measurement"
-    PORT = "port"
-    UNKNOWN = ""
+RIG_FORMAT = "anhyst-rig"
+"""What the key ``format`` of every rig file says; ``control.kind`` says which kind of rig it is."""
 
 
-NAMES: Mapping[FileKind, tuple[str, str]] = {
-    FileKind.BEARING: ("a bearing", "bearings"),
-    FileKind.STAGE: ("a stage", "stages"),
-    FileKind.PIEZO: ("a piezo stage", "piezo stages"),
-    FileKind.FORCE: ("a rig of force control", "rigs of force control"),
-    FileKind.MODEL: ("a model", "models"),
-    FileKind.CONTROLLER: ("a controller file", "controller files"),
-    FileKind.CALIBRATION: ("a calibration", "calibrations"),
-    FileKind.COMPILED: ("a compiled folder", "compiled folders"),
-    FileKind.PACKAGE: ("a package of an ecosystem", "packages of ecosystems"),
-    FileKind.MEASUREMENT: ("a measurement", "measurements"),
-    FileKind.PORT: ("the port of a controller", "ports of controllers"),
-}
-"""One of a kind, and several, as messages call them."""
+@dataclass(frozen=True, eq=False)
+class FileKind:
+    """One kind of file or folder that a verb can be given."""
 
-RIGS = (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO, FileKind.FORCE)
-"""All that a rig file can be."""
-_MEASURED, _MODEL = (FileKind.MEASUREMENT,), (FileKind.MODEL,)
-TAKES: Mapping[str, tuple[FileKind, ...]] = {
-    "inspect": _MEASURED,
-    "convert": _MEASURED,
-    "identify": _MEASURED,
-    "fleet": _MEASURED,
-    "init": _MEASURED,
-    "predict": _MODEL,
-    "invert": _MODEL,
-    "report": _MODEL,
-    "diff": _MODEL,
-    "compile": (FileKind.MODEL, FileKind.STAGE),
-    "watch": _MODEL,
-    "export": (FileKind.MODEL, *RIGS),
-    "verify": (FileKind.COMPILED,),
-    "simulate": RIGS,
-    "calibrate": (FileKind.BEARING, FileKind.STAGE),
-    "tune": (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO),
-    "force-control": (FileKind.FORCE, *_MEASURED),
-    "excite": RIGS,
-    "live": (*RIGS, FileKind.COMPILED),
-    "xcp": (FileKind.PORT,),
-}
-"""What the first argument of every verb may be."""
-REASONS: Mapping[tuple[str, FileKind], str] = {
-    ("tune", FileKind.FORCE): "its force is controlled open loop, so there are no gains to find",
-    ("calibrate", FileKind.FORCE): "its armature is held, so there is no motion to learn from",
-    ("calibrate", FileKind.PIEZO): "it has no magnets, whose errors are what motion teaches",
-    ("force-control", FileKind.BEARING): "its armature flies, and here one is held",
-    ("force-control", FileKind.STAGE): "its body moves, and here an armature is held",
-    ("force-control", FileKind.PIEZO): "a stack is driven to a displacement, not to a force",
-    ("compile", FileKind.BEARING): "compile its model, with --controller for the whole controller",
-}
-"""Why a verb has no use for a kind, where there is more to say than that."""
+    word: str  # of a rig file its control.kind, of another file its format
+    title: str  # one of the kind, as messages call it
+    plural: str  # several
+    verbs: tuple[str, ...] = ()  # that take one as their first argument
+    # why another verb has no use for it, where there is more to say than that
+    reasons: Mapping[str, str] = field(default_factory=dict)
+    taken: str = ""  # what takes it, where no verb does
+    # by verb, its options that not every kind has a use for and this one has
+    options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def format(self) -> str:
+        """What the key ``format`` of such a file says."""
+        return self.word
+
+    @property
+    def taken_by(self) -> str:
+        """Say what takes such a file."""
+        if self.taken:
+            return self.taken
+        return f"anhyst {_listed(self.verbs, 'and')} take{'s' if len(self.verbs) == 1 else ''} it"
+
+    def has_option(self, verb: str, option: str) -> bool:
+        """Whether an option that not every kind has a use for is for this one."""
+        return option in self.options.get(verb, ())
+
+    def refuse_options(self, verb: str, given: Mapping[str, object]) -> None:
+        """Refuse such options of a verb that are given, not None, and not for this kind."""
+        refused = [
+            name
+            for name, value in given.items()
+            if value is not None and not self.has_option(verb, name)
+        ]
+        if refused:
+            raise InputError(
+                f"{self.title} has no {' or '.join(refused)}; leave it out",
+                code="option-not-for-this",
+                key=refused[0],
+            )
+
+
+MODEL = FileKind(
+    "anhyst-model",
+    "a model",
+    "models",
+    ("predict", "invert", "report", "diff", "compile", "watch", "export"),
+)
+CONTROLLER = FileKind(
+    "anhyst-controller",
+    "a controller file",
+    "controller files",
+    taken="anhyst simulate, tune, compile and live take it with --controller",
+)
+CALIBRATION = FileKind(
+    "anhyst-calibration",
+    "a calibration",
+    "calibrations",
+    taken="a rig file names it as control.calibration",
+)
+COMPILED = FileKind("compiled folder", "a compiled folder", "compiled folders", ("verify", "live"))
+PACKAGE = FileKind(
+    "package",
+    "a package of an ecosystem",
+    "packages of ecosystems",
+    taken="compile again without --package for it",
+)
+MEASUREMENT = FileKind(
+    "measurement",
+    "a measurement",
+    "measurements",
+    ("inspect", "convert", "identify", "fleet", "init", "force-control"),
+)
+PORT = FileKind("port", "the port of a controller", "ports of controllers", ("xcp",))
+UNKNOWN = FileKind("", "a file of unknown kind", "files of unknown kind")
+"""What says nothing of itself or cannot be read."""
+
+
+@cache
+def rig_kinds() -> Mapping[str, FileKind]:
+    """Return the kinds of rigs by their words, in the order in which messages list them.
+
+    They are the records of the entry points ``anhyst.kinds`` of all installed packages; each is a
+    :class:`anhyst.kinds.rig_kind.RigKind`.
+    """
+    records: list[FileKind] = [one.load() for one in entry_points(group="anhyst.kinds")]
+    return {kind.word: kind for kind in sorted(records, key=lambda kind: kind.plural)}
+
+
+def kinds_for(verb: str) -> tuple[FileKind, ...]:
+    """Return what the first argument of a verb may be."""
+    every = (MODEL, *rig_kinds().values(), MEASUREMENT, COMPILED, PORT)
+    return tuple(kind for kind in every if verb in kind.verbs)
+
 
 MEASUREMENTS = frozenset(
     {".csv", ".tsv", ".asc", ".lvm", ".mat", ".mf4", ".mdf", ".tdms", ".h5", ".hdf5", ".parquet"}
@@ -89,22 +123,13 @@ MEASUREMENTS = frozenset(
 """Endings of files that hold nothing else; ``.txt`` and ``.dat`` may be anything."""
 
 
-RIG_FORMAT = "anhyst-rig"
-
-
-def format_of(kind: FileKind) -> str:
-    """Return what the key ``format`` of a kind of file says."""
-    return RIG_FORMAT if kind in RIGS else kind
-
-
 def kind_in(content: Mapping[str, object]) -> FileKind:
     """Return the kind of a TOML file from its contents."""
     text, control = content.get("format"), content.get("control")
     if text == RIG_FORMAT:
         word = control.get("kind") if isinstance(control, dict) else None
-        return FileKind(word) if word in RIGS else FileKind.UNKNOWN
-    known = (FileKind.MODEL, FileKind.CONTROLLER, FileKind.CALIBRATION)
-    return FileKind(text) if isinstance(text, str) and text in known else FileKind.UNKNOWN
+        return rig_kinds().get(word, UNKNOWN) if isinstance(word, str) else UNKNOWN
+    return next((kind for kind in (MODEL, CONTROLLER, CALIBRATION) if kind.word == text), UNKNOWN)
 
 
 def kind_of(path: PathLike) -> FileKind:
@@ -116,25 +141,24 @@ def kind_of(path: PathLike) -> FileKind:
     if file.is_dir():
         return _kind_of_folder(file / "manifest.json")
     if not file.is_file():  # a port must not be read from
-        return FileKind.UNKNOWN
+        return UNKNOWN
     if file.suffix.lower() in MEASUREMENTS:
-        return FileKind.MEASUREMENT
+        return MEASUREMENT
     try:
         return kind_in(tomllib.loads(file.read_text(encoding="utf-8")))
     except (OSError, ValueError, RecursionError):
-        return FileKind.UNKNOWN
+        return UNKNOWN
 
 
 def _kind_of_folder(manifest: Path) -> FileKind:
     """Return what a folder is by its manifest; a package has its files in other places."""
     if not manifest.is_file():
-        return FileKind.UNKNOWN
+        return UNKNOWN
     try:
         content = json.loads(manifest.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
-        return FileKind.COMPILED
-    is_package = isinstance(content, dict) and "package" in content
-    return FileKind.PACKAGE if is_package else FileKind.COMPILED
+        return COMPILED
+    return PACKAGE if isinstance(content, dict) and "package" in content else COMPILED
 
 
 def refuse_other(
@@ -145,33 +169,21 @@ def refuse_other(
 ) -> FileKind:
     """Return what a file is, or refuse one of another kind and name the verbs that take it.
 
-    ``found`` is what it is, where that is known already.
+    ``kind_in_file`` is what it is, where that is known already.
     """
     kind = kind_of(path) if kind_in_file is None else kind_in_file
-    if kind in taken or kind is FileKind.UNKNOWN:
+    if kind in taken or kind is UNKNOWN:
         return kind
-    plural = verb != ""
-    names = _listed([NAMES[kind][plural] for kind in taken], "and" if plural else "or")
-    reason = f": {REASONS[verb, kind]}" if (verb, kind) in REASONS else ""
-    needed = f"{verb} is for {names}{reason}" if plural else f"{names} is needed"
-    raise InputError(
-        f"{path}: this is {NAMES[kind][0]}; {needed}; {_taken(kind)}", code="wrong-kind"
-    )
+    if verb:
+        names = _listed([one.plural for one in taken], "and")
+        reason = f": {kind.reasons[verb]}" if verb in kind.reasons else ""
+        needed = f"{verb} is for {names}{reason}"
+    else:
+        needed = f"{_listed([one.title for one in taken], 'or')} is needed"
+    raise InputError(f"{path}: this is {kind.title}; {needed}; {kind.taken_by}", code="wrong-kind")
 
 
-def _taken(kind: FileKind) -> str:
-    """Say which verbs take a kind."""
-    if kind is FileKind.CONTROLLER:
-        return "anhyst simulate, tune, compile and live take it with --controller"
-    if kind is FileKind.CALIBRATION:
-        return "a rig file names it as control.calibration"
-    if kind is FileKind.PACKAGE:
-        return "compile again without --package for it"
-    verbs = [verb for verb, kinds in TAKES.items() if kind in kinds]
-    return f"anhyst {_listed(verbs, 'and')} take{'s' if len(verbs) == 1 else ''} it"
-
-
-def _listed(words: list[str], last: str) -> str:
+def _listed(words: Sequence[str], last: str) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 

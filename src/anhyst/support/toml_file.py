@@ -16,7 +16,7 @@ from pydantic_core import core_schema
 
 from anhyst.support.atomic import PathLike, read_error
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import NAMES, RIG_FORMAT, FileKind, format_of, kind_in, refuse_other
+from anhyst.support.kinds import RIG_FORMAT, UNKNOWN, FileKind, kind_in, kinds_for, refuse_other
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import key_lines
 
@@ -178,19 +178,24 @@ def read_toml(
 def take_kind(path: PathLike, taken: Collection[FileKind]) -> FileKind:
     """Return which of several kinds a TOML file is; refuse what is none of them."""
     kind = refuse_other(path, taken)
-    return check_kind(TomlFile(path), taken) if kind is FileKind.UNKNOWN else kind
+    return check_kind(TomlFile(path), taken) if kind is UNKNOWN else kind
+
+
+def take_rig(path: PathLike, verb: str) -> FileKind:
+    """Return the record of the kind of a rig file that a verb takes; refuse any other file."""
+    return take_kind(path, [kind for kind in kinds_for(verb) if kind.format == RIG_FORMAT])
 
 
 def check_kind(file: TomlFile, taken: Collection[FileKind]) -> FileKind:
     """Return which of several kinds a file says that it is; refuse what says none of them."""
     kind = refuse_other(file.path, taken, kind_in_file=kind_in(file.content))
-    if kind is FileKind.UNKNOWN:
-        names = " or ".join(NAMES[kind][0] for kind in taken)
+    if kind is UNKNOWN:
+        names = " or ".join(kind.title for kind in taken)
         if file.content.get("format") == RIG_FORMAT:
-            controls = " or ".join(f'"{kind}"' for kind in taken)
+            controls = " or ".join(f'"{kind.word}"' for kind in taken)
             file.add(("control", "kind"), f"must be {controls}; is this {names}?", "wrong-format")
         else:
-            formats = " or ".join(sorted({f'"{format_of(kind)}"' for kind in taken}))
+            formats = " or ".join(sorted({f'"{kind.format}"' for kind in taken}))
             file.add(("format",), f"must be {formats}; is this {names}?", code="wrong-format")
         raise file.error()
     return kind

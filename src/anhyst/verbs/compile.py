@@ -96,15 +96,15 @@ def compile(  # noqa: A001
     """
     from anhyst.compilation.output import compile_actuator
     from anhyst.model.actuator import MODEL_SOURCES, Model
-    from anhyst.study.tracking.compiled import compile_stage
+    from anhyst.study.tracking.compiled import HasController, StageRequest
     from anhyst.support.atomic import check_path
     from anhyst.support.errors import InputError
-    from anhyst.support.kinds import FileKind, kind_of
+    from anhyst.support.kinds import kind_of
 
     check_path(out, "compile: out")
     if not isinstance(model, Model):
         check_path(model, "compile: model", f"{MODEL_SOURCES} or of the rig file of a stage")
-    if not isinstance(model, Model) and kind_of(model) is FileKind.STAGE:
+    if not isinstance(model, Model) and isinstance(of := kind_of(model), HasController):
         own = {"--accuracy": accuracy, "--controller": controller, "--package": package}
         for option, given in own.items():
             if given is not None:
@@ -114,7 +114,8 @@ def compile(  # noqa: A001
                     code="option-not-for-this",
                     key=option,
                 )
-        return compile_stage(model, out, kind, io or "f32", rate, name, progress)
+        request = StageRequest(kind, io or "f32", rate, name)
+        return of.compile_controller(model, out, request, progress)
     if kind == "single-valued":
         raise InputError(
             "--kind: single-valued is for the rig file of a stage; give full, simplified or play",

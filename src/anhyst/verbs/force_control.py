@@ -104,19 +104,12 @@ def warnings(result: ForceControl) -> Sequence[str]:
 
 def show(result: ForceControl, _: Mapping[str, Any]) -> Iterator[Part]:
     """Return the errors of each controller, and the verification of the C."""
+    from anhyst.reports.force import printed, written
     from anhyst.reports.studies import lines_of
 
-    yield from lines_of(result, written(result))
+    yield from lines_of(result, printed(result), written(result))
     if result.verified:
         yield from verifying.show(result.verified, {})
-
-
-def written(result: ForceControl) -> str:
-    """Say what was written."""
-    return (
-        f"{result.out}: report.html, figures.json, fig6 to fig8, moving (PNG and SVG), one "
-        "recording of each trial"
-    )
 
 
 def refuse(result: ForceControl, _: Mapping[str, Any]) -> None:

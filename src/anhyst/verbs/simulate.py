@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from anhyst.study.bearing.board_faults import Ending
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.benefit import Benefit, Comparison
-    from anhyst.study.engine.table import StudyResult
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
 
@@ -124,12 +123,17 @@ def simulate(
 
     anhyst simulate examples/stage/rig.toml --out run/scan.csv
     """
-    from anhyst.reports.studies import SimulationTask
+    from anhyst.reports.studies import (
+        HasBoard,
+        HasSimulation,
+        SimulationTask,
+        map_benefit,
+    )
+    from anhyst.reports.studies import monte_carlo as run_plants
     from anhyst.support.atomic import check_path
     from anhyst.support.errors import InputError
     from anhyst.support.jobs import workers_of
-    from anhyst.support.kinds import NAMES, TAKES, FileKind
-    from anhyst.support.toml_file import take_kind
+    from anhyst.support.toml_file import take_rig
 
     check_path(rig, "simulate: rig", "the path of a rig file")
     switches = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
@@ -140,22 +144,21 @@ def simulate(
             code="options-together",
             key=chosen[0],
         )
-    kind = take_kind(rig, TAKES["simulate"])
-    refused = ["--controller"] if controller is not None else []
-    allowed = {"--monte-carlo", "--benefit", *(["--board"] if kind is FileKind.FORCE else [])}
-    refused += [name for name in chosen if name not in allowed]
-    if refused and kind is not FileKind.BEARING:
-        raise InputError(
-            f"{NAMES[kind][0]} has no {' or '.join(refused)}; leave it out",
-            code="option-not-for-this",
-            key=refused[0],
-        )
-    if out is None and (chosen or kind is FileKind.FORCE):
-        what = chosen[0] if chosen else "force control"
-        raise InputError(f"{what}: needs a place to write to", code="missing", key="--out")
+    kind = take_rig(rig, "simulate")
+    assert isinstance(kind, HasSimulation)
+    kind.refuse_options("simulate", {"--controller": controller, "--board": board})
+    if out is None and chosen:
+        raise InputError(f"{chosen[0]}: needs a place to write to", code="missing", key="--out")
     task = SimulationTask(rig, controller, Path(out or "-"), out is not None, progress)
     with workers_of(scheduler):
-        return task.run(kind, monte_carlo, benefit, board)
+        if monte_carlo is not None:
+            return run_plants(kind, task, monte_carlo)
+        if benefit:
+            return map_benefit(kind, task)
+        if board is None:
+            return kind.simulate(task)
+        assert isinstance(kind, HasBoard)
+        return kind.run_board(task, board)
 
 
 def warnings(result: Studied) -> Sequence[str]:
@@ -166,16 +169,25 @@ def warnings(result: Studied) -> Sequence[str]:
 
 def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
     """Return what a terminal shows of the study, whichever it is."""
-    from anhyst.reports.studies import lines_of
+    from anhyst.reports import plants
+    from anhyst.reports.studies import HasSimulation, files_written, lines_of
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.benefit import Benefit
+    from anhyst.study.engine.monte_carlo import MonteCarlo
+    from anhyst.support.toml_file import take_rig
 
+    out = given["out"]
     if isinstance(result, BoardComparison):
-        yield from _show_firmware(result, given["out"])
+        yield from _show_firmware(result, out)
     elif isinstance(result, Benefit):
-        yield from _show_map(result, given["out"])
+        yield from _show_map(result, out)
+    elif isinstance(result, MonteCarlo):
+        written = files_written(out, figures="montecarlo.json")
+        yield from lines_of(result, plants.printed(result), written)
     else:
-        yield from lines_of(result, _written(result, given["out"]))
+        kind = take_rig(given["rig"], "simulate")
+        assert isinstance(kind, HasSimulation)
+        yield from lines_of(result, kind.printed(result), kind.written(result, out))
 
 
 def refuse(result: Studied, _: Mapping[str, Any]) -> None:
@@ -187,21 +199,6 @@ def refuse(result: Studied, _: Mapping[str, Any]) -> None:
         result.refuse()
     elif not isinstance(result, Benefit):
         result.refuse_losses()
-
-
-def _written(result: StudyResult, out: Path) -> str:
-    """Say what was written of a study."""
-    from anhyst.reports.study.page import REPORT
-    from anhyst.study.engine.monte_carlo import MonteCarlo
-    from anhyst.study.force_control import ForceControl
-    from anhyst.study.piezo import PiezoTracking
-    from anhyst.verbs.force_control import written
-
-    if isinstance(result, ForceControl):
-        return written(result)
-    figures = "montecarlo.json" if isinstance(result, MonteCarlo) else "figures.json"
-    picture = [out.with_suffix(".svg")] if isinstance(result, PiezoTracking) else []
-    return ", ".join(map(str, (out, *picture, out.parent / figures, out.parent / REPORT)))
 
 
 def _show_firmware(comparison: BoardComparison, out: Path) -> Iterator[Part]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from anhyst.compilation.vectors import INPUTS, LEVITATION_COLUMNS
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind, refuse_other
+from anhyst.support.kinds import COMPILED, refuse_other
 from anhyst.verification.protocol import AS_GIVEN, COMPENSATOR, CONTROLLER, RecordForm, Words
 
 FORMAT = 2
@@ -100,7 +100,7 @@ def read_bundle(folder: Path) -> Bundle:
             code="damaged-manifest",
             key="format",
         )
-    refuse_other(folder, [FileKind.COMPILED])
+    refuse_other(folder, [COMPILED])
     _check_files(folder, manifest_path, manifest)
     _check_stage(manifest_path, manifest.get("stage"))
     io = _text(manifest_path, manifest, "io")

@@ -33,7 +33,6 @@ from anhyst.rig.parts.iron import BY_FAMILY, CellSteel, DuhemSteel, PreisachStee
 from anhyst.rig.parts.magnet import CircuitTable, FluxPath, iron_magnet, solenoid_magnet
 from anhyst.rig.sensor_table import NoisySensor, Sensors
 from anhyst.support.atomic import PathLike
-from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray, passed
 from anhyst.support.toml_file import BRANCH, FileFault, Table, faults_error, read_toml
 
@@ -182,7 +181,7 @@ def _gap_faults(file: RigFile) -> Iterator[FileFault]:
 def read_rig(path: PathLike) -> Rig:
     """Read a rig file and the solenoid file it names."""
     file = Path(path)
-    settings = read_rig_file(file, [FileKind.FORCE])
+    settings = read_rig_file(file, "force")
     if faults := [*_gap_faults(settings)]:
         raise faults_error(file, faults)
     if settings.solenoid is None:

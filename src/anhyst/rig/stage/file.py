@@ -28,7 +28,7 @@ from anhyst.rig.magnet_table import DIRECTION_ROUNDING
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.tables import AXES
 from anhyst.support.atomic import PathLike
-from anhyst.support.kinds import PROBED, FileKind
+from anhyst.support.kinds import PROBED
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import (
     FileFault,
@@ -53,7 +53,7 @@ HELD_S = 0.02
 def read_stage(path: PathLike) -> BodyRig:
     """Read the rig file of a stage; where its iron comes from the loops, it is fitted to them."""
     place = Path(path)
-    settings = read_rig_file(place, [FileKind.STAGE])
+    settings = read_rig_file(place, "tracking")
     faults = list(plant_faults(settings))
     if settings.magnet.kind == "law":
         text = 'a stage needs a magnet of iron; write kind = "electromagnet"'

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.rig.drift import Drift, draw_plant
 from anhyst.rig.file import RigFile
 from anhyst.study.engine.table import (
@@ -32,19 +31,13 @@ from anhyst.support.atomic import PathLike, plain
 from anhyst.support.errors import Interrupted, NegativeResult
 from anhyst.support.jobs import Progress, each
 from anhyst.support.kept import ResultsFile
-from anhyst.support.kinds import FileKind, MethodName
+from anhyst.support.kinds import MethodName
 from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PERCENTILES = (5, 50, 95, 99)
-_INSTEAD = {
-    FileKind.BEARING: WHERE_IT_PAYS["feedback"],
-    FileKind.STAGE: WHERE_IT_PAYS["stage"],
-    FileKind.FORCE: WHERE_IT_PAYS["force"],
-    FileKind.PIEZO: WHERE_IT_PAYS["piezo"],
-}
 
 
 @dataclass(frozen=True)
@@ -81,6 +74,9 @@ class Plants:
     read: tuple[Path, ...]  # files that results depend on
     depends: Mapping[str, str]  # settings that they depend on, beside those of the rig
     seed: int  # of all plants
+    where_it_pays: str  # said where compensation is not worth it here
+    # what a map of the benefit calls its single case; "": each stage of the trials is one
+    single_case: str = ""
 
     def draw(self, number: int) -> tuple[Drift, int]:
         """Return how far a plant has drifted, and the seed of its noise."""
@@ -186,7 +182,7 @@ class MonteCarlo(StudyResult):
             for case in range(len(figure.names))
             if (comparison := self._compare(figure, case)) is not None
         ]
-        return judge(own, compared, "figures", _INSTEAD[self.plants.file.kind])
+        return judge(own, compared, "figures", self.plants.where_it_pays)
 
     def _compare(self, figure: PlantFigure, case: int) -> ComparedFigure | None:
         """Compare with the strongest baseline plant by plant, since both meet the same ones."""

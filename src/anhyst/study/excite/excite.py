@@ -7,19 +7,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.sidecar import is_sidecar
-from anhyst.rig.body import read_bearing
+from anhyst.rig.body import BodyRig
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import Pull, read_stack, straight, take
 from anhyst.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.rig.sensor_table import Sensors
-from anhyst.rig.stage.file import read_stage
 from anhyst.study.excite.design import (
     INNER,
     Bound,
@@ -37,9 +36,8 @@ from anhyst.study.excite.design import (
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.numeric import FloatArray
-from anhyst.support.toml_file import take_kind
+from anhyst.support.toml_file import take_rig
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import QUANTITIES
 
@@ -56,28 +54,46 @@ class ReadSpecimen:
     how: Measuring  # what measures the virtual rig
 
 
+@runtime_checkable
+class HasSpecimen(Protocol):
+    """A kind of rig whose loops can be measured."""
+
+    def specimen(self, rig: PathLike) -> ReadSpecimen:
+        """Read what is measured of a rig file."""
+
+
 def read_specimen(path: PathLike) -> ReadSpecimen:
     """Read a rig file of any kind."""
-    file_path = Path(path)
-    kind = take_kind(file_path, TAKES["excite"])
-    if kind is FileKind.PIEZO:
-        stack = read_piezo_rig(file_path)
-        return ReadSpecimen(stack_specimen(stack), (file_path,), partial(measure_stack, stack))
-    if kind is FileKind.FORCE:
-        rig = read_rig(file_path)
-        named = rig.settings.solenoid
-        files = [file_path] if named is None else [file_path, file_path.parent / named.file]
-        if named is None and rig.settings.magnet.from_loops:
-            files += rig.measured.files
+    kind = take_rig(path, "excite")
+    assert isinstance(kind, HasSpecimen)
+    return kind.specimen(path)
+
+
+def read_stack_specimen(path: PathLike) -> ReadSpecimen:
+    """Read the rig file of a piezo stage."""
+    stack = read_piezo_rig(path)
+    return ReadSpecimen(stack_specimen(stack), (stack.path,), partial(measure_stack, stack))
+
+
+def read_force_specimen(path: PathLike) -> ReadSpecimen:
+    """Read the rig file of an actuator whose force is controlled."""
+    rig = read_rig(path)
+    named = rig.settings.solenoid
+    files = [rig.path] if named is None else [rig.path, rig.path.parent / named.file]
+    if named is None and rig.settings.magnet.from_loops:
+        files += rig.measured.files
+        rig = complete_rig(rig, rig.measured.read())
+    return ReadSpecimen(force_specimen(rig), tuple(files), measure)
+
+
+def read_body_specimen(rig: BodyRig) -> ReadSpecimen:
+    """Take a bearing or a stage, whose magnet may not be fitted to its loops yet."""
+    files = [file for file in (rig.path, rig.model, rig.flux_table) if file is not None]
+    if rig.settings.magnet.from_loops:
+        files += rig.measured.files
+        if rig.fitted is None:
             rig = complete_rig(rig, rig.measured.read())
-        return ReadSpecimen(force_specimen(rig), tuple(files), measure)
-    bearing = read_stage(file_path) if kind is FileKind.STAGE else read_bearing(file_path)
-    files = [file for file in (file_path, bearing.model, bearing.flux_table) if file is not None]
-    if bearing.settings.magnet.from_loops:
-        files += bearing.measured.files
-        if bearing.fitted is None:  # a stage is whole already
-            bearing = complete_rig(bearing, bearing.measured.read())
-    return ReadSpecimen(bearing_specimen(bearing), tuple(files), measure)
+    return ReadSpecimen(bearing_specimen(rig), tuple(files), measure)
 
 
 SECANT = 0.1

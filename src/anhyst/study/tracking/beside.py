@@ -20,7 +20,6 @@ from anhyst.rig.fitting import IdentifiedMagnet, calibrated
 from anhyst.rig.recording import column, peak
 from anhyst.rig.stage.loop import StageSetup
 from anhyst.study.tracking.bodies import BearingLaw, law_of
-from anhyst.study.tracking.calibrate import needed
 from anhyst.study.tracking.learner import FORGET_S, Learner
 from anhyst.study.tracking.measures import exposures
 from anhyst.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
@@ -176,7 +175,7 @@ class StageLearner(BenchLearner):
         rig = bench.rig
         super().__init__(bench, rig.settings.tracking.calibrate)
         self._rig, self._magnet, self._bench = rig, magnet, bench
-        self._needed = needed(rig)[1:]  # the clock is the tick here
+        self._needed = law_of(rig, magnet, "full").needed[1:]  # the clock is the tick here
         self._columns = [_index_of(bench.signals, one) for one in (*self._needed, "error_m", "lap")]
         # in rows of them
         self._commands = [1 + n for n, one in enumerate(self._needed) if one.startswith("command")]

@@ -15,6 +15,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +27,10 @@ from anhyst.rig.bearing.loop import fit_magnets, pair_of
 from anhyst.rig.body import BodyRig
 from anhyst.rig.calibration import CENTRE, ParameterName
 from anhyst.rig.fitting import IdentifiedMagnet, calibrated
-from anhyst.rig.recording import HOVER, column
+from anhyst.rig.recording import CURRENTS, HOVER, column, of_magnets
 from anhyst.rig.stage.file import axes_of, believed, head_rows, mass_matrix, pull_rows, weight
 from anhyst.rig.stage.loop import demand_columns, pose_columns
-from anhyst.study.tracking.motion import DEAD, UPDATES_HZ, Motion, MotionLaw, on_grid
+from anhyst.study.tracking.motion import DEAD, UPDATES_HZ, Motion, MotionLaw, Moving, on_grid
 from anhyst.support.kinds import PROBED, MethodName
 from anhyst.support.numeric import FloatArray
 
@@ -126,6 +127,7 @@ class AxesLaw(MotionLaw):
 
     trust = 0.0015
     seen = 0.9
+    opposite_sign = "the body goes against demand_x_N and its likes; turn their sign"
 
     def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         super().__init__(rig, magnet, method)
@@ -137,6 +139,20 @@ class AxesLaw(MotionLaw):
         self.names: Sequence[ParameterName] = [
             name for name in rig.numbers if not name.startswith(without)
         ]
+
+    @property
+    def needed(self) -> Sequence[str]:
+        """The columns of a recording without which nothing is learnt."""
+        file = self.rig.settings
+        of_body = [*demand_columns(file.body.free), *pose_columns(file.body.free)]
+        of_each = of_magnets([("gap_read", "m"), *CURRENTS[:1]], 1, len(file.placed))
+        return ["t_s", "demand_N", *of_body, *of_each]
+
+    @property
+    def places(self) -> Sequence[str]:
+        """The columns that say where the body is."""
+        names = [name for name in pose_columns(self.rig.settings.body.free) if name.endswith("_m")]
+        return names or super().places
 
     @property
     def moved(self) -> Sequence[ParameterName]:
@@ -279,6 +295,36 @@ class BearingLaw(MotionLaw):
             return fit_magnets(bearing, controller, known, method, "f64")[0]
 
         self.compensator = cache(fitted)
+
+    @property
+    def needed(self) -> Sequence[str]:
+        """The columns of a recording without which nothing is learnt."""
+        commands = of_magnets(CURRENTS[:1], 1, len(self.rig.settings.magnets))
+        return ["t_s", "reference_m", "gap_read_m", *commands, "state"]
+
+    @property
+    def helpful(self) -> Sequence[str]:
+        """Its load, and the phase that the live page writes beside the state of a controller."""
+        return ("load_N", "phase")
+
+    def left_out(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
+        """Return the methods of which the recordings do not say enough: those of flux probes."""
+        del motions
+        return PROBED
+
+    def known_from(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
+        """Return whether the load was recorded in all motions."""
+        return {"load_known": all("load_N" in one.read for one in motions)}
+
+    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> Moving | None:
+        """Return what shows that a recording begins before the iron was demagnetised."""
+        flows = columns["command_A"][0] > 0.0
+        return Moving("while a current flows", "command_A") if flows else None
+
+    def wrong_sign(self, motion: Motion) -> str:
+        """Nothing is demanded in a recording of a bearing whose sign could be wrong."""
+        del motion
+        return ""
 
     @property
     def moved(self) -> Sequence[ParameterName]:

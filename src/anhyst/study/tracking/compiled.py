@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,28 +116,42 @@ class CompiledStage(CompiledFolder):
         ax.set_ylabel("current [A]" if self.manifest["io"] == "f32" else "current [code]")
 
 
+@dataclass(frozen=True)
+class StageRequest:
+    """How the controller of a stage is compiled."""
+
+    kind: StageKind
+    io: Io
+    rate: float | None  # ticks a second that are expected; the rig file says how many there are
+    name: str | None  # of the C functions; that of the rig if left out
+
+
+@runtime_checkable
+class HasController(Protocol):
+    """A kind of rig whose controller can be compiled from the rig file."""
+
+    def compile_controller(
+        self, rig: PathLike, out: PathLike, request: StageRequest, progress: Progress | None
+    ) -> CompiledStage:
+        """Compile the controller to a folder of C."""
+
+
 def compile_stage(
-    rig_path: PathLike,
-    out: PathLike,
-    kind: StageKind,
-    io: Io,
-    rate: float | None,
-    name: str | None,
-    progress: Progress | None,
+    rig_path: PathLike, out: PathLike, request: StageRequest, progress: Progress | None
 ) -> CompiledStage:
     """Compile the controller of a stage, and fly its test set-point for the golden vectors."""
-    if name is not None:
-        check_name(name)
+    if request.name is not None:
+        check_name(request.name)
     check_folder(out)
     rig = read_stage(rig_path)
-    _refuse(rig, io, rate)
+    _refuse(rig, request.io, request.rate)
     if progress is not None:
         progress(0, 3)
-    law: NumberFormat = "fixed" if io == "q31" else "f32"
-    setup = replace(make_stage(compiled_rig(rig), identify_stage(rig), kind), law=law)
+    law: NumberFormat = "fixed" if request.io == "q31" else "f32"
+    setup = replace(make_stage(compiled_rig(rig), identify_stage(rig), request.kind), law=law)
     if progress is not None:
         progress(2, 3)
-    return write_stage(setup, kind, out, name or c_name(rig.settings.name))
+    return write_stage(setup, request.kind, out, request.name or c_name(rig.settings.name))
 
 
 def compiled_rig(rig: BodyRig) -> BodyRig:

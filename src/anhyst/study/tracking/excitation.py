@@ -44,7 +44,7 @@ from anhyst.study.tracking.motion import refuse_uncalibratable
 from anhyst.study.tracking.simulate import OWN, refuse_unstable
 from anhyst.support.atomic import PathLike, check_path, check_picture, write_figure
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.kinds import FileKind, kind_of
+from anhyst.support.kinds import UNKNOWN, kind_of
 from anhyst.support.numeric import FloatArray
 
 if TYPE_CHECKING:
@@ -207,7 +207,8 @@ def excite_to_calibrate(
     """
     check_path(rig, "excite_to_calibrate: rig", "the path of a rig file")
     check_path(out, "excite_to_calibrate: out")
-    if kind_of(rig) not in (FileKind.STAGE, FileKind.UNKNOWN):
+    kind = kind_of(rig)
+    if kind is not UNKNOWN and not kind.has_option("excite", "--calibrate"):
         raise InputError(
             f"{rig}: --calibrate is for stages; a bearing learns from any recording in which its "
             "reference moves, a rig of force control is not calibrated",

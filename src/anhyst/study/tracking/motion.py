@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +19,12 @@ from scipy.signal import lfilter
 from anhyst.compensate.methods import FluxFeedback, FusedInverse
 from anhyst.control.position import shared_by_pair
 from anhyst.rig.body import BodyRig
-from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterName, kind_of
+from anhyst.rig.calibration import CENTRE, OF_STAGE, CalibratedMethod, ParameterName, kind_of
 from anhyst.rig.drift import NO_DRIFT, Drift
 from anhyst.rig.fitting import IdentifiedMagnet
+from anhyst.rig.recording import of_magnets
 from anhyst.rig.stage.file import per_root
-from anhyst.rig.stage.loop import COMMANDS, PROBES, StageSetup, corrected, fit_method
+from anhyst.rig.stage.loop import COMMANDS, PROBES, READ, StageSetup, corrected, fit_method
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import PROBED, MethodName
 from anhyst.support.numeric import FloatArray, rms
@@ -47,6 +49,8 @@ MOVED: Mapping[MethodName, tuple[ParameterName, ...]] = {
 }
 """What can be learnt of each method. The gap zero is frozen: on one axis it is hardly to be told from
 the difference of both scales."""
+STILL = 20
+"""Ticks over which a speed is taken, to see whether a recording begins at rest."""
 WIDTHS = 0.005
 """A law is fitted anew for widths on this grid."""
 
@@ -61,6 +65,13 @@ def refuse_uncalibratable(rig: BodyRig) -> None:
             code="amplifier-too-slow",
             key="amplifier.bandwidth_Hz",
         )
+
+
+class Moving(NamedTuple):
+    """What shows that a recording begins in motion."""
+
+    text: str  # how it begins
+    column: str
 
 
 @dataclass(frozen=True)
@@ -155,7 +166,7 @@ class Motion:
 class MotionLaw:
     """A method as it is fitted to the loops, and with other numbers."""
 
-    names: Sequence[ParameterName] = OF_ONE
+    names: Sequence[ParameterName] = OF_STAGE
     """All numbers of it, in the order of files."""
     trust = 0.004
     """Standard deviation of a comparison, in parts of the largest force: what a good law leaves."""
@@ -165,6 +176,57 @@ class MotionLaw:
     def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         self.rig, self.method = rig, method
         self.compensator = cache(lambda width: fit_method(rig, magnet, method, width))
+
+    @property
+    def needed(self) -> Sequence[str]:
+        """The columns of a recording without which nothing is learnt."""
+        return ["t_s", "demand_N", *READ, *COMMANDS]
+
+    @property
+    def helpful(self) -> Sequence[str]:
+        """The columns that help, where a recording has them: those of flux probes."""
+        file = self.rig.settings
+        if file.hall_probe is None:
+            return ()
+        return of_magnets([("flux_read", "T")], 1, len(file.placed))
+
+    def left_out(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
+        """Return the methods of which the recordings do not say enough."""
+        names = self.helpful
+        is_probed = names and all(name in one.read for one in motions for name in names)
+        return () if is_probed else PROBED
+
+    def known_from(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
+        """Return what a law is told of what the recordings hold."""
+        del motions
+        return {}
+
+    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> Moving | None:
+        """Return what shows that a recording begins in motion: what iron remembers is not known."""
+        file = self.rig.settings
+        place = np.column_stack([columns[name] for name in self.places])
+        speed = np.linalg.norm(place[STILL:] - place[:-STILL], axis=1) / (STILL * self.rig.dt)
+        noise = 10.0 * file.position_sensor.noise_m / (STILL * self.rig.dt)
+        if abs(columns["demand_N"][0]) > DEAD * file.tracking.force_max_N:
+            return Moving("in motion", "demand_N")
+        is_moving = speed[0] > 0.02 * float(speed.max()) + noise
+        return Moving("in motion", self.places[0]) if is_moving else None
+
+    @property
+    def places(self) -> Sequence[str]:
+        """The columns that say where the body is."""
+        return ["position_read_m"]
+
+    opposite_sign = (
+        "demand_N and the body go the same way: it is positive where the first magnet pulls, "
+        "towards smaller positions; turn its sign"
+    )
+    """What is wrong where the demand counts the other way."""
+
+    def wrong_sign(self, motion: Motion) -> str:
+        """Say that the demand counts the other way than the body goes; empty where it does not."""
+        together = float(motion.pushed[motion.compared] @ motion.asked[motion.compared])
+        return self.opposite_sign if together < 0.0 else ""
 
     @property
     def moved(self) -> Sequence[ParameterName]:

@@ -10,19 +10,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
 from anhyst.rig.bearing.loop import make_setups
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.fitting import check_plant
-from anhyst.rig.piezo import PiezoRig, read_piezo_rig
+from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.rewriting import rewrite_rig
-from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.bearing.operating import make_ready, read_files
+from anhyst.study.bearing.operating import make_ready
 from anhyst.study.bearing.simulate import compared
 from anhyst.study.piezo import find_inverses
 from anhyst.study.plants import METHODS
@@ -44,8 +43,8 @@ from anhyst.study.tuning.trial import Tunable
 from anhyst.support.atomic import PathLike, check_writable, seen_from
 from anhyst.support.errors import InputError, Interrupted
 from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import NAMES, PROBED, TAKES, FileKind, MethodName
-from anhyst.support.toml_file import take_kind
+from anhyst.support.kinds import PROBED, MethodName
+from anhyst.support.toml_file import take_rig
 from anhyst.support.toml_text import Path as KeyPath
 
 
@@ -69,34 +68,24 @@ def tune(
             code="out-of-range",
             key="--budget",
         )
-    kind = take_kind(rig, TAKES["tune"])
-    bearing, stage, piezo = FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO
-    options = (
-        ("--controller", controller, {bearing}),
-        ("--overshoot", aims.overshoot_percent, {bearing}),
-        ("--average", aims.average_m, {stage}),
-        ("--crossover", crossover, {stage}),
-        ("--error", aims.error_peak_m, {stage, piezo}),
-        ("--settling", aims.settling_time_s, {bearing, stage}),
-        ("--standstill", aims.standstill_rms_m, {bearing, stage}),
-        ("--effort", aims.current_rate_rms_A_per_s, {bearing, stage}),
+    kind = take_rig(rig, "tune")
+    assert isinstance(kind, HasTuning)
+    kind.refuse_options(
+        "tune",
+        {
+            "--controller": controller,
+            "--overshoot": aims.overshoot_percent,
+            "--average": aims.average_m,
+            "--crossover": crossover,
+            "--error": aims.error_peak_m,
+            "--settling": aims.settling_time_s,
+            "--standstill": aims.standstill_rms_m,
+            "--effort": aims.current_rate_rms_A_per_s,
+        },
     )
-    if refused := [name for name, value, of in options if value is not None and kind not in of]:
-        raise InputError(
-            f"{NAMES[kind][0]} has no {' or '.join(refused)}; leave it out",
-            code="option-not-for-this",
-            key=refused[0],
-        )
-    if kind is bearing and aims.overshoot_percent is None:
-        aims = replace(aims, overshoot_percent=2.0)
     begin, used = time.perf_counter(), _processor_time()
-    subject: _Subject
-    if kind is piezo:
-        subject = _Piezo(read_piezo_rig(rig))
-    elif kind is stage:
-        subject = _Stage(read_stage(rig), crossover)
-    else:
-        subject = _Bearing(*read_files(rig, controller))
+    subject = kind.tuning(rig, controller, crossover)
+    aims = subject.completed(aims)
     names = subject.names() if all_variants else (subject.own,)
     places = subject.places(out, names)
     tuned, interrupted = _Task(aims, budget, seed, jobs).run(subject.loops(names, jobs), progress)
@@ -121,7 +110,7 @@ def tune(
     return result
 
 
-class _Subject(ABC):
+class TuningSubject(ABC):
     """A rig and what is written for it."""
 
     stem: str  # of the files that are written
@@ -129,6 +118,15 @@ class _Subject(ABC):
     controller: ControllerFile | None = None
     plant: PlantCheck | None = None  # what the loops say about it
     own: MethodName  # what is tuned where not all variants are
+
+    def completed(self, aims: Aims) -> Aims:
+        """Return aims with those that are usual for such a rig, where none is given."""
+        return aims
+
+    @property
+    def reads(self) -> list[Path]:
+        """What must not be written over."""
+        return [self.rig.path]
 
     @abstractmethod
     def names(self) -> Sequence[MethodName]:
@@ -147,10 +145,7 @@ class _Subject(ABC):
     def places(self, folder: Path, names: Sequence[MethodName]) -> dict[MethodName, Path]:
         """Return where the files go; find out first whether they can be written."""
         files = {name: f"{self.stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names}
-        reads = [self.rig.path]
-        if isinstance(self.rig, BodyRig):
-            reads += self.rig.measured.files
-        reads += [self.controller.path] if self.controller else []
+        reads = self.reads
         if folder.is_dir():
             for name in (*files.values(), *RESULTS):
                 check_writable(folder / name, reads=reads)
@@ -163,7 +158,19 @@ class _Subject(ABC):
         return {name: folder / file for name, file in files.items()}
 
 
-class _Bearing(_Subject):
+@runtime_checkable
+class HasTuning(Protocol):
+    """A kind of rig whose gains can be tuned."""
+
+    def tuning(
+        self, rig: PathLike, controller: PathLike | None, crossover: float | None
+    ) -> TuningSubject:
+        """Read a rig file, with a controller file or the highest crossover, Hz, where it takes one."""
+
+
+class BearingSubject(TuningSubject):
+    """A bearing, whose controller file is written anew."""
+
     stem = "controller"
     rig: BodyRig
     controller: ControllerFile
@@ -172,10 +179,21 @@ class _Bearing(_Subject):
         self.rig, self.controller = rig, controller
         self.own = controller.settings.compensation.variant
 
+    def completed(self, aims: Aims) -> Aims:
+        """Return aims with a largest overshoot of 2 %, where none is given."""
+        return aims if aims.overshoot_percent is not None else replace(aims, overshoot_percent=2.0)
+
+    @property
+    def reads(self) -> list[Path]:
+        """What must not be written over."""
+        return [*super().reads, *self.rig.measured.files, self.controller.path]
+
     def names(self) -> Sequence[MethodName]:
+        """Return all variants."""
         return compared(self.rig, self.own)
 
     def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+        """Identify what is controlled, and make variants."""
         ready = make_ready(self.rig, self.controller)
         self.rig, knowledge = ready.rig, ready.knowledge()
         self.plant = check_plant(ready.rig, knowledge)
@@ -184,13 +202,16 @@ class _Bearing(_Subject):
         return {name: BearingLoop(setup, conditions) for name, setup in setups.items()}
 
     def write(self, tuned: Tuned, path: Path, note: str) -> None:
+        """Write the controller file with the gains that were found."""
         assert isinstance(tuned.found.loop, BearingLoop)
         settings = _portable(tuned.found.loop.setup.controller, self.controller, path.parent)
         named = settings.model_copy(update={"name": f"tuned, {tuned.variant}"})
         write_controller(path, named, note)
 
 
-class _Stage(_Subject):
+class StageSubject(TuningSubject):
+    """A stage, whose rig file is written anew."""
+
     stem = "rig"
     own = OWN
     rig: BodyRig
@@ -208,13 +229,20 @@ class _Stage(_Subject):
                 key="--crossover",
             )
 
+    @property
+    def reads(self) -> list[Path]:
+        """What must not be written over."""
+        return [*super().reads, *self.rig.measured.files]
+
     def names(self) -> Sequence[MethodName]:
+        """Return all variants."""
         names = OF_AXES if self.rig.settings.several else COMPARED
         return [
             one for one in names if one not in PROBED or self.rig.settings.hall_probe is not None
         ]
 
     def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+        """Identify what is controlled, and make variants."""
         made, _ = make_variants(self.rig, identify_stage(self.rig), names)
         scan = self.rig.settings.scan
         work = partial(find_gains, motion=motion_of(scan, scan.train_m_per_s2))
@@ -225,7 +253,9 @@ class _Stage(_Subject):
         }
 
 
-class _Piezo(_Subject):
+class PiezoSubject(TuningSubject):
+    """A piezo stage, whose rig file is written anew."""
+
     stem = "rig"
     own = "full"
 
@@ -233,9 +263,11 @@ class _Piezo(_Subject):
         self.rig: PiezoRig = rig
 
     def names(self) -> Sequence[MethodName]:
+        """Return all variants."""
         return tuple(METHODS)
 
     def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+        """Identify what is controlled, and make variants."""
         inverses = find_inverses(self.rig)
         return {name: PiezoLoop(self.rig, name, inverses[METHODS[name]]) for name in names}
 
