@@ -30,6 +30,7 @@ TEXTS = {
     "files": "files of Python in `src`, at most",
     "lines": "lines of Python in `src`, at most",
     "code": "of these, code (no docstring, comment, import or blank line), at most",
+    "kind tests": "tests of the kind of a rig outside of its record",
     "C": "lines of C in `core`, `plant`, `firmware` and the package, at most",
 }
 STEPS = {"files": 10, "lines": 500, "code": 500, "C": 500}
@@ -54,6 +55,7 @@ def count() -> dict[str, int]:
         "files": len(texts),
         "lines": sum(len(text.splitlines()) for text in texts.values()),
         "code": sum(_code_lines(text, trees[name]) for name, text in texts.items()),
+        "kind tests": sum(map(_kind_tests, trees.values())),
         "C": sum(len(path.read_text("utf-8").splitlines()) for path in _c_sources()),
     }
 
@@ -133,6 +135,29 @@ def _reached(graph: Graph, start: str) -> set[str]:
         seen |= fresh
         waiting += fresh
     return seen
+
+
+_OF_ONE_KIND = {
+    *("LevitationTable", "TrackingTable", "ForceTable", "DisplacementTable"),
+    *("Rig", "PiezoRig", "BearingBench", "StageBench", "ForceBench", "PiezoBench"),
+    *("PreparedBearing", "PreparedStage", "PreparedForce", "PreparedPiezo"),
+}
+"""Classes that belong to one kind of rig."""
+
+
+def _kind_tests(tree: ast.Module) -> int:
+    """Return how often a module asks which kind a rig is: by its word, its record or a class."""
+    found = 0
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            sides = {ast.unparse(side) for side in (node.left, *node.comparators)}
+            found += any(
+                re.search(r"(control|settings|file)\.kind(\.word)?$", one) for one in sides
+            )
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance":
+            names = {one.id for one in ast.walk(node.args[1]) if isinstance(one, ast.Name)}
+            found += bool(names & _OF_ONE_KIND)
+    return found
 
 
 def _code_lines(text: str, tree: ast.Module) -> int:

@@ -10,7 +10,6 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from anhyst.rig.bench.protocol import Bench, Parameter
-from anhyst.rig.bench.stage import StageBench
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
@@ -267,7 +266,7 @@ class DrivenBench(Bench):
         self.rate, self.every, self.keeps_time = bench.rate, bench.every, bench.keeps_time
         self.signals, self.commands = bench.signals, bench.commands
         self.aim, self.load_most = bench.aim, bench.load_most
-        self.body = bench.body if isinstance(bench, StageBench) else None
+        self.body = getattr(bench, "body", None)
         self.target = bench.aim.value
         self._refused = refused
         self._happened = happened

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -43,7 +43,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, cores
 from anhyst.support.kept import c_name
 from anhyst.support.kinds import MODEL as MODEL_FILE
-from anhyst.support.kinds import kinds_for
+from anhyst.support.kinds import doing, kinds_for
 from anhyst.support.toml_file import take_kind, take_rig
 
 
@@ -177,7 +177,6 @@ def export_fmu(
     return path
 
 
-@runtime_checkable
 class HasPart(Protocol):
     """A kind of rig that other simulations can contain."""
 
@@ -197,9 +196,7 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
                     code="option-not-for-this",
                     key=name,
                 )
-        rig_kind = take_rig(model, "export")
-        assert isinstance(rig_kind, HasPart)
-        return rig_kind.part(model)
+        return doing(take_rig(model, "export"), HasPart).part(model)
     if of == "actuator":
         for name, value in (("--rate", rate), ("--kind", kind)):
             if value is not None:

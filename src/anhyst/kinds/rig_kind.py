@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
 
 from anhyst.support.kinds import RIG_FORMAT, FileKind
 
 
 @dataclass(frozen=True, eq=False)
 class RigKind(FileKind):
-    """A kind of rig: its name, the verbs that take it, and what each of them does with it.
+    """A kind of rig: its name, the verbs that take it, and where the work of each is done.
 
     A package registers an instance as an entry point of the group ``anhyst.kinds``. What a verb
-    asks of a kind is a protocol beside the work of that verb, and a kind that lists the verb has
-    its methods:
+    asks of a kind is a protocol beside the work of that verb, and `places` has the methods of the
+    protocols of all verbs of the kind:
 
-    - ``simulate``: :class:`anhyst.reports.studies.HasSimulation`, for ``--board`` also ``HasBoard``,
-      for ``--benefit`` of what is not a bearing :class:`anhyst.study.benefit.HasIrons`
+    - ``simulate``: :class:`anhyst.reports.studies.HasSimulation`, with the option ``--board`` also
+      :class:`anhyst.reports.studies.HasBoard`
     - ``tune``: :class:`anhyst.study.tuning.tuning.HasTuning`
     - ``excite``: :class:`anhyst.study.excite.excite.HasSpecimen`
     - ``calibrate``: :class:`anhyst.study.tracking.calibrate.HasCalibration`
@@ -24,11 +27,20 @@ class RigKind(FileKind):
     - ``export``: :class:`anhyst.exchange.export.HasPart`
     - ``compile``: :class:`anhyst.study.tracking.compiled.HasController`
 
-    Methods import what they work with when they are called, so that the kind of a file is known at
-    once.
+    A function is imported when it is first asked for, so that the kind of a file is known at once.
     """
+
+    # module and name of the function of each method, "package.module:function"
+    places: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def format(self) -> str:
         """What the key ``format`` of such a file says."""
         return RIG_FORMAT
+
+    def __getattr__(self, method: str) -> Any:
+        """Import the function of a method."""
+        if method.startswith("_") or method not in self.places:
+            raise AttributeError(f"{self.title} has no '{method}'", name=method, obj=self)
+        module, _, name = self.places[method].partition(":")
+        return getattr(import_module(module), name)

@@ -16,10 +16,10 @@ from matplotlib.patches import Rectangle
 from anhyst.control.controller_file import ControllerFile
 from anhyst.reports.bearing.page import plant_text, structure
 from anhyst.reports.study.page import INK, SHADE, hashes, origin, page_text, picture
+from anhyst.reports.study.task import SimulationTask
 from anhyst.rig.body import BodyRig
-from anhyst.rig.force.file import Rig
-from anhyst.rig.piezo import PiezoRig
-from anhyst.study.benefit import Benefit, Comparison, MapCell
+from anhyst.study.bearing.operating import make_ready, read_files
+from anhyst.study.benefit import AnyRig, Benefit, Comparison, MapCell, benefit, benefit_of_plants
 from anhyst.study.engine.table import Metric
 from anhyst.support.figures import ALARM, new_figure, styled
 from anhyst.support.page import (
@@ -186,7 +186,21 @@ def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, com
     return page_text("Magnetic bearing", head, sections)
 
 
-def render(rig: BodyRig | Rig | PiezoRig, gains: Benefit, command: str) -> str:
+def map_bearing(_: BodyRig, task: SimulationTask) -> tuple[Benefit, str]:
+    """Return what compensation gains over width and reversible part of the loops, and its page."""
+    ready = make_ready(*read_files(task.rig, task.controller))
+    gains = benefit(ready.rig, ready.controller, progress=task.progress)
+    command = task.command(" --benefit")
+    return gains, render_bearing(ready.rig, ready.controller, gains, command)
+
+
+def map_plants(rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
+    """Return what compensation gains on plants of a rig with other irons, and its page."""
+    gains = benefit_of_plants(rig, progress=task.progress)
+    return gains, render(rig, gains, task.command(" --benefit"))
+
+
+def render(rig: AnyRig, gains: Benefit, command: str) -> str:
     """Return the page of the map of any other rig."""
     kind = rig.settings.kind.title
     cases = ", ".join(dict.fromkeys(_case(cell.case) for cell in gains.cells))

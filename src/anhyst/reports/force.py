@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from anhyst.reports.benefit import map_plants
 from anhyst.reports.study.page import (
     COLOURS,
     HIGH,
@@ -30,10 +32,15 @@ from anhyst.reports.study.page import (
     verdict_note,
     write_page,
 )
+from anhyst.reports.study.task import SimulationTask
 from anhyst.rig.force.file import Rig
+from anhyst.rig.force.programs import loops_of_rig
+from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.recording import peak
-from anhyst.study.force_control import ForceControl
+from anhyst.study.benefit import Benefit
+from anhyst.study.force_control import ForceControl, force_control
 from anhyst.study.force_trials import STAGES, TITLES, ForceOutcome, stage_of, worst_errors
+from anhyst.support.errors import InputError
 from anhyst.support.figures import (
     FALLING,
     MEASURED,
@@ -146,7 +153,26 @@ CAPTIONS: Mapping[str, str] = {
 """What the figures of the page show, in its order."""
 
 
-def written(result: ForceControl) -> str:
+def simulate(task: SimulationTask) -> ForceControl:
+    """Command forces to the firmware, which runs in this process."""
+    if not task.written:
+        raise InputError("force control: needs a place to write to", code="missing", key="--out")
+    return run_firmware(task, "library")
+
+
+def run_firmware(task: SimulationTask, board: str) -> ForceControl:
+    """Command forces to the firmware on a board."""
+    controlled = force_control(task.rig, task.out, board=board, progress=task.progress)
+    draw(controlled)
+    return controlled
+
+
+def map_benefit(rig: Rig, task: SimulationTask) -> tuple[Benefit, str]:
+    """Return what compensation gains on other irons of an actuator, and its page."""
+    return map_plants(complete_rig(rig, loops_of_rig(rig)), task)
+
+
+def written(result: ForceControl, _: Path | None = None) -> str:
     """Say what was written."""
     return (
         f"{result.out}: report.html, figures.json, fig6 to fig8, moving (PNG and SVG), one "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from matplotlib.figure import Figure
 
 from anhyst.reports.study.page import (
@@ -15,9 +17,12 @@ from anhyst.reports.study.page import (
     tile,
     verdict_note,
 )
+from anhyst.reports.study.task import SimulationTask, files_written
+from anhyst.rig.piezo import read_piezo_rig
 from anhyst.study.engine.table import Interval
-from anhyst.study.piezo import METRICS, TITLES, PiezoTracking
-from anhyst.support.figures import new_figure, styled
+from anhyst.study.piezo import METRICS, TITLES, PiezoTracking, track
+from anhyst.support.atomic import check_writable
+from anhyst.support.figures import new_figure, styled, write_svg
 from anhyst.support.page import NBSP, Headline, PageTable, Section
 
 LOOK = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
@@ -87,3 +92,19 @@ def render(tracked: PiezoTracking, command: str) -> str:
         origin(hashes([tracked.rig.path]), command, file.seed),
     ]
     return page_text("Piezo stage", head, sections)
+
+
+def simulate(task: SimulationTask) -> PiezoTracking:
+    """Follow the triangle of a piezo stage with and without compensation."""
+    rig, picture = read_piezo_rig(task.rig), task.out.with_suffix(".svg")
+    if task.written:
+        check_writable(picture)
+    tracked = task.study(lambda: track(rig), render, [rig.path])
+    if task.written:
+        write_svg(figure_tracking(tracked), picture)
+    return tracked
+
+
+def written(result: PiezoTracking, out: Path) -> str:
+    """Say what was written."""
+    return f"{files_written(result, out)}, {out.with_suffix('.svg')}"

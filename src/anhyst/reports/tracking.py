@@ -24,7 +24,9 @@ from anhyst.reports.study.page import (
     tile,
     verdict_note,
 )
+from anhyst.reports.study.task import SimulationTask
 from anhyst.rig.recording import Recording, moving
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.tracking.measures import (
     BANDS_M,
@@ -35,7 +37,7 @@ from anhyst.study.tracking.measures import (
     METRICS,
     cross_metrics,
 )
-from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
+from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant, explore_stage
 from anhyst.support.figures import new_figure, styled
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
@@ -342,3 +344,13 @@ def _learning(study: TrackingStudy) -> Section:
         Items("Peak of the first and of the last trial", tuple(lines)),
     )
     return Section("learning", "Learning control", blocks)
+
+
+def simulate(task: SimulationTask) -> TrackingStudy:
+    """Follow the set-point of a stage with and without compensation."""
+    rig, out = read_stage(task.rig), task.out if task.written else None
+    return task.study(
+        lambda: explore_stage(rig, progress=task.progress, out=out),
+        render,
+        [rig.path, *rig.measured.files],
+    )

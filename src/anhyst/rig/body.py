@@ -34,7 +34,6 @@ from anhyst.rig.parts.magnet import (
     law_magnet,
     read_flux_table,
 )
-from anhyst.rig.tables import TrackingTable
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName
@@ -120,8 +119,7 @@ class BodyRig:
         """What motion taught; feedforward and force scale must believe in the same mass."""
         if self.calibration is None:
             return None
-        control = self.settings.control
-        if isinstance(control, TrackingTable) and control.calibrate:
+        if getattr(self.settings.control, "calibrate", False):
             raise InputError(
                 f"{self.path}: control.calibration: calibrate = true begins without one; leave "
                 "one of both out",

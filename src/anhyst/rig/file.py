@@ -166,7 +166,7 @@ class RigFile(Table):
     def several(self) -> bool:
         """Whether the body is free in more than one coordinate."""
         bodies = [body for body in self.bodies if isinstance(body, BodyTable)]
-        return isinstance(self.control, TrackingTable) and any(len(one.free) > 1 for one in bodies)
+        return self.control.may_have_several and any(len(one.free) > 1 for one in bodies)
 
     @property
     def placed(self) -> list[MagnetTable | LikeTable]:
@@ -186,14 +186,12 @@ class RigFile(Table):
     @property
     def bias_N(self) -> float | None:  # noqa: N802 - as in the file
         """What each magnet of a pair pulls with where no net force is wanted."""
-        control = self.control
-        return control.bias_N if isinstance(control, LevitationTable | TrackingTable) else None
+        return getattr(self.control, "bias_N", None)
 
     @property
     def calibration(self) -> str | None:
         """File of what motion taught of the magnets."""
-        control = self.control
-        return control.calibration if isinstance(control, LevitationTable | TrackingTable) else None
+        return getattr(self.control, "calibration", None)
 
     @property
     def load(self) -> LoadTable:

@@ -129,6 +129,11 @@ def _number(file: RigFile, row: str) -> tuple[float, float]:
     return _NUMBERS[row.split()[KINDS.index("axes" if file.several else file.control.kind)]]
 
 
+def takes_key(file: RigFile, key: str) -> bool:
+    """Whether a file of its kind may have a table or key that stands alone."""
+    return _number(file, _SINGLE[key])[1] > 0
+
+
 def spread_keys(file: RigFile) -> set[str]:
     """Return the keys of ``[spread]`` that plants of a file are drawn from."""
     if file.several:
@@ -228,16 +233,16 @@ def _pair_faults(file: RigFile) -> Iterator[FileFault]:
         if not pairs:
             text = "belongs to a pair of magnets; remove it"
         yield FileFault(("control", "bias_N"), text, code="pair-only")
-    if first is not None and pushes and isinstance(file.control, TrackingTable):
-        yield from _push_faults(file, first, file.control)
+    if first is not None and pushes:
+        yield from _push_faults(file, first)
 
 
-def _push_faults(file: RigFile, first: MagnetTable, control: TrackingTable) -> Iterator[FileFault]:
+def _push_faults(file: RigFile, first: MagnetTable) -> Iterator[FileFault]:
     """Find what magnets that push as well as they pull have no use for."""
-    if "force_min_N" in control.model_fields_set:
+    if "force_min_N" in file.control.model_fields_set:
         text = "is of magnets that only pull; remove it"
         yield FileFault(("control", "force_min_N"), text, code="not-for-this-kind")
-    if control.format == "fixed":
+    if getattr(file.control, "format", "f64") == "fixed":
         text = 'magnets that push as well as they pull have none; write "f64" or "f32"'
         yield FileFault(("control", "format"), text, code="not-for-this-kind")
     for magnet in file.magnets:

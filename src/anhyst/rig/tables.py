@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -303,6 +303,7 @@ SPREADS_OF_AXES = (SPREADS_OF_MAGNET, SPREADS_OF_BODY, SPREADS_OF_HEAD)
 class LevitationTable(Table):
     """``kind = "levitation"``: an armature in the air; what controls it, a controller file says."""
 
+    may_have_several: ClassVar = False
     kind: Literal["levitation"]
     bias_N: Positive | None = None  # what each magnet of a pair pulls with without a net force
     calibration: str | None = None  # file of anhyst calibrate
@@ -311,6 +312,7 @@ class LevitationTable(Table):
 class TrackingTable(Table):
     """``kind = "tracking"``: a body between magnets follows a set-point."""
 
+    may_have_several: ClassVar = True
     kind: Literal["tracking"]
     bias_N: Positive | None = None  # what each magnet of a pair pulls with without a net force
     format: NumberFormat = "fixed"
@@ -336,6 +338,7 @@ class TrackingTable(Table):
 class ForceTable(Table):
     """``kind = "force"``: the force of a held armature, open loop."""
 
+    may_have_several: ClassVar = False
     kind: Literal["force"]
     force_max_N: Positive
     end_m: Positive  # gap at the end of the stroke, where loops were measured
@@ -344,6 +347,7 @@ class ForceTable(Table):
 class DisplacementTable(Table):
     """``kind = "displacement"``: a stage on a stack, an integrator beside the feedforward."""
 
+    may_have_several: ClassVar = False
     kind: Literal["displacement"]
     bandwidth_Hz: Positive
     # of the notch filter in the feedback: that of the body if left out, and what takes its place

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 from anhyst.compensate.block import DemandLimits, Kind
 from anhyst.compensate.plan import CompileRequest
@@ -56,7 +56,7 @@ from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.kept import computed_with, forget, load, sealed
-from anhyst.support.kinds import COMPILED, MethodName, refuse_other
+from anhyst.support.kinds import COMPILED, MethodName, doing, refuse_other
 from anhyst.support.toml_file import take_rig
 
 
@@ -152,7 +152,6 @@ def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
     )
 
 
-@runtime_checkable
 class HasBench(Protocol):
     """A kind of rig that has a virtual bench."""
 
@@ -170,9 +169,8 @@ def prepare_bench(
 ) -> Prepared:
     """Compile and build all that the virtual bench of a rig needs."""
     kind = take_rig(rig, "live")
-    assert isinstance(kind, HasBench)
     kind.refuse_options("live", {"--controller": controller})
-    return kind.prepare(rig, controller, folder, progress)
+    return doing(kind, HasBench).prepare(rig, controller, folder, progress)
 
 
 def prepare_bearing(
@@ -189,8 +187,11 @@ def prepare_bearing(
     return PreparedBearing(setup, known.model, firmware)
 
 
-def prepare_force(rig_path: PathLike, folder: Path, progress: Progress | None) -> PreparedForce:
+def prepare_force(
+    rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
+) -> PreparedForce:
     """Identify the actuator of a rig, and build the firmware that controls its force."""
+    del controller_path
     parts = in_parts(progress, (1.0, 1.0))
     rig = read_rig(rig_path)
     loops = loops_of_rig(rig)
@@ -207,8 +208,11 @@ COMPARED: tuple[MethodName, MethodName] = ("single-valued", OWN)
 """Between what a stage is switched while it runs."""
 
 
-def prepare_stage(rig_path: PathLike, progress: Progress | None) -> PreparedStage:
+def prepare_stage(
+    rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
+) -> PreparedStage:
     """Identify the magnets of a stage, and find the gains of both methods."""
+    del controller_path, folder
     parts = in_parts(progress, (2.0, 1.0))
     rig = read_stage(rig_path)
     check_calibration(rig)
@@ -221,8 +225,11 @@ def prepare_stage(rig_path: PathLike, progress: Progress | None) -> PreparedStag
     return PreparedStage(magnet, tuple(setups), tuple(gains))
 
 
-def prepare_piezo(rig_path: PathLike) -> PreparedPiezo:
+def prepare_piezo(
+    rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
+) -> PreparedPiezo:
     """Find what makes voltages of displacements, with memory and without."""
+    del controller_path, folder, progress
     rig = read_piezo_rig(rig_path)
     inverses = find_inverses(rig)
     return PreparedPiezo(rig, (inverses["single-valued"], inverses["full"]))
@@ -276,8 +283,7 @@ def _keep(prepared: Prepared, place: Path) -> None:
 def _key(rig_path: PathLike, controller_path: PathLike | None) -> str:
     """Return a name for all that goes into a bench."""
     digest = hashlib.sha256(computed_with())
-    kind = take_rig(rig_path, "live")
-    assert isinstance(kind, HasBench)
+    kind = doing(take_rig(rig_path, "live"), HasBench)
     for path in [*kind.files(rig_path, controller_path), *_sources()]:
         digest.update(f"\0{path}\0{path.resolve()}\0".encode())
         with suppress(OSError):  # whoever reads it says what is wrong

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from anhyst.rig.drift import NO_DRIFT, Drift, with_iron
 from anhyst.rig.file import RigFile
 from anhyst.rig.fitting import identify_magnet
 from anhyst.rig.force.file import Rig
+from anhyst.rig.kind_rules import takes_key
 from anhyst.rig.measuring import measure_loops
 from anhyst.rig.parts.iron import NamedCells
 from anhyst.rig.piezo import PiezoRig
@@ -38,7 +39,7 @@ from anhyst.study.piezo import measure as measure_stack
 from anhyst.study.plants import drifted_rig, force_plants, piezo_plants, stage_plants
 from anhyst.support import running_version
 from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import MethodName
+from anhyst.support.kinds import MethodName, doing
 from anhyst.support.numeric import FloatArray
 
 WIDTHS = (0.5, 1.0, 2.0)
@@ -340,21 +341,11 @@ def _beyond(
 AnyRig = BodyRig | Rig | PiezoRig
 
 
-@runtime_checkable
 class HasIrons(Protocol):
     """A kind of rig whose plants can be run with other irons."""
 
-    def ready_for_irons(self, rig: AnyRig, seeds: int) -> tuple[AnyRig, int]:
-        """Return a rig whose magnet is whole, and how many seeds of noise a map of it takes."""
-
     def with_iron(self, rig: AnyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
         """Measure the loops of a rig with another iron; return them and its plants."""
-
-
-def _irons_of(rig: AnyRig) -> HasIrons:
-    kind = rig.settings.kind
-    assert isinstance(kind, HasIrons)
-    return kind
 
 
 @dataclass(frozen=True)
@@ -378,8 +369,8 @@ def benefit_of_plants(
     Loops of every iron are measured and identified anew; judged is what a plant without drift does,
     by the figures of its kind, over some seeds of noise.
     """
-    rig, usual = _irons_of(rig).ready_for_irons(rig, SEEDS)
-    count = seeds or usual
+    own = rig.settings.noise_seeds if takes_key(rig.settings, "noise_seeds") else SEEDS
+    count = seeds or own
     work = [
         _PlantWork(rig, scale, fraction, (*range(1, count + 1),))
         for scale, fraction in product(scales, fractions or fractions_of(rig.settings))
@@ -395,7 +386,8 @@ def benefit_of_plants(
 
 def _map_plants(work: _PlantWork) -> tuple[list[MapCell], tuple[Metric, ...]]:
     """Run one iron behind every method."""
-    loops, plants = _irons_of(work.rig).with_iron(work.rig, work.fraction, work.scale)
+    kind = doing(work.rig.settings.kind, HasIrons)
+    loops, plants = kind.with_iron(work.rig, work.fraction, work.scale)
     share = reversal_share(loops)
     label = "" if share is None else label_of(share)
     width = judge(loops).width_relative
@@ -446,14 +438,14 @@ def stage_with_iron(rig: BodyRig, fraction: float | None, scale: float) -> tuple
     return known.loops, stage_plants(iron, known, names, errors={"none": ()}, jobs=1)
 
 
-def force_with_iron(rig: Rig, scale: float) -> tuple[Loops, Plants]:
+def force_with_iron(rig: Rig, _: float | None, scale: float) -> tuple[Loops, Plants]:
     """Measure the loops of an actuator with another iron; return them and its plants."""
     other = drifted_rig(rig, Drift(pinning=scale - 1.0))
     loops = excite_specimen(force_specimen(other)).loops
     return loops, force_plants(other, loops=loops)
 
 
-def piezo_with_iron(rig: PiezoRig, scale: float) -> tuple[Loops, Plants]:
+def piezo_with_iron(rig: PiezoRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
     """Measure the loops of a stack that is wider by a factor; return them and the stage's plants."""
     slope = scale * rig.settings.stack.slope_m_per_V
     wider = replace(rig, settings=rig.settings.changed({"stack.slope_m_per_V": slope}))

@@ -27,16 +27,17 @@ from anhyst.rig.drift import Drift, drifted_file, drifted_plant
 from anhyst.rig.file import RigFile
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.force.bench import ActuatorStand, run_open_loop, triangle
-from anhyst.rig.force.file import Rig
+from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.loop import Scenario, SimulatedLoop
-from anhyst.rig.piezo import PiezoRig
+from anhyst.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.rig.recording import Recording, peak
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
-from anhyst.study.bearing.operating import make_ready
+from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.responses import position_resolution, step_figures
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants
 from anhyst.study.force_trials import ForceTrial, plan_trials
@@ -59,6 +60,7 @@ from anhyst.study.tracking.simulate import (
     refuse_unstable,
     settle,
 )
+from anhyst.support.atomic import PathLike
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import rms
@@ -144,6 +146,14 @@ def _judge(
     }
 
 
+def read_bearing_plants(
+    rig: PathLike, controller: PathLike | None, progress: Progress | None
+) -> Plants:
+    """Read what plants of a bearing are run with."""
+    del progress
+    return bearing_plants(*read_files(rig, controller))
+
+
 FORCE_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
 
 
@@ -186,6 +196,14 @@ def force_plants(rig: Rig, model: Model | None = None, loops: Loops | None = Non
         seed=settings.seed,
         where_it_pays=WHERE_IT_PAYS["force"],
     )
+
+
+def read_force_plants(
+    rig: PathLike, controller: PathLike | None, progress: Progress | None
+) -> Plants:
+    """Read what plants of a force rig are run with."""
+    del controller, progress
+    return force_plants(read_rig(rig))
 
 
 def _trials(rig: Rig) -> list[ForceTrial]:
@@ -254,6 +272,14 @@ def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
         where_it_pays=WHERE_IT_PAYS["piezo"],
         single_case="triangle",
     )
+
+
+def read_piezo_plants(
+    rig: PathLike, controller: PathLike | None, progress: Progress | None
+) -> Plants:
+    """Read what plants of a piezo stage are run with."""
+    del controller, progress
+    return piezo_plants(read_piezo_rig(rig))
 
 
 @dataclass(frozen=True)
@@ -342,6 +368,14 @@ def stage_plants(
         where_it_pays=WHERE_IT_PAYS["stage"],
         single_case="test set-point",
     )
+
+
+def read_stage_plants(
+    rig: PathLike, controller: PathLike | None, progress: Progress | None
+) -> Plants:
+    """Read what plants of a stage are run with."""
+    del controller
+    return stage_plants(read_stage(rig), progress=progress)
 
 
 def _find(magnet: IdentifiedMagnet, setup: StageSetup) -> Feedforward:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar, cast
 
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -97,6 +97,22 @@ MEASUREMENT = FileKind(
 PORT = FileKind("port", "the port of a controller", "ports of controllers", ("xcp",))
 UNKNOWN = FileKind("", "a file of unknown kind", "files of unknown kind")
 """What says nothing of itself or cannot be read."""
+
+
+Work = TypeVar("Work")
+
+
+def doing(kind: FileKind, work: type[Work]) -> Work:
+    """Return the record of a kind of rig as what does the work of a verb, stated by a protocol."""
+    for method in (name for name in vars(work) if not name.startswith("_")):
+        if not hasattr(kind, method):
+            raise InputError(
+                f"control.kind: the package that adds '{kind.word}' does not say how to "
+                f"'{method}'; ask its author",
+                code="not-installed",
+                key="control.kind",
+            )
+    return cast(Work, kind)
 
 
 @cache

@@ -99,23 +99,25 @@ def compile(  # noqa: A001
     from anhyst.study.tracking.compiled import HasController, StageRequest
     from anhyst.support.atomic import check_path
     from anhyst.support.errors import InputError
-    from anhyst.support.kinds import kind_of
+    from anhyst.support.kinds import MODEL as MODEL_FILE
+    from anhyst.support.kinds import doing, kind_of
 
     check_path(out, "compile: out")
     if not isinstance(model, Model):
         check_path(model, "compile: model", f"{MODEL_SOURCES} or of the rig file of a stage")
-    if not isinstance(model, Model) and isinstance(of := kind_of(model), HasController):
+    rig = MODEL_FILE if isinstance(model, Model) else kind_of(model)
+    if not isinstance(model, Model) and rig is not MODEL_FILE and "compile" in rig.verbs:
         own = {"--accuracy": accuracy, "--controller": controller, "--package": package}
         for option, given in own.items():
             if given is not None:
                 raise InputError(
-                    f"{option}: is for a model; a stage is compiled as its rig file says, leave it "
-                    "out",
+                    f"{option}: is for a model; {rig.title} is compiled as its rig file says, leave "
+                    "it out",
                     code="option-not-for-this",
                     key=option,
                 )
         request = StageRequest(kind, io or "f32", rate, name)
-        return of.compile_controller(model, out, request, progress)
+        return doing(rig, HasController).compile_controller(model, out, request, progress)
     if kind == "single-valued":
         raise InputError(
             "--kind: single-valued is for the rig file of a stage; give full, simplified or play",

@@ -126,13 +126,14 @@ def simulate(
     from anhyst.reports.studies import (
         HasBoard,
         HasSimulation,
-        SimulationTask,
         map_benefit,
     )
     from anhyst.reports.studies import monte_carlo as run_plants
+    from anhyst.reports.study.task import SimulationTask
     from anhyst.support.atomic import check_path
     from anhyst.support.errors import InputError
     from anhyst.support.jobs import workers_of
+    from anhyst.support.kinds import doing
     from anhyst.support.toml_file import take_rig
 
     check_path(rig, "simulate: rig", "the path of a rig file")
@@ -145,20 +146,18 @@ def simulate(
             key=chosen[0],
         )
     kind = take_rig(rig, "simulate")
-    assert isinstance(kind, HasSimulation)
     kind.refuse_options("simulate", {"--controller": controller, "--board": board})
     if out is None and chosen:
         raise InputError(f"{chosen[0]}: needs a place to write to", code="missing", key="--out")
     task = SimulationTask(rig, controller, Path(out or "-"), out is not None, progress)
     with workers_of(scheduler):
         if monte_carlo is not None:
-            return run_plants(kind, task, monte_carlo)
+            return run_plants(doing(kind, HasSimulation), task, monte_carlo)
         if benefit:
-            return map_benefit(kind, task)
-        if board is None:
-            return kind.simulate(task)
-        assert isinstance(kind, HasBoard)
-        return kind.run_board(task, board)
+            return map_benefit(doing(kind, HasSimulation), task)
+        if board is not None:
+            return doing(kind, HasBoard).run_board(task, board)
+        return doing(kind, HasSimulation).simulate(task)
 
 
 def warnings(result: Studied) -> Sequence[str]:
@@ -170,10 +169,12 @@ def warnings(result: Studied) -> Sequence[str]:
 def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
     """Return what a terminal shows of the study, whichever it is."""
     from anhyst.reports import plants
-    from anhyst.reports.studies import HasSimulation, files_written, lines_of
+    from anhyst.reports.studies import HasSimulation, lines_of
+    from anhyst.reports.study.task import files_written
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.benefit import Benefit
     from anhyst.study.engine.monte_carlo import MonteCarlo
+    from anhyst.support.kinds import doing
     from anhyst.support.toml_file import take_rig
 
     out = given["out"]
@@ -182,11 +183,9 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
     elif isinstance(result, Benefit):
         yield from _show_map(result, out)
     elif isinstance(result, MonteCarlo):
-        written = files_written(out, figures="montecarlo.json")
-        yield from lines_of(result, plants.printed(result), written)
+        yield from lines_of(result, plants.printed(result), files_written(result, out))
     else:
-        kind = take_rig(given["rig"], "simulate")
-        assert isinstance(kind, HasSimulation)
+        kind = doing(take_rig(given["rig"], "simulate"), HasSimulation)
         yield from lines_of(result, kind.printed(result), kind.written(result, out))
 
 

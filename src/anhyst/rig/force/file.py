@@ -187,3 +187,12 @@ def read_rig(path: PathLike) -> Rig:
     if settings.solenoid is None:
         return Rig(file, settings, None)
     return Rig(file, settings, read_toml(file.parent / settings.solenoid.file, SolenoidFile))
+
+
+def files_of_rig(path: PathLike, controller: PathLike | None) -> list[Path]:
+    """Return the rig file and all files that it names."""
+    del controller
+    rig = read_rig(path)
+    solenoid = rig.settings.solenoid
+    named = [] if solenoid is None else [rig.path.parent / solenoid.file]
+    return [rig.path, *named, *rig.measured.files]

@@ -67,6 +67,14 @@ def read_stage(path: PathLike) -> BodyRig:
     return complete_rig(rig, rig.measured.read()) if settings.magnet.from_loops else rig
 
 
+def files_of_stage(path: PathLike, controller: PathLike | None) -> list[Path]:
+    """Return the rig file and all files that it names."""
+    del controller
+    rig = read_stage(path)
+    taught = [] if rig.calibration is None else [rig.calibration]
+    return [rig.path, *taught, *rig.measured.files]
+
+
 def _axes_faults(file: RigFile) -> Iterator[FileFault]:
     """Find what keeps a body of several coordinates from being seen, held or moved."""
     free = ", ".join(file.body.free)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -307,6 +308,20 @@ def read_files(
     rig = read_bearing(rig_path)
     beside = rig.path.parent / "controller.toml"
     return rig, read_controller(beside if controller_path is None else controller_path)
+
+
+def files_of_bearing(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
+    """Return rig file and controller file, and all files that they name."""
+    rig, controller = read_files(rig_path, controller_path)
+    named = [
+        rig.path,
+        rig.model,
+        rig.flux_table,
+        controller.path,
+        controller.model,
+        rig.calibration,
+    ]
+    return [file for file in named if file is not None] + list(rig.measured.files)
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,12 @@ import numpy as np
 
 from anhyst.data.path import DEMAGNETISED, History
 from anhyst.rig.body import BodyRig
+from anhyst.rig.case_table import ScanCase
 from anhyst.rig.file import RigFile
 from anhyst.rig.force.file import Rig
 from anhyst.rig.measurement_table import ExciteTable, MeasurementTable
 from anhyst.rig.measuring import FAST_CYCLES, FAST_SAMPLES, HeldBearing, HeldRig, straight
 from anhyst.rig.piezo import PiezoRig
-from anhyst.rig.tables import TrackingTable
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
@@ -151,18 +151,18 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
 
 def _hurry(file: RigFile) -> float:
     """Return how fast the set-point of a stage changes the force, N/s; 0 of what has none."""
-    if not isinstance(file.control, TrackingTable):
+    scan = next((case for case in file.cases if isinstance(case, ScanCase)), None)
+    if scan is None:
         return 0.0
-    scan = file.scan
     rise = scan.jerk_phase_s - scan.snap_phase_s  # at constant jerk, as if all of it were
     return file.body.mass_kg * max(*scan.train_m_per_s2, *scan.test_m_per_s2) / rise
 
 
 def _operating(rig: BodyRig) -> Bound:
     """Return the force about which a magnet of a body works, where the file does not say."""
-    control = rig.settings.control
-    if isinstance(control, TrackingTable):
-        return Bound(0.5 * control.force_max_N, "control.force_max_N")
+    most = getattr(rig.settings.control, "force_max_N", None)
+    if most is not None:
+        return Bound(0.5 * most, "control.force_max_N")
     bias = rig.settings.bias_N
     return Bound(abs(rig.load), "load.force_N") if bias is None else Bound(bias, "control.bias_N")
 

@@ -7,18 +7,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.sidecar import is_sidecar
-from anhyst.rig.body import BodyRig
+from anhyst.rig.body import BodyRig, read_bearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import Pull, read_stack, straight, take
 from anhyst.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.rig.sensor_table import Sensors
+from anhyst.rig.stage.file import read_stage
 from anhyst.study.excite.design import (
     INNER,
     Bound,
@@ -36,6 +37,7 @@ from anhyst.study.excite.design import (
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
+from anhyst.support.kinds import doing
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import take_rig
 from anhyst.support.toml_text import toml_key, toml_value
@@ -54,7 +56,6 @@ class ReadSpecimen:
     how: Measuring  # what measures the virtual rig
 
 
-@runtime_checkable
 class HasSpecimen(Protocol):
     """A kind of rig whose loops can be measured."""
 
@@ -64,9 +65,7 @@ class HasSpecimen(Protocol):
 
 def read_specimen(path: PathLike) -> ReadSpecimen:
     """Read a rig file of any kind."""
-    kind = take_rig(path, "excite")
-    assert isinstance(kind, HasSpecimen)
-    return kind.specimen(path)
+    return doing(take_rig(path, "excite"), HasSpecimen).specimen(path)
 
 
 def read_stack_specimen(path: PathLike) -> ReadSpecimen:
@@ -86,8 +85,18 @@ def read_force_specimen(path: PathLike) -> ReadSpecimen:
     return ReadSpecimen(force_specimen(rig), tuple(files), measure)
 
 
-def read_body_specimen(rig: BodyRig) -> ReadSpecimen:
-    """Take a bearing or a stage, whose magnet may not be fitted to its loops yet."""
+def read_bearing_specimen(path: PathLike) -> ReadSpecimen:
+    """Read the rig file of a bearing."""
+    return _of_body(read_bearing(path))
+
+
+def read_stage_specimen(path: PathLike) -> ReadSpecimen:
+    """Read the rig file of a stage."""
+    return _of_body(read_stage(path))
+
+
+def _of_body(rig: BodyRig) -> ReadSpecimen:
+    """Take a rig whose magnet may not be fitted to its loops yet."""
     files = [file for file in (rig.path, rig.model, rig.flux_table) if file is not None]
     if rig.settings.magnet.from_loops:
         files += rig.measured.files

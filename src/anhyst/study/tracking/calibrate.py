@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from anhyst.study.tracking.learner import fit
 from anhyst.study.tracking.motion import MOVED, Motion, MotionLaw, refuse_uncalibratable
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.errors import InputError, wrong_type
-from anhyst.support.kinds import MethodName
+from anhyst.support.kinds import MethodName, doing
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, columns_of
 from anhyst.support.toml_file import take_rig
@@ -204,7 +204,6 @@ Laws = Callable[..., MotionLaw]
 """What makes the law of a method, and of a bearing may take ``load_known``."""
 
 
-@runtime_checkable
 class HasCalibration(Protocol):
     """A kind of rig whose motion teaches what its magnets are off by."""
 
@@ -220,8 +219,13 @@ class HasCalibration(Protocol):
         """Return what makes the law of a method, and what is known of the magnets."""
 
 
-def stage_laws(rig: BodyRig, magnet: IdentifiedMagnet | None) -> tuple[Laws, IdentifiedMagnet]:
+def stage_laws(
+    rig: BodyRig,
+    controller: ControllerFile | PathLike | None,
+    magnet: IdentifiedMagnet | None,
+) -> tuple[Laws, IdentifiedMagnet]:
     """Return what makes the law of a method of a stage, and what is known of its magnets."""
+    assert controller is None
     refuse_uncalibratable(rig)
     known = magnet or identify_stage(rig)
     return partial(law_of, rig, known), known
@@ -257,8 +261,8 @@ def calibrate(
     if not isinstance(rig, BodyRig):
         check_path(rig, "calibrate: rig", "the path of a rig file")
     kind = rig.settings.kind if isinstance(rig, BodyRig) else take_rig(rig, "calibrate")
-    assert isinstance(kind, HasCalibration)
-    whole = rig if isinstance(rig, BodyRig) else kind.read(rig)
+    calibrates = doing(kind, HasCalibration)
+    whole = rig if isinstance(rig, BodyRig) else calibrates.read(rig)
     alone = isinstance(recordings, Recording | str | Path)
     if not alone and not isinstance(recordings, Sequence):
         raise wrong_type("calibrate: recordings", "recordings or their paths", recordings)
@@ -270,7 +274,7 @@ def calibrate(
     if out is not None:
         check_writable(out, [whole.path, *whole.measured.files, *files])
     kind.refuse_options("calibrate", {"--controller": controller})
-    laws, known = kind.motion_laws(whole, controller, magnet)
+    laws, known = calibrates.motion_laws(whole, controller, magnet)
     motions = [_motion(laws("full"), one) for one in given]
     if not given or len({one.read["command_A"].tobytes() for one in motions}) < len(given):
         raise InputError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,7 +126,6 @@ class StageRequest:
     name: str | None  # of the C functions; that of the rig if left out
 
 
-@runtime_checkable
 class HasController(Protocol):
     """A kind of rig whose controller can be compiled from the rig file."""
 

@@ -10,18 +10,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
 from anhyst.rig.bearing.loop import make_setups
 from anhyst.rig.body import BodyRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.fitting import check_plant
-from anhyst.rig.piezo import PiezoRig
+from anhyst.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.rig.rewriting import rewrite_rig
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.bearing.operating import make_ready
+from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.simulate import compared
 from anhyst.study.piezo import find_inverses
 from anhyst.study.plants import METHODS
@@ -43,7 +44,7 @@ from anhyst.study.tuning.trial import Tunable
 from anhyst.support.atomic import PathLike, check_writable, seen_from
 from anhyst.support.errors import InputError, Interrupted
 from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import PROBED, MethodName
+from anhyst.support.kinds import PROBED, MethodName, doing
 from anhyst.support.toml_file import take_rig
 from anhyst.support.toml_text import Path as KeyPath
 
@@ -69,7 +70,6 @@ def tune(
             key="--budget",
         )
     kind = take_rig(rig, "tune")
-    assert isinstance(kind, HasTuning)
     kind.refuse_options(
         "tune",
         {
@@ -84,10 +84,11 @@ def tune(
         },
     )
     begin, used = time.perf_counter(), _processor_time()
-    subject = kind.tuning(rig, controller, crossover)
+    tunes = doing(kind, HasTuning)
+    subject = tunes.tuning(rig, controller, crossover)
     aims = subject.completed(aims)
     names = subject.names() if all_variants else (subject.own,)
-    places = subject.places(out, names)
+    places = subject.places(out, names, tunes.files(rig, controller))
     tuned, interrupted = _Task(aims, budget, seed, jobs).run(subject.loops(names, jobs), progress)
     out.mkdir(parents=True, exist_ok=True)
     result = Tuning(
@@ -123,11 +124,6 @@ class TuningSubject(ABC):
         """Return aims with those that are usual for such a rig, where none is given."""
         return aims
 
-    @property
-    def reads(self) -> list[Path]:
-        """What must not be written over."""
-        return [self.rig.path]
-
     @abstractmethod
     def names(self) -> Sequence[MethodName]:
         """Return all variants."""
@@ -142,10 +138,11 @@ class TuningSubject(ABC):
         changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
         rewrite_rig(self.rig.path, path, changes, note)
 
-    def places(self, folder: Path, names: Sequence[MethodName]) -> dict[MethodName, Path]:
+    def places(
+        self, folder: Path, names: Sequence[MethodName], reads: Sequence[Path]
+    ) -> dict[MethodName, Path]:
         """Return where the files go; find out first whether they can be written."""
         files = {name: f"{self.stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names}
-        reads = self.reads
         if folder.is_dir():
             for name in (*files.values(), *RESULTS):
                 check_writable(folder / name, reads=reads)
@@ -158,9 +155,11 @@ class TuningSubject(ABC):
         return {name: folder / file for name, file in files.items()}
 
 
-@runtime_checkable
 class HasTuning(Protocol):
     """A kind of rig whose gains can be tuned."""
+
+    def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
+        """Return the rig file, and all files that it and a controller file name."""
 
     def tuning(
         self, rig: PathLike, controller: PathLike | None, crossover: float | None
@@ -175,18 +174,13 @@ class BearingSubject(TuningSubject):
     rig: BodyRig
     controller: ControllerFile
 
-    def __init__(self, rig: BodyRig, controller: ControllerFile) -> None:
-        self.rig, self.controller = rig, controller
-        self.own = controller.settings.compensation.variant
+    def __init__(self, rig: PathLike, controller: PathLike | None, _: float | None) -> None:
+        self.rig, self.controller = read_files(rig, controller)
+        self.own = self.controller.settings.compensation.variant
 
     def completed(self, aims: Aims) -> Aims:
         """Return aims with a largest overshoot of 2 %, where none is given."""
         return aims if aims.overshoot_percent is not None else replace(aims, overshoot_percent=2.0)
-
-    @property
-    def reads(self) -> list[Path]:
-        """What must not be written over."""
-        return [*super().reads, *self.rig.measured.files, self.controller.path]
 
     def names(self) -> Sequence[MethodName]:
         """Return all variants."""
@@ -216,11 +210,11 @@ class StageSubject(TuningSubject):
     own = OWN
     rig: BodyRig
 
-    def __init__(self, rig: BodyRig, crossover: float | None) -> None:
-        check_calibration(rig)
-        self.rig = rig
+    def __init__(self, rig: PathLike, _: PathLike | None, crossover: float | None) -> None:
+        self.rig = read_stage(rig)
+        check_calibration(self.rig)
         self.most = math.inf if crossover is None else crossover
-        least = rig.settings.timing.rate_Hz / SLOWEST
+        least = self.rig.settings.timing.rate_Hz / SLOWEST
         if not self.most > least:
             raise InputError(
                 f"--crossover: {self.most:g} Hz is not above {least:g} Hz, a thousandth of the "
@@ -228,11 +222,6 @@ class StageSubject(TuningSubject):
                 code="out-of-range",
                 key="--crossover",
             )
-
-    @property
-    def reads(self) -> list[Path]:
-        """What must not be written over."""
-        return [*super().reads, *self.rig.measured.files]
 
     def names(self) -> Sequence[MethodName]:
         """Return all variants."""
@@ -259,8 +248,8 @@ class PiezoSubject(TuningSubject):
     stem = "rig"
     own = "full"
 
-    def __init__(self, rig: PiezoRig) -> None:
-        self.rig: PiezoRig = rig
+    def __init__(self, rig: PathLike, _: PathLike | None, __: float | None) -> None:
+        self.rig: PiezoRig = read_piezo_rig(rig)
 
     def names(self) -> Sequence[MethodName]:
         """Return all variants."""
