@@ -145,15 +145,20 @@ _OF_ONE_KIND = {
 """Classes that belong to one kind of rig."""
 
 
+_WORDS = {"'levitation'", "'tracking'"}
+"""Words of rig files that no other table uses for its kind."""
+_KIND = re.compile(r"(control|settings|file)\.kind(\.word)?$")
+
+
 def _kind_tests(tree: ast.Module) -> int:
     """Return how often a module asks which kind a rig is: by its word, its record or a class."""
     found = 0
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare):
             sides = {ast.unparse(side) for side in (node.left, *node.comparators)}
-            found += any(
-                re.search(r"(control|settings|file)\.kind(\.word)?$", one) for one in sides
-            )
+            found += bool(sides & _WORDS) or any(map(_KIND.search, sides))
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("anhyst.kinds."):
+            found += any(alias.name != "RigKind" for alias in node.names)
         elif isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance":
             names = {one.id for one in ast.walk(node.args[1]) if isinstance(one, ast.Name)}
             found += bool(names & _OF_ONE_KIND)

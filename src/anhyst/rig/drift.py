@@ -170,7 +170,7 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
         return make_plant(other, seed, other.magnet_of(drifted_law(rig.law, drift)))
     if not drift.magnets:
         pair = [replace(drift, first_scale=one) for one in (drift.first_scale, drift.second_scale)]
-        each = [NO_DRIFT] if settings.several else pair
+        each = [NO_DRIFT] if settings.several else pair[: len(settings.placed)]
         return make_plant(other, seed, *(_drifted_magnet(settings, one) for one in each))
     magnets = [_drifted_magnet(settings, one) for one in drift.magnets]
     numbers = plant_numbers(other)

@@ -164,12 +164,19 @@ def _single_faults(file: RigFile) -> Iterator[FileFault]:
 
 def _key_faults(file: RigFile) -> Iterator[FileFault]:
     single: list[tuple[Any, Table]] = [(("timing",), file.timing), (("control",), file.control)]
-    for path, table in [*file.tables(), *single]:
+    own = [(path, table) for path, table in file.tables() if _is_of_kind(file, table)]
+    for path, table in [*own, *single]:
         for key, row in _KEYS.get(type(table), {}).items():
             is_given = key in table.model_fields_set
             yield from _presence_fault(file, (*path, key), row, is_given, "")
     for key in sorted(file.spread.model_fields_set - spread_keys(file)):
         yield from _presence_fault(file, ("spread", key), ". . . . .", True, "")
+
+
+def _is_of_kind(file: RigFile, table: Table) -> bool:
+    """Whether a kind may have such a table in one of its lists."""
+    row = _TABLES.get(type(table))
+    return row is None or _number(file, row[0])[1] > 0
 
 
 def _presence_fault(
