@@ -148,16 +148,19 @@ OVEN = RigKind(
 """
 
 
+def install(folder: Path, name: str, entry: str, text: str) -> None:
+    """Install a package of one module that adds a kind of rig."""
+    about = folder / "package" / f"{name}-1.0.dist-info"
+    about.mkdir(parents=True)
+    (folder / "package" / f"{name}.py").write_text(text)
+    (about / "METADATA").write_text(f"Name: {name}\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(f"[anhyst.kinds]\n{entry}\n")
+
+
 @pytest.fixture
 def oven(tmp_path: Path) -> Path:
-    """Install a package that adds a kind of rig, and return the folder with one of its files."""
-    package = tmp_path / "package"
-    (package / "oven-1.0.dist-info").mkdir(parents=True)
-    (package / "oven.py").write_text(OVEN)
-    (package / "oven-1.0.dist-info" / "METADATA").write_text("Name: oven\nVersion: 1.0\n")
-    (package / "oven-1.0.dist-info" / "entry_points.txt").write_text(
-        "[anhyst.kinds]\noven = oven:OVEN\n"
-    )
+    """Return a folder with a rig file of a kind that an installed package adds."""
+    install(tmp_path, "oven", "oven = oven:OVEN", OVEN)
     (tmp_path / "rig.toml").write_text(f'format = "{RIG_FORMAT}"\n[control]\nkind = "oven"\n')
     return tmp_path
 
@@ -197,3 +200,38 @@ def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> Non
     assert "the package that adds 'oven' does not say how to 'part'" in refused.stderr
     with pytest.raises(InputError, match="does not say how to 'tuning'"):
         doing(rig_kinds()["force"], HasTuning)
+
+
+@pytest.mark.parametrize(
+    ("entry", "text", "why"),
+    [
+        ("oven = other:OVEN", "import none_such", "other adds it and cannot be loaded"),
+        ("oven = other:NONE", "", "other adds it and cannot be loaded"),
+        ("oven = other:OVEN", "OVEN = 1", "other adds no record of that name"),
+        ("oven = other:OVEN", OVEN.replace('"oven"', '"stove"'), "other adds no record of that"),
+    ],
+)
+def test_a_package_that_cannot_be_used_disturbs_its_own_files_alone(
+    entry: str, text: str, why: str, tmp_path: Path
+) -> None:
+    install(tmp_path, "other", entry, text)
+    (tmp_path / "rig.toml").write_text(f'format = "{RIG_FORMAT}"\n[control]\nkind = "oven"\n')
+    refused = run(tmp_path, "simulate", "rig.toml", "--out", "run.csv")
+    assert refused.returncode == 2
+    assert f"rig.toml:3: control.kind: {why}" in refused.stderr
+    assert refused.stderr.count("\n") == 1
+    good = run(tmp_path, "tune", str(EXAMPLES / "solenoid" / "rig.toml"), "--out", "tuned")
+    assert "this is a rig of force control" in good.stderr
+
+
+def test_two_packages_of_one_kind_are_named_and_neither_is_used(oven: Path) -> None:
+    install(oven, "stove", "oven = stove:OVEN", OVEN)
+    refused = run(oven, "simulate", "rig.toml", "--out", "run.csv")
+    assert refused.returncode == 2
+    assert "is not the only package that adds it; remove one" in refused.stderr
+
+
+def test_a_package_does_not_replace_a_kind_of_anhyst(tmp_path: Path) -> None:
+    install(tmp_path, "force", "force = force:OVEN", OVEN.replace('"oven"', '"force"'))
+    refused = run(tmp_path, "tune", str(EXAMPLES / "solenoid" / "rig.toml"), "--out", "tuned")
+    assert "this is a rig of force control" in refused.stderr

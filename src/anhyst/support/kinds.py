@@ -105,25 +105,59 @@ Work = TypeVar("Work")
 def doing(kind: FileKind, work: type[Work]) -> Work:
     """Return the record of a kind of rig as what does the work of a verb, stated by a protocol."""
     for method in (name for name in vars(work) if not name.startswith("_")):
-        if not hasattr(kind, method):
+        try:
+            getattr(kind, method)
+        except (AttributeError, ImportError) as error:
             raise InputError(
                 f"control.kind: the package that adds '{kind.word}' does not say how to "
-                f"'{method}'; ask its author",
+                f"'{method}' ({error}); update it, or ask its author",
                 code="not-installed",
                 key="control.kind",
-            )
+            ) from error
     return cast(Work, kind)
 
 
+OWN = "anhyst.kinds."
+"""Where the records of anhyst itself are; no other package replaces them."""
+
+
 @cache
+def _registered() -> tuple[Mapping[str, FileKind], Mapping[str, str]]:
+    """Return the records of all kinds of rigs by their words, and why others cannot be used."""
+    own: dict[str, FileKind] = {}
+    others: dict[str, FileKind] = {}
+    unusable: dict[str, str] = {}
+    for point in entry_points(group="anhyst.kinds"):
+        word, package = point.name, point.dist.name if point.dist else point.value
+        if point.value.startswith(OWN):
+            own[word] = point.load()
+            continue
+        try:
+            record = point.load()
+        except Exception as error:
+            unusable[word] = f"{package} adds it and cannot be loaded ({error}); update it"
+            continue
+        if not isinstance(record, FileKind) or record.word != word:
+            unusable[word] = f"{package} adds no record of that name; update it"
+        elif others.setdefault(word, record) is not record:
+            unusable[word] = f"{package} is not the only package that adds it; remove one"
+    every = {word: kind for word, kind in others.items() if word not in unusable} | own
+    kinds = sorted(every.values(), key=lambda kind: kind.plural)
+    return {kind.word: kind for kind in kinds}, unusable
+
+
 def rig_kinds() -> Mapping[str, FileKind]:
     """Return the kinds of rigs by their words, in the order in which messages list them.
 
     They are the records of the entry points ``anhyst.kinds`` of all installed packages; each is a
-    :class:`anhyst.kinds.rig_kind.RigKind`.
+    :class:`anhyst.kinds.rig_kind.RigKind`, and the entry point has the name of its word.
     """
-    records: list[FileKind] = [one.load() for one in entry_points(group="anhyst.kinds")]
-    return {kind.word: kind for kind in sorted(records, key=lambda kind: kind.plural)}
+    return _registered()[0]
+
+
+def why_unusable(word: object) -> str:
+    """Say why no record of that word can be used, if a package adds one; empty otherwise."""
+    return _registered()[1].get(word, "") if isinstance(word, str) else ""
 
 
 def kinds_for(verb: str) -> tuple[FileKind, ...]:

@@ -16,7 +16,15 @@ from pydantic_core import core_schema
 
 from anhyst.support.atomic import PathLike, read_error
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import RIG_FORMAT, UNKNOWN, FileKind, kind_in, kinds_for, refuse_other
+from anhyst.support.kinds import (
+    RIG_FORMAT,
+    UNKNOWN,
+    FileKind,
+    kind_in,
+    kinds_for,
+    refuse_other,
+    why_unusable,
+)
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import key_lines
 
@@ -191,7 +199,11 @@ def check_kind(file: TomlFile, taken: Collection[FileKind]) -> FileKind:
     kind = refuse_other(file.path, taken, kind_in_file=kind_in(file.content))
     if kind is UNKNOWN:
         names = " or ".join(kind.title for kind in taken)
-        if file.content.get("format") == RIG_FORMAT:
+        control = file.content.get("control")
+        why = why_unusable(control.get("kind")) if isinstance(control, dict) else ""
+        if file.content.get("format") == RIG_FORMAT and why:
+            file.add(("control", "kind"), why, code="not-installed")
+        elif file.content.get("format") == RIG_FORMAT:
             controls = " or ".join(f'"{kind.word}"' for kind in taken)
             file.add(("control", "kind"), f"must be {controls}; is this {names}?", "wrong-format")
         else:
