@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,15 +12,14 @@ from anhyst.data import Loops
 from anhyst.data.clean import ReadOptions
 from anhyst.data.reading import files_read
 from anhyst.data.speeds import rate_line
-from anhyst.data.table import check_source, is_frame
 from anhyst.draft.bearing import Numbers, draft_bearing, numbers_of
 from anhyst.draft.force import draft_force_control
 from anhyst.draft.magnet import Machine, MeasuredMagnet, Wanted, machine_of, reach_of
 from anhyst.draft.piezo import draft_piezo, fit_stack, found_lines
 from anhyst.draft.stage import draft_stage
 from anhyst.draft.text import Draft
-from anhyst.support.atomic import PathLike, check_path, whole_folder, write_files
-from anhyst.support.errors import InputError, wrong_type
+from anhyst.support.atomic import PathLike, whole_folder, write_files
+from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.wording import count_of
 
@@ -162,52 +160,6 @@ class Drafted:
             "guesses": {name: dict(guess) for name, guess in self.guesses.items()},
             "run": list(self.run),
         }
-
-
-def init(
-    out: PathLike,
-    loops: PathLike | Sequence[PathLike] | None,
-    *,
-    wanted: Wanted,
-    options: ReadOptions,
-    force_control: bool,
-    stage: bool,
-    example: str | None,
-    progress: Progress | None,
-) -> Drafted:
-    """Write a rig of your own from measured loops, or copy an example: `anhyst.init`."""
-    check_path(out, "init: out")
-    if force_control and wanted != Wanted():
-        raise InputError(
-            "--mass, --load and --gap belong to a bearing; leave out --force-control",
-            code="option-not-for-this",
-            key="--mass",
-        )
-    if stage and (force_control or wanted.load is not None):
-        raise InputError(
-            "--stage: takes --mass and --gap alone; leave out --force-control and --load",
-            code="option-not-for-this",
-            key="--stage",
-        )
-    if example is not None:
-        if loops or force_control or stage or wanted != Wanted() or options != ReadOptions():
-            raise InputError(
-                "--example is complete: leave out all but --out",
-                code="option-not-for-this",
-                key="--example",
-            )
-        return init_example(example, out)
-    if loops is not None and is_frame(loops):
-        raise wrong_type("init: loops", "a file, a folder or a list of files", loops)
-    if loops is None or (isinstance(loops, Sequence) and not loops):
-        raise InputError(
-            "nothing to begin with: name files with loops, or --example bearing", code="no-loops"
-        )
-    check_source(loops, "init: loops", "a file, a folder or a list of files")
-    loops = [loops] if isinstance(loops, str | os.PathLike) else list(loops)
-    if force_control or stage:
-        return init_rig(loops, out, options, progress, wanted if stage else None)
-    return init_bearing(loops, out, wanted, options, progress)
 
 
 def init_bearing(

@@ -84,20 +84,49 @@ def init(
 
     anhyst init --example bearing --out my
     """
-    from anhyst.data.source import options_of
-    from anhyst.draft.drafting import init as work
-    from anhyst.draft.magnet import Wanted
+    import os
 
-    return work(
-        out,
-        loops,
-        wanted=Wanted(mass, load, gap),
-        options=options_of("init", **reading),
-        force_control=force_control,
-        stage=stage,
-        example=example,
-        progress=progress,
-    )
+    from anhyst.data.clean import ReadOptions
+    from anhyst.data.source import options_of
+    from anhyst.data.table import check_source, is_frame
+    from anhyst.draft.drafting import init_bearing, init_example, init_rig
+    from anhyst.draft.magnet import Wanted
+    from anhyst.support.atomic import check_path
+    from anhyst.support.errors import InputError, wrong_type
+
+    check_path(out, "init: out")
+    wanted, options = Wanted(mass, load, gap), options_of("init", **reading)
+    if force_control and wanted != Wanted():
+        raise InputError(
+            "--mass, --load and --gap belong to a bearing; leave out --force-control",
+            code="option-not-for-this",
+            key="--mass",
+        )
+    if stage and (force_control or load is not None):
+        raise InputError(
+            "--stage: takes --mass and --gap alone; leave out --force-control and --load",
+            code="option-not-for-this",
+            key="--stage",
+        )
+    if example is not None:
+        if loops or force_control or stage or wanted != Wanted() or options != ReadOptions():
+            raise InputError(
+                "--example is complete: leave out all but --out",
+                code="option-not-for-this",
+                key="--example",
+            )
+        return init_example(example, out)
+    if loops is not None and is_frame(loops):
+        raise wrong_type("init: loops", "a file, a folder or a list of files", loops)
+    if loops is None or (isinstance(loops, Sequence) and not loops):
+        raise InputError(
+            "nothing to begin with: name files with loops, or --example bearing", code="no-loops"
+        )
+    check_source(loops, "init: loops", "a file, a folder or a list of files")
+    paths = [loops] if isinstance(loops, str | os.PathLike) else list(loops)
+    if force_control or stage:
+        return init_rig(paths, out, options, progress, wanted if stage else None)
+    return init_bearing(paths, out, wanted, options, progress)
 
 
 def show(result: Drafted, _: Mapping[str, Any]) -> Iterator[str]:
