@@ -21,7 +21,7 @@ from anhyst.study.tracking.calibrate import HasCalibration
 from anhyst.study.tracking.compiled import HasController
 from anhyst.study.tuning.tuning import HasTuning
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import RIG_FORMAT, doing, kind_of, rig_kinds
+from anhyst.support.kinds import RIG_FORMAT, capability, kind_of, rig_kinds
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 PROTOCOLS: dict[str, tuple[type, ...]] = {
@@ -68,7 +68,7 @@ def test_a_record_does_what_every_verb_of_it_asks_and_nothing_else(word: str) ->
 def test_the_files_of_an_example_are_those_that_it_names(folder: str, word: str) -> None:
     path = EXAMPLES / folder / "rig.toml"
     assert kind_of(path).word == word
-    files = doing(kind_of(path), HasBench).files(path, None)
+    files = capability(kind_of(path), HasBench).files(path, None)
     assert files[0] == path
     assert all(file.is_file() for file in files)
     named = {file.name for file in files}
@@ -199,7 +199,7 @@ def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> Non
     assert refused.returncode == 2
     assert "the package that adds 'oven' does not say how to 'part'" in refused.stderr
     with pytest.raises(InputError, match="does not say how to 'tuning'"):
-        doing(rig_kinds()["force"], HasTuning)
+        capability(rig_kinds()["force"], HasTuning)
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from anhyst.dashboard.verb import opened
 from anhyst.study import bench as opening
 from anhyst.study.bench import prepared_once
 from anhyst.study.prepared import PreparedPiezo
+from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.states import Command, State
 from tests.cli.command import unwrapped
@@ -139,6 +140,11 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
     rig.write_text(rig.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     with prepared_once(rig, None):
         assert len(prepares) == 1
+    with (
+        pytest.raises(InputError, match="a piezo stage has no --controller"),
+        prepared_once(rig, rig),
+    ):
+        pass  # kept before, and refused all the same
 
 
 @pytest.mark.slow

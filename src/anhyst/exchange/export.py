@@ -43,7 +43,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, cores
 from anhyst.support.kept import c_name
 from anhyst.support.kinds import MODEL as MODEL_FILE
-from anhyst.support.kinds import doing, kinds_for
+from anhyst.support.kinds import capability, kinds_for
 from anhyst.support.toml_file import take_kind, take_rig
 
 
@@ -196,7 +196,7 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
                     code="option-not-for-this",
                     key=name,
                 )
-        return doing(take_rig(model, "export"), HasPart).part(model)
+        return capability(take_rig(model, "export"), HasPart).part(model)
     if of == "actuator":
         for name, value in (("--rate", rate), ("--kind", kind)):
             if value is not None:

@@ -56,7 +56,7 @@ from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.kept import computed_with, forget, load, sealed
-from anhyst.support.kinds import COMPILED, MethodName, doing, refuse_other
+from anhyst.support.kinds import COMPILED, MethodName, capability, refuse_other
 from anhyst.support.toml_file import take_rig
 
 
@@ -168,9 +168,14 @@ def prepare_bench(
     rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None = None
 ) -> Prepared:
     """Compile and build all that the virtual bench of a rig needs."""
+    return _bench_of(rig, controller).prepare(rig, controller, folder, progress)
+
+
+def _bench_of(rig: PathLike, controller: PathLike | None) -> HasBench:
+    """Return the record of the kind of a rig; refuse a controller file where it takes none."""
     kind = take_rig(rig, "live")
     kind.refuse_options("live", {"--controller": controller})
-    return doing(kind, HasBench).prepare(rig, controller, folder, progress)
+    return capability(kind, HasBench)
 
 
 def prepare_bearing(
@@ -283,8 +288,8 @@ def _keep(prepared: Prepared, place: Path) -> None:
 def _key(rig_path: PathLike, controller_path: PathLike | None) -> str:
     """Return a name for all that goes into a bench."""
     digest = hashlib.sha256(computed_with())
-    kind = doing(take_rig(rig_path, "live"), HasBench)
-    for path in [*kind.files(rig_path, controller_path), *_sources()]:
+    files = _bench_of(rig_path, controller_path).files
+    for path in [*files(rig_path, controller_path), *_sources()]:
         digest.update(f"\0{path}\0{path.resolve()}\0".encode())
         with suppress(OSError):  # whoever reads it says what is wrong
             digest.update(hashlib.sha256(path.read_bytes()).digest())

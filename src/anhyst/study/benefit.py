@@ -39,7 +39,7 @@ from anhyst.study.piezo import measure as measure_stack
 from anhyst.study.plants import drifted_rig, force_plants, piezo_plants, stage_plants
 from anhyst.support import running_version
 from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import MethodName, doing
+from anhyst.support.kinds import MethodName, capability
 from anhyst.support.numeric import FloatArray
 
 WIDTHS = (0.5, 1.0, 2.0)
@@ -386,7 +386,7 @@ def benefit_of_plants(
 
 def _map_plants(work: _PlantWork) -> tuple[list[MapCell], tuple[Metric, ...]]:
     """Run one iron behind every method."""
-    kind = doing(work.rig.settings.kind, HasIrons)
+    kind = capability(work.rig.settings.kind, HasIrons)
     loops, plants = kind.with_iron(work.rig, work.fraction, work.scale)
     share = reversal_share(loops)
     label = "" if share is None else label_of(share)

@@ -28,8 +28,8 @@ class FileKind:
     verbs: tuple[str, ...] = ()  # that take one as their first argument
     # why another verb has no use for it, where there is more to say than that
     reasons: Mapping[str, str] = field(default_factory=dict)
-    taken: str = ""  # what takes it, where no verb does
-    # by verb, its options that not every kind has a use for and this one has
+    use: str = ""  # what it is used for, where no verb takes it as its first argument
+    # by verb: the options that only some kinds take, and that this kind does
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
@@ -38,18 +38,18 @@ class FileKind:
         return self.word
 
     @property
-    def taken_by(self) -> str:
-        """Say what takes such a file."""
-        if self.taken:
-            return self.taken
+    def usage(self) -> str:
+        """Say which verbs take such a file, or what else it is used for."""
+        if self.use or not self.verbs:
+            return self.use or "no verb takes it"
         return f"anhyst {_listed(self.verbs, 'and')} take{'s' if len(self.verbs) == 1 else ''} it"
 
     def has_option(self, verb: str, option: str) -> bool:
-        """Whether an option that not every kind has a use for is for this one."""
+        """Whether an option of a verb that only some kinds take is for this one."""
         return option in self.options.get(verb, ())
 
     def refuse_options(self, verb: str, given: Mapping[str, object]) -> None:
-        """Refuse such options of a verb that are given, not None, and not for this kind."""
+        """Refuse options of a verb that are given (not None) and that this kind does not take."""
         refused = [
             name
             for name, value in given.items()
@@ -73,20 +73,20 @@ CONTROLLER = FileKind(
     "anhyst-controller",
     "a controller file",
     "controller files",
-    taken="anhyst simulate, tune, compile and live take it with --controller",
+    use="anhyst simulate, tune, compile and live take it with --controller",
 )
 CALIBRATION = FileKind(
     "anhyst-calibration",
     "a calibration",
     "calibrations",
-    taken="a rig file names it as control.calibration",
+    use="a rig file names it as control.calibration",
 )
 COMPILED = FileKind("compiled folder", "a compiled folder", "compiled folders", ("verify", "live"))
 PACKAGE = FileKind(
     "package",
     "a package of an ecosystem",
     "packages of ecosystems",
-    taken="compile again without --package for it",
+    use="compile again without --package for it",
 )
 MEASUREMENT = FileKind(
     "measurement",
@@ -99,12 +99,12 @@ UNKNOWN = FileKind("", "a file of unknown kind", "files of unknown kind")
 """What says nothing of itself or cannot be read."""
 
 
-Work = TypeVar("Work")
+Needed = TypeVar("Needed")
 
 
-def doing(kind: FileKind, work: type[Work]) -> Work:
-    """Return the record of a kind of rig as what does the work of a verb, stated by a protocol."""
-    for method in (name for name in vars(work) if not name.startswith("_")):
+def capability(kind: FileKind, needed: type[Needed]) -> Needed:
+    """Return the record of a kind of rig typed as a protocol; refuse one that lacks a method of it."""
+    for method in (name for name in vars(needed) if not name.startswith("_")):
         try:
             getattr(kind, method)
         except (AttributeError, ImportError) as error:
@@ -114,7 +114,7 @@ def doing(kind: FileKind, work: type[Work]) -> Work:
                 code="not-installed",
                 key="control.kind",
             ) from error
-    return cast(Work, kind)
+    return cast(Needed, kind)
 
 
 OWN = "anhyst.kinds."
@@ -230,7 +230,7 @@ def refuse_other(
         needed = f"{verb} is for {names}{reason}"
     else:
         needed = f"{_listed([one.title for one in taken], 'or')} is needed"
-    raise InputError(f"{path}: this is {kind.title}; {needed}; {kind.taken_by}", code="wrong-kind")
+    raise InputError(f"{path}: this is {kind.title}; {needed}; {kind.usage}", code="wrong-kind")
 
 
 def _listed(words: Sequence[str], last: str) -> str:

@@ -100,7 +100,7 @@ def compile(  # noqa: A001
     from anhyst.support.atomic import check_path
     from anhyst.support.errors import InputError
     from anhyst.support.kinds import MODEL as MODEL_FILE
-    from anhyst.support.kinds import doing, kind_of
+    from anhyst.support.kinds import capability, kind_of
 
     check_path(out, "compile: out")
     if not isinstance(model, Model):
@@ -117,7 +117,7 @@ def compile(  # noqa: A001
                     key=option,
                 )
         request = StageRequest(kind, io or "f32", rate, name)
-        return doing(rig, HasController).compile_controller(model, out, request, progress)
+        return capability(rig, HasController).compile_controller(model, out, request, progress)
     if kind == "single-valued":
         raise InputError(
             "--kind: single-valued is for the rig file of a stage; give full, simplified or play",

@@ -133,7 +133,7 @@ def simulate(
     from anhyst.support.atomic import check_path
     from anhyst.support.errors import InputError
     from anhyst.support.jobs import workers_of
-    from anhyst.support.kinds import doing
+    from anhyst.support.kinds import capability
     from anhyst.support.toml_file import take_rig
 
     check_path(rig, "simulate: rig", "the path of a rig file")
@@ -152,12 +152,12 @@ def simulate(
     task = SimulationTask(rig, controller, Path(out or "-"), out is not None, progress)
     with workers_of(scheduler):
         if monte_carlo is not None:
-            return run_plants(doing(kind, HasSimulation), task, monte_carlo)
+            return run_plants(capability(kind, HasSimulation), task, monte_carlo)
         if benefit:
-            return map_benefit(doing(kind, HasSimulation), task)
+            return map_benefit(capability(kind, HasSimulation), task)
         if board is not None:
-            return doing(kind, HasBoard).run_board(task, board)
-        return doing(kind, HasSimulation).simulate(task)
+            return capability(kind, HasBoard).run_board(task, board)
+        return capability(kind, HasSimulation).simulate(task)
 
 
 def warnings(result: Studied) -> Sequence[str]:
@@ -174,7 +174,7 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.benefit import Benefit
     from anhyst.study.engine.monte_carlo import MonteCarlo
-    from anhyst.support.kinds import doing
+    from anhyst.support.kinds import capability
     from anhyst.support.toml_file import take_rig
 
     out = given["out"]
@@ -185,7 +185,7 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
     elif isinstance(result, MonteCarlo):
         yield from lines_of(result, plants.printed(result), files_written(result, out))
     else:
-        kind = doing(take_rig(given["rig"], "simulate"), HasSimulation)
+        kind = capability(take_rig(given["rig"], "simulate"), HasSimulation)
         yield from lines_of(result, kind.printed(result), kind.written(result, out))
 
 

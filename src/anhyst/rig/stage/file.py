@@ -70,7 +70,7 @@ def read_stage(path: PathLike) -> BodyRig:
 def files_of_stage(path: PathLike, controller: PathLike | None) -> list[Path]:
     """Return the rig file and all files that it names."""
     del controller
-    rig = read_stage(path)
+    rig = BodyRig(Path(path), read_rig_file(path, "tracking"))
     taught = [] if rig.calibration is None else [rig.calibration]
     return [rig.path, *taught, *rig.measured.files]
 

@@ -37,7 +37,7 @@ from anhyst.study.excite.design import (
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.kinds import doing
+from anhyst.support.kinds import capability
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import take_rig
 from anhyst.support.toml_text import toml_key, toml_value
@@ -65,7 +65,7 @@ class HasSpecimen(Protocol):
 
 def read_specimen(path: PathLike) -> ReadSpecimen:
     """Read a rig file of any kind."""
-    return doing(take_rig(path, "excite"), HasSpecimen).specimen(path)
+    return capability(take_rig(path, "excite"), HasSpecimen).specimen(path)
 
 
 def read_stack_specimen(path: PathLike) -> ReadSpecimen:

@@ -27,7 +27,7 @@ from anhyst.study.tracking.learner import fit
 from anhyst.study.tracking.motion import MOVED, Motion, MotionLaw, refuse_uncalibratable
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.errors import InputError, wrong_type
-from anhyst.support.kinds import MethodName, doing
+from anhyst.support.kinds import MethodName, capability
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, columns_of
 from anhyst.support.toml_file import take_rig
@@ -261,7 +261,7 @@ def calibrate(
     if not isinstance(rig, BodyRig):
         check_path(rig, "calibrate: rig", "the path of a rig file")
     kind = rig.settings.kind if isinstance(rig, BodyRig) else take_rig(rig, "calibrate")
-    calibrates = doing(kind, HasCalibration)
+    calibrates = capability(kind, HasCalibration)
     whole = rig if isinstance(rig, BodyRig) else calibrates.read(rig)
     alone = isinstance(recordings, Recording | str | Path)
     if not alone and not isinstance(recordings, Sequence):

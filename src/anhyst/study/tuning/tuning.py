@@ -44,7 +44,7 @@ from anhyst.study.tuning.trial import Tunable
 from anhyst.support.atomic import PathLike, check_writable, seen_from
 from anhyst.support.errors import InputError, Interrupted
 from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import PROBED, MethodName, doing
+from anhyst.support.kinds import PROBED, MethodName, capability
 from anhyst.support.toml_file import take_rig
 from anhyst.support.toml_text import Path as KeyPath
 
@@ -84,7 +84,7 @@ def tune(
         },
     )
     begin, used = time.perf_counter(), _processor_time()
-    tunes = doing(kind, HasTuning)
+    tunes = capability(kind, HasTuning)
     subject = tunes.tuning(rig, controller, crossover)
     aims = subject.completed(aims)
     names = subject.names() if all_variants else (subject.own,)
