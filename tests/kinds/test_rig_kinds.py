@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import inspect
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -74,6 +76,11 @@ def test_the_files_of_an_example_are_those_that_it_names(folder: str, word: str)
     named = {file.name for file in files}
     assert ("controller.toml" in named) == (word == "levitation")
     assert any(name.startswith("loops") for name in named) == (word != "displacement")
+
+
+def test_a_record_is_copied_and_has_its_places_then() -> None:
+    kind = rig_kinds()["levitation"]
+    assert vars(copy.copy(kind)) == vars(pickle.loads(pickle.dumps(kind))) == vars(kind)
 
 
 def test_a_kind_is_known_before_its_work_is_imported() -> None:

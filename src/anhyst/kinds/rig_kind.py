@@ -19,7 +19,8 @@ class RigKind(FileKind):
     protocols of all verbs of the kind:
 
     - ``simulate``: :class:`anhyst.reports.studies.HasSimulation`, with the option ``--board`` also
-      :class:`anhyst.reports.studies.HasBoard`
+      :class:`anhyst.reports.studies.HasBoard`; where ``benefit`` is
+      :func:`anhyst.reports.benefit.map_plants`, also :class:`anhyst.study.benefit.HasIrons`
     - ``tune``: :class:`anhyst.study.tuning.tuning.HasTuning`
     - ``excite``: :class:`anhyst.study.excite.excite.HasSpecimen`
     - ``calibrate``: :class:`anhyst.study.tracking.calibrate.HasCalibration`
@@ -40,7 +41,8 @@ class RigKind(FileKind):
 
     def __getattr__(self, method: str) -> Any:
         """Import the function of a method."""
-        if method.startswith("_") or method not in self.places:
-            raise AttributeError(f"{self.title} has no '{method}'", name=method, obj=self)
-        module, _, name = self.places[method].partition(":")
+        places: Mapping[str, str] = self.__dict__.get("places", {})  # none yet in a copy
+        if method not in places:
+            raise AttributeError(f"'{method}' is not among the places", name=method, obj=self)
+        module, _, name = places[method].partition(":")
         return getattr(import_module(module), name)
