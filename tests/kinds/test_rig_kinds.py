@@ -15,7 +15,7 @@ import pytest
 
 from anhyst.exchange.export import HasPart
 from anhyst.kinds.rig_kind import RigKind
-from anhyst.reports.studies import HasBoard, HasSimulation
+from anhyst.reports.studies import HasBenefit, HasBoard, HasPlants, HasSimulation
 from anhyst.study.bench import HasBench
 from anhyst.study.benefit import HasIrons
 from anhyst.study.excite.excite import HasSpecimen
@@ -27,7 +27,7 @@ from anhyst.support.kinds import RIG_FORMAT, capability, kind_of, rig_kinds
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 PROTOCOLS: dict[str, tuple[type, ...]] = {
-    "simulate": (HasSimulation,),
+    "simulate": (HasSimulation, HasPlants, HasBenefit),
     "tune": (HasTuning,),
     "excite": (HasSpecimen,),
     "calibrate": (HasCalibration,),
@@ -101,6 +101,7 @@ from anhyst.study.engine.table import Judgement, StudyResult
 
 
 class Heated(StudyResult):
+    kind = "oven"
     lost_in = []
     verdict = Judgement("yes", "it is warm")
 
@@ -118,6 +119,8 @@ class Heated(StudyResult):
 
 
 def simulate(task):
+    if task.written:
+        task.out.write_text("kelvin\\n300\\n")
     return Heated()
 
 
@@ -129,27 +132,12 @@ def written(result, out):
     return f"{out}"
 
 
-def read(rig):
-    return rig
-
-
-def files(rig, controller):
-    return [Path(rig)]
-
-
-def none(*_):
-    raise AssertionError
-
-
 OVEN = RigKind(
     word="oven",
     title="an oven",
     plural="ovens",
     verbs=("simulate", "export"),
-    places={
-        **{name: f"oven:{name}" for name in ("simulate", "printed", "written", "read", "files")},
-        **dict.fromkeys(("plants", "benefit"), "oven:none"),
-    },
+    places={name: f"oven:{name}" for name in ("simulate", "printed", "written")},
     reasons={"tune": "it has a switch and nothing else"},
 )
 """
@@ -188,6 +176,7 @@ def test_an_installed_package_adds_a_kind_of_rig(oven: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "it is warm" in done.stdout
     assert "300 K" in done.stdout
+    assert (oven / "run.csv").is_file()
     refused = run(oven, "tune", "rig.toml", "--out", "tuned")
     assert refused.returncode == 2
     assert "rig.toml: this is an oven; tune is for bearings, piezo stages and stages" in (
@@ -204,8 +193,11 @@ def test_an_installed_package_adds_a_kind_of_rig(oven: Path) -> None:
 def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> None:
     refused = run(oven, "export", "rig.toml", "--as", "simulink", "--out", "block")
     assert refused.returncode == 2
-    assert "the package that adds 'oven' does not say how to 'part'" in refused.stderr
-    with pytest.raises(InputError, match="does not say how to 'tuning'"):
+    assert "'part' of the kind 'oven' cannot be used ('part' is not among" in refused.stderr
+    refused = run(oven, "simulate", "rig.toml", "--out", "p.jsonl", "--monte-carlo", "2")
+    assert refused.returncode == 2
+    assert "'files' of the kind 'oven' cannot be used" in refused.stderr
+    with pytest.raises(InputError, match="'tuning' of the kind 'force'"):
         capability(rig_kinds()["force"], HasTuning)
 
 
@@ -214,8 +206,24 @@ def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> Non
     [
         ("oven = other:OVEN", "import none_such", "other adds it and cannot be loaded"),
         ("oven = other:NONE", "", "other adds it and cannot be loaded"),
-        ("oven = other:OVEN", "OVEN = 1", "other adds no record of that name"),
-        ("oven = other:OVEN", OVEN.replace('"oven"', '"stove"'), "other adds no record of that"),
+        ("oven = other:OVEN", "raise SystemExit(3)", "other adds it and cannot be loaded"),
+        ("oven = other:OVEN", "OVEN = 1", "other adds it, and its record is no RigKind"),
+        (
+            "oven = other:OVEN",
+            OVEN.replace('"oven"', '"stove"'),
+            "other adds it, and its record has",
+        ),
+        (
+            "oven = other:OVEN",
+            OVEN.replace('"ovens"', "None"),
+            "other adds it, and title or plural",
+        ),
+        (
+            "oven = other:OVEN",
+            OVEN.replace('("simulate", "export")', '("watch")'),
+            "other adds it, an",
+        ),
+        ("oven = anhyst.kinds.nosuch:OVEN", "", "other adds it and cannot be loaded"),
     ],
 )
 def test_a_package_that_cannot_be_used_disturbs_its_own_files_alone(
@@ -235,7 +243,7 @@ def test_two_packages_of_one_kind_are_named_and_neither_is_used(oven: Path) -> N
     install(oven, "stove", "oven = stove:OVEN", OVEN)
     refused = run(oven, "simulate", "rig.toml", "--out", "run.csv")
     assert refused.returncode == 2
-    assert "is not the only package that adds it; remove one" in refused.stderr
+    assert "both add it; remove one of them" in refused.stderr
 
 
 def test_a_package_does_not_replace_a_kind_of_anhyst(tmp_path: Path) -> None:

@@ -141,7 +141,7 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
     with prepared_once(rig, None):
         assert len(prepares) == 1
     with (
-        pytest.raises(InputError, match="a piezo stage has no --controller"),
+        pytest.raises(InputError, match="a piezo stage has no controller"),
         prepared_once(rig, rig),
     ):
         pass  # kept before, and refused all the same

@@ -14,13 +14,14 @@ from anhyst.support.kinds import RIG_FORMAT, FileKind
 class RigKind(FileKind):
     """A kind of rig: its name, the verbs that take it, and where the work of each is done.
 
-    A package registers an instance as an entry point of the group ``anhyst.kinds``. What a verb
-    asks of a kind is a protocol beside the work of that verb, and `places` has the methods of the
-    protocols of all verbs of the kind:
+    A package registers an instance as an entry point of the group ``anhyst.kinds``, whose name is
+    the word. What a verb asks of a kind is a protocol beside the work of that verb, and `places`
+    has the methods of the protocols of all verbs of the kind:
 
-    - ``simulate``: :class:`anhyst.reports.studies.HasSimulation`, with the option ``--board`` also
-      :class:`anhyst.reports.studies.HasBoard`; where ``benefit`` is
-      :func:`anhyst.reports.benefit.map_plants`, also :class:`anhyst.study.benefit.HasIrons`
+    - ``simulate``: :class:`anhyst.reports.studies.HasSimulation`; with the option ``--board`` also
+      ``HasBoard``, ``--monte-carlo`` ``HasPlants`` and ``--benefit`` ``HasBenefit`` of that module;
+      where ``benefit`` is :func:`anhyst.reports.benefit.map_plants`, also
+      :class:`anhyst.study.benefit.HasIrons`
     - ``tune``: :class:`anhyst.study.tuning.tuning.HasTuning`
     - ``excite``: :class:`anhyst.study.excite.excite.HasSpecimen`
     - ``calibrate``: :class:`anhyst.study.tracking.calibrate.HasCalibration`
@@ -29,6 +30,12 @@ class RigKind(FileKind):
     - ``compile``: :class:`anhyst.study.tracking.compiled.HasController`
 
     A function is imported when it is first asked for, so that the kind of a file is known at once.
+    The module of the record is imported by every verb that takes a file: it should import nothing
+    heavy and print nothing.
+
+    `options` names, by verb, the options that this kind takes and others do not: ``--controller``,
+    ``--board``, ``--calibrate``, and the aims of ``tune``. `reasons` says, by verb, why a verb that
+    the kind does not list has no use for it.
     """
 
     # module and name of the function of each method, "package.module:function"

@@ -98,7 +98,7 @@ def simulate(task: SimulationTask) -> PiezoTracking:
     """Follow the triangle of a piezo stage with and without compensation."""
     rig, picture = read_piezo_rig(task.rig), task.out.with_suffix(".svg")
     if task.written:
-        check_writable(picture)
+        check_writable(picture, [rig.path])
     tracked = task.study(lambda: track(rig), render, [rig.path])
     if task.written:
         write_svg(figure_tracking(tracked), picture)

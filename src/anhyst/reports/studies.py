@@ -42,14 +42,12 @@ Studied = Simulated | MonteCarlo | Benefit | BoardComparison
 class HasSimulation(Protocol):
     """A kind of rig that can be simulated."""
 
-    def read(self, rig: PathLike) -> AnyRig:
-        """Read a rig file."""
-
-    def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
-        """Return the rig file, and all files that it and a controller file name."""
-
     def simulate(self, task: SimulationTask) -> Simulated:
-        """Run it with and without compensation."""
+        """Run it with and without compensation.
+
+        It also writes ``task.out`` with figures and page, where ``task.written`` says so;
+        :meth:`anhyst.reports.study.task.SimulationTask.study` does this.
+        """
 
     def printed(self, result: StudyResult) -> Printed:
         """Return what a terminal shows of that, beside losses and verdict."""
@@ -57,10 +55,27 @@ class HasSimulation(Protocol):
     def written(self, result: StudyResult, out: Path) -> str:
         """Say what was written of that."""
 
+
+class HasPlants(Protocol):
+    """A kind of rig whose drifted plants can be run."""
+
+    def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
+        """Return the rig file, and all files that it and a controller file name."""
+
     def plants(
         self, rig: PathLike, controller: PathLike | None, progress: Progress | None
     ) -> Plants:
         """Read what plants that have drifted are run with."""
+
+
+class HasBenefit(Protocol):
+    """A kind of rig of which a map of the benefit can be made."""
+
+    def read(self, rig: PathLike) -> AnyRig:
+        """Read a rig file."""
+
+    def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
+        """Return the rig file, and all files that it and a controller file name."""
 
     def benefit(self, rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
         """Return what compensation gains on other irons, and its page."""
@@ -73,7 +88,7 @@ class HasBoard(Protocol):
         """Run the firmware on a board."""
 
 
-def monte_carlo(kind: HasSimulation, task: SimulationTask, count: int) -> MonteCarlo:
+def monte_carlo(kind: HasPlants, task: SimulationTask, count: int) -> MonteCarlo:
     """Run plants that have drifted; goes on with what the file holds."""
     task.must_end(".jsonl", "results of a Monte Carlo are")
     figures, files = task.out.parent / MONTE_CARLO, kind.files(task.rig, task.controller)
@@ -88,7 +103,7 @@ def monte_carlo(kind: HasSimulation, task: SimulationTask, count: int) -> MonteC
     return runs
 
 
-def map_benefit(kind: HasSimulation, task: SimulationTask) -> Benefit:
+def map_benefit(kind: HasBenefit, task: SimulationTask) -> Benefit:
     """Map what compensation gains on other irons."""
     task.must_end(".json", "the map is")
     files = kind.files(task.rig, task.controller)

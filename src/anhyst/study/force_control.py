@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -78,6 +78,7 @@ class ForceControl(StudyResult):
         Of the compiled C, if the rig was made from loops.
     """
 
+    kind: ClassVar = "force"
     rig: Rig
     out: Path
     figures: dict[str, Any]

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -76,6 +76,7 @@ class PiezoTracking(StudyResult):
         From the name of a compensation to its run.
     """
 
+    kind: ClassVar = "displacement"
     rig: PiezoRig
     runs: Mapping[str, Recording]
 

@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Literal, TypeVar, cast
@@ -105,52 +106,76 @@ Needed = TypeVar("Needed")
 def capability(kind: FileKind, needed: type[Needed]) -> Needed:
     """Return the record of a kind of rig typed as a protocol; refuse one that lacks a method of it."""
     for method in (name for name in vars(needed) if not name.startswith("_")):
+        why = "it is no function"
         try:
-            getattr(kind, method)
-        except (AttributeError, ImportError) as error:
-            raise InputError(
-                f"control.kind: the package that adds '{kind.word}' does not say how to "
-                f"'{method}' ({error}); update it, or ask its author",
-                code="not-installed",
-                key="control.kind",
-            ) from error
+            if callable(getattr(kind, method)):
+                continue
+        except Exception as error:
+            why = str(error)
+        raise InputError(
+            f"control.kind: '{method}' of the kind '{kind.word}' cannot be used ({why}); ask the "
+            "author of the package that adds it",
+            code="not-installed",
+            key="control.kind",
+        )
     return cast(Needed, kind)
 
 
-OWN = "anhyst.kinds."
-"""Where the records of anhyst itself are; no other package replaces them."""
+_OWN = {
+    "levitation": "anhyst.kinds.bearing:BEARING",
+    "tracking": "anhyst.kinds.stage:STAGE",
+    "force": "anhyst.kinds.force:FORCE",
+    "displacement": "anhyst.kinds.piezo:PIEZO",
+}
+"""Where the records of anhyst itself are; no package replaces them."""
+RIG_VERBS = ("simulate", "tune", "excite", "calibrate", "live", "export", "compile")
+"""Verbs that a kind of another package can have."""
 
 
 @cache
 def _registered() -> tuple[Mapping[str, FileKind], Mapping[str, str]]:
     """Return the records of all kinds of rigs by their words, and why others cannot be used."""
-    own: dict[str, FileKind] = {}
-    others: dict[str, FileKind] = {}
+    others: dict[str, tuple[FileKind, str]] = {}
     unusable: dict[str, str] = {}
     for point in entry_points(group="anhyst.kinds"):
         word, package = point.name, point.dist.name if point.dist else point.value
-        if point.value.startswith(OWN):
-            own[word] = point.load()
-            continue
         try:
             record = point.load()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             unusable[word] = f"{package} adds it and cannot be loaded ({error}); update it"
             continue
-        if not isinstance(record, FileKind) or record.word != word:
-            unusable[word] = f"{package} adds no record of that name; update it"
-        elif others.setdefault(word, record) is not record:
-            unusable[word] = f"{package} is not the only package that adds it; remove one"
-    every = {word: kind for word, kind in others.items() if word not in unusable} | own
+        if fault := _fault_of(record, word):
+            unusable[word] = f"{package} adds it, {fault}; update it"
+        elif others.setdefault(word, (record, package))[0] is not record:
+            unusable[word] = f"{others[word][1]} and {package} both add it; remove one of them"
+    every = {word: one for word, (one, _) in others.items() if word not in unusable}
+    for word, place in _OWN.items():
+        module, _, name = place.partition(":")
+        every[word] = getattr(import_module(module), name)
     kinds = sorted(every.values(), key=lambda kind: kind.plural)
     return {kind.word: kind for kind in kinds}, unusable
+
+
+def _fault_of(record: object, word: str) -> str:
+    """Say what keeps a record of another package from being used; empty where nothing does."""
+    if not isinstance(record, FileKind) or record.format != RIG_FORMAT:
+        return "and its record is no RigKind"
+    if record.word != word:
+        return "and its record has another word"
+    if not isinstance(record.title, str) or not isinstance(record.plural, str):
+        return "and title or plural are no texts"
+    if not isinstance(record.verbs, tuple) or not {*record.verbs} <= {*RIG_VERBS}:
+        return f"and its verbs are no tuple of {', '.join(RIG_VERBS)}"
+    tables = (record.reasons, record.options, getattr(record, "places", None))
+    return "" if all(isinstance(one, Mapping) for one in tables) else "and a table of it is none"
 
 
 def rig_kinds() -> Mapping[str, FileKind]:
     """Return the kinds of rigs by their words, in the order in which messages list them.
 
-    They are the records of the entry points ``anhyst.kinds`` of all installed packages; each is a
-    :class:`anhyst.kinds.rig_kind.RigKind`, and the entry point has the name of its word.
+    They are the four of anhyst, and the records of the entry points ``anhyst.kinds`` of all other
+    installed packages; each is a :class:`anhyst.kinds.rig_kind.RigKind`, and its entry point has the
+    name of its word.
     """
     return _registered()[0]
 

@@ -199,13 +199,17 @@ def check_kind(file: TomlFile, taken: Collection[FileKind]) -> FileKind:
     kind = refuse_other(file.path, taken, kind_in_file=kind_in(file.content))
     if kind is UNKNOWN:
         names = " or ".join(kind.title for kind in taken)
-        control = file.content.get("control")
+        control, rigs = (
+            file.content.get("control"),
+            [one for one in taken if one.format == RIG_FORMAT],
+        )
         why = why_unusable(control.get("kind")) if isinstance(control, dict) else ""
         if file.content.get("format") == RIG_FORMAT and why:
             file.add(("control", "kind"), why, code="not-installed")
-        elif file.content.get("format") == RIG_FORMAT:
-            controls = " or ".join(f'"{kind.word}"' for kind in taken)
-            file.add(("control", "kind"), f"must be {controls}; is this {names}?", "wrong-format")
+        elif file.content.get("format") == RIG_FORMAT and rigs:
+            controls = " or ".join(f'"{kind.word}"' for kind in rigs)
+            text = f"must be {controls}; is this {names}, or a kind whose package is not installed?"
+            file.add(("control", "kind"), text, "wrong-format")
         else:
             formats = " or ".join(sorted({f'"{kind.format}"' for kind in taken}))
             file.add(("format",), f"must be {formats}; is this {names}?", code="wrong-format")

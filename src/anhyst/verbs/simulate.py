@@ -124,7 +124,9 @@ def simulate(
     anhyst simulate examples/stage/rig.toml --out run/scan.csv
     """
     from anhyst.reports.studies import (
+        HasBenefit,
         HasBoard,
+        HasPlants,
         HasSimulation,
         map_benefit,
     )
@@ -152,9 +154,9 @@ def simulate(
     task = SimulationTask(rig, controller, Path(out or "-"), out is not None, progress)
     with workers_of(scheduler):
         if monte_carlo is not None:
-            return run_plants(capability(kind, HasSimulation), task, monte_carlo)
+            return run_plants(capability(kind, HasPlants), task, monte_carlo)
         if benefit:
-            return map_benefit(capability(kind, HasSimulation), task)
+            return map_benefit(capability(kind, HasBenefit), task)
         if board is not None:
             return capability(kind, HasBoard).run_board(task, board)
         return capability(kind, HasSimulation).simulate(task)
@@ -174,8 +176,7 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.benefit import Benefit
     from anhyst.study.engine.monte_carlo import MonteCarlo
-    from anhyst.support.kinds import capability
-    from anhyst.support.toml_file import take_rig
+    from anhyst.support.kinds import capability, rig_kinds
 
     out = given["out"]
     if isinstance(result, BoardComparison):
@@ -185,7 +186,7 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
     elif isinstance(result, MonteCarlo):
         yield from lines_of(result, plants.printed(result), files_written(result, out))
     else:
-        kind = capability(take_rig(given["rig"], "simulate"), HasSimulation)
+        kind = capability(rig_kinds()[result.kind], HasSimulation)
         yield from lines_of(result, kind.printed(result), kind.written(result, out))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.control.controller_file import ControllerFile
@@ -92,6 +92,7 @@ class Simulation(StudyResult):
         What ``figures.json`` holds; infinite where a level was not reached, null in the file.
     """
 
+    kind: ClassVar = "levitation"
     rig: BodyRig
     controller: ControllerFile
     knowledge: IdentifiedMagnet

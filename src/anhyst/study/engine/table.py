@@ -13,7 +13,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -277,6 +277,8 @@ class StudyResult(Result):
     """What a study gives: its figures, a verdict, and in what the loop was lost."""
 
     __slots__ = ()
+    kind: ClassVar[str]
+    """Of the rig that was simulated: the word of its record."""
 
     @property
     @abstractmethod

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy.optimize import minimize
@@ -239,6 +239,7 @@ class TrackingStudy(StudyResult):
         What became of the compensator's own stage without each magnet that the rig file loses.
     """
 
+    kind: ClassVar = "tracking"
     rig: BodyRig
     tried: Mapping[MethodName, TriedVariant]
     left_out: Mapping[MethodName, str]
