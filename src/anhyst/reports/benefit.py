@@ -18,7 +18,7 @@ from anhyst.reports.bearing.page import plant_text, structure
 from anhyst.reports.study.page import INK, SHADE, hashes, origin, page_text, picture
 from anhyst.reports.study.task import SimulationTask
 from anhyst.rig.body import BodyRig
-from anhyst.study.bearing.operating import make_ready, read_files
+from anhyst.study.bearing.operating import controller_of, make_ready
 from anhyst.study.benefit import AnyRig, Benefit, Comparison, MapCell, benefit, benefit_of_plants
 from anhyst.study.engine.table import Metric
 from anhyst.support.figures import ALARM, new_figure, styled
@@ -186,9 +186,9 @@ def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, com
     return page_text("Magnetic bearing", head, sections)
 
 
-def map_bearing(_: BodyRig, task: SimulationTask) -> tuple[Benefit, str]:
+def map_bearing(rig: BodyRig, task: SimulationTask) -> tuple[Benefit, str]:
     """Return what compensation gains over width and reversible part of the loops, and its page."""
-    ready = make_ready(*read_files(task.rig, task.controller))
+    ready = make_ready(rig, controller_of(rig, task.controller))
     gains = benefit(ready.rig, ready.controller, progress=task.progress)
     command = task.command(" --benefit")
     return gains, render_bearing(ready.rig, ready.controller, gains, command)

@@ -245,29 +245,23 @@ MOST = 20
 _FIRMWARE, _PICKLE = "firmware", "prepared.pickle"
 
 
-def _is_own(kind: HasBench) -> bool:
-    """Whether anhyst itself prepares a bench: what the code of others is at, no key says."""
-    return kind.prepare.__module__.startswith("anhyst.")
-
-
 @contextmanager
 def prepared_once(
     rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
 ) -> Iterator[Prepared]:
     """Prepare a bench, or take what was prepared of the same files before."""
-    if not _is_own(_bench_of(rig_path, controller_path)):
-        with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
-            yield prepare_bench(rig_path, controller_path, Path(folder), progress)
-        return
-    place = cache_folder("benches") / _key(rig_path, controller_path)
-    prepared_before = _load(place)
+    kind = _bench_of(rig_path, controller_path)
+    is_kept = kind.prepare.__module__.startswith("anhyst.")  # no key knows the code of others
+    place = cache_folder("benches") / _key(kind.files(rig_path, controller_path))
+    prepared_before = _load(place) if is_kept else None
     if prepared_before is not None:
         yield prepared_before
         return
     with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
         prepared = prepare_bench(rig_path, controller_path, Path(folder), progress)
-        with suppress(OSError):
-            _keep(prepared, place)
+        if is_kept:
+            with suppress(OSError):
+                _keep(prepared, place)
         yield prepared
 
 
@@ -294,11 +288,10 @@ def _keep(prepared: Prepared, place: Path) -> None:
     forget(place.parent, MOST)
 
 
-def _key(rig_path: PathLike, controller_path: PathLike | None) -> str:
+def _key(files: Sequence[Path]) -> str:
     """Return a name for all that goes into a bench."""
     digest = hashlib.sha256(computed_with())
-    files = _bench_of(rig_path, controller_path).files
-    for path in [*files(rig_path, controller_path), *_sources()]:
+    for path in [*files, *_sources()]:
         digest.update(f"\0{path}\0{path.resolve()}\0".encode())
         with suppress(OSError):  # whoever reads it says what is wrong
             digest.update(hashlib.sha256(path.read_bytes()).digest())

@@ -306,8 +306,12 @@ def read_files(
 ) -> tuple[BodyRig, ControllerFile]:
     """Read a rig file and a controller file, which lies beside it if it is not named."""
     rig = read_bearing(rig_path)
-    beside = rig.path.parent / "controller.toml"
-    return rig, read_controller(beside if controller_path is None else controller_path)
+    return rig, controller_of(rig, controller_path)
+
+
+def controller_of(rig: BodyRig, path: PathLike | None) -> ControllerFile:
+    """Read the controller file of a bearing, which lies beside the rig file if it is not named."""
+    return read_controller(rig.path.parent / "controller.toml" if path is None else path)
 
 
 def files_of_bearing(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.control.controller_file import ControllerFile
 from anhyst.data.headers import without_word
 from anhyst.data.table import read_columns
 from anhyst.model.actuator import has_layers
@@ -21,7 +21,7 @@ from anhyst.rig.drift import untaught
 from anhyst.rig.fitting import IdentifiedMagnet
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.loop import identify_stage
-from anhyst.study.bearing.operating import make_ready
+from anhyst.study.bearing.operating import controller_of, make_ready
 from anhyst.study.tracking.bodies import BearingLaw, law_of
 from anhyst.study.tracking.learner import fit
 from anhyst.study.tracking.motion import MOVED, Motion, MotionLaw, refuse_uncalibratable
@@ -238,7 +238,7 @@ def bearing_laws(
 ) -> tuple[Laws, IdentifiedMagnet]:
     """Return the same of a bearing."""
     if not isinstance(controller, ControllerFile):
-        controller = read_controller(controller or rig.path.parent / "controller.toml")
+        controller = controller_of(rig, controller)
     ready = make_ready(untaught(rig), controller)
     known = magnet or ready.knowledge()
     return partial(BearingLaw, ready.rig, controller.settings, known), known
