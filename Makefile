@@ -24,9 +24,9 @@ BIN := .venv/bin
 PARALLEL := --numprocesses auto --maxprocesses 8 --dist worksteal
 
 C_SOURCES := $(shell find core plant firmware tests/core tests/exchange tests/firmware tests/plant -name '*.c' -o -name '*.h') \
-	$(wildcard src/anhyst/_core/*.cpp src/anhyst/_core/*.h src/anhyst/exchange/fmu/*.[ch])
+	$(wildcard packages/anhyst/src/anhyst/_core/*.cpp packages/anhyst/src/anhyst/_core/*.h packages/anhyst-exchange/src/anhyst_exchange/fmu/*.[ch])
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
-	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
+	$(shell find core plant packages/anhyst/src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
 .PHONY: demo test test-all held campaign check docs house messages prove prove-all bench build wheel format \
 	clean fuzz truths \

@@ -15,16 +15,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.rig.body import BodyRig
-from anhyst.rig.drift import changed, draw_plant
-from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
-from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.tracking.bodies import law_of
-from anhyst.study.tracking.excitation import design, fly
-from anhyst.study.tracking.learner import Learner, fit
-from anhyst.study.tracking.measures import cross_talk, measure, still_axes
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.drift import changed, draw_plant
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.tracking.bodies import law_of
+from anhyst_rigs.study.tracking.excitation import design, fly
+from anhyst_rigs.study.tracking.learner import Learner, fit
+from anhyst_rigs.study.tracking.measures import cross_talk, measure, still_axes
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray

@@ -11,18 +11,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.rig.bearing.loop import BearingSetup, make_setup
-from anhyst.rig.body import BodyRig, read_bearing
-from anhyst.rig.case_table import TrajectoryCase
-from anhyst.rig.drift import changed, with_iron
-from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
-from anhyst.rig.measuring import measure_loops
-from anhyst.rig.parts.iron import CellSteel
-from anhyst.rig.sensor_table import GapSensorTable
-from anhyst.study.bearing import experiments
-from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
-from anhyst.study.bearing.responses import StepCell, compare_steps, default_seeds
-from anhyst.study.engine.table import CaseFigures
+from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
+from anhyst_rigs.rig.body import BodyRig, read_bearing
+from anhyst_rigs.rig.case_table import TrajectoryCase
+from anhyst_rigs.rig.drift import changed, with_iron
+from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
+from anhyst_rigs.rig.measuring import measure_loops
+from anhyst_rigs.rig.parts.iron import CellSteel
+from anhyst_rigs.rig.sensor_table import GapSensorTable
+from anhyst_rigs.study.bearing import experiments
+from anhyst_rigs.study.bearing.operating import OperatingPoint, find_operating_point
+from anhyst_rigs.study.bearing.responses import StepCell, compare_steps, default_seeds
+from anhyst_rigs.study.engine.table import CaseFigures
 from anhyst.support.kinds import MethodName, NumberFormat
 from rows import ROOT, Row
 

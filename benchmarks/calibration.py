@@ -16,15 +16,15 @@ import numpy as np
 
 import balancing
 import levitated
-from anhyst.rig.body import BodyRig
-from anhyst.rig.calibration import CalibratedMethod
-from anhyst.rig.drift import changed
-from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.measuring import measure_loops
-from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import StageSetup, identify_stage, track
-from anhyst.study.tracking.learner import FORGET_S, WORK, Learner
-from anhyst.study.tracking.measures import Measures
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.calibration import CalibratedMethod
+from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.fitting import IdentifiedMagnet
+from anhyst_rigs.rig.measuring import measure_loops
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import StageSetup, identify_stage, track
+from anhyst_rigs.study.tracking.learner import FORGET_S, WORK, Learner
+from anhyst_rigs.study.tracking.measures import Measures
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
 from calibration_trials import (

@@ -19,22 +19,22 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.rig.body import BodyRig
-from anhyst.rig.calibration import CalibratedMethod
-from anhyst.rig.drift import Drift, changed, draw_drift
-from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import Feedforward, StageSetup, track
-from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.plants import ERRORS
-from anhyst.study.tracking.bodies import law_of
-from anhyst.study.tracking.compiled import compiled_rig
-from anhyst.study.tracking.excitation import design
-from anhyst.study.tracking.learner import FORGET_S, WORK, Learner, fit
-from anhyst.study.tracking.measures import Measures, measure
-from anhyst.study.tracking.motion import MotionLaw
-from anhyst.study.tracking.simulate import find_gains
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.calibration import CalibratedMethod
+from anhyst_rigs.rig.drift import Drift, changed, draw_drift
+from anhyst_rigs.rig.fitting import IdentifiedMagnet
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
+from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
+from anhyst_rigs.study.plants import ERRORS
+from anhyst_rigs.study.tracking.bodies import law_of
+from anhyst_rigs.study.tracking.compiled import compiled_rig
+from anhyst_rigs.study.tracking.excitation import design
+from anhyst_rigs.study.tracking.learner import FORGET_S, WORK, Learner, fit
+from anhyst_rigs.study.tracking.measures import Measures, measure
+from anhyst_rigs.study.tracking.motion import MotionLaw
+from anhyst_rigs.study.tracking.simulate import find_gains
 from anhyst.support.kinds import MethodName
 from tracking import RIG
 

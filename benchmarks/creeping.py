@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.rig.body import BodyRig
-from anhyst.rig.fitting import IdentifiedMagnet, identify_magnet
-from anhyst.rig.measuring import measure_loops
-from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import identify_stage, make_stage, track
-from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.tracking.measures import measure
-from anhyst.study.tracking.simulate import find_gains
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
+from anhyst_rigs.rig.measuring import measure_loops
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import identify_stage, make_stage, track
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.tracking.measures import measure
+from anhyst_rigs.study.tracking.simulate import find_gains
 from anhyst.support.errors import CreepWarning
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName

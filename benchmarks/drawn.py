@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
 from anhyst.data.path import History
-from anhyst.rig.parts.magnet import Poles
+from anhyst_rigs.rig.parts.magnet import Poles
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
 from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
@@ -31,7 +31,7 @@ COUNT: int = SETTINGS["count"]
 CYCLES = 3
 """Before a record: of all of it, or of the same loop."""
 
-_MADE_FROM = ("benchmarks/drawn*", "plant/**/*.[ch]", "src/anhyst/rig/parts/*.py")
+_MADE_FROM = ("benchmarks/drawn*", "plant/**/*.[ch]", "packages/anhyst-rigs/src/anhyst_rigs/rig/parts/*.py")
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from anhyst._core import Steel
-from anhyst.rig.parts.iron import CellSteel, DuhemSteel, PreisachSteel
+from anhyst_rigs.rig.parts.iron import CellSteel, DuhemSteel, PreisachSteel
 from anhyst.support.errors import InputError
 from drawn_irons import Iron, LangevinIron, PlantIron, SeriesIron, TellinenIron
 

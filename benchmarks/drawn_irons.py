@@ -16,7 +16,7 @@ import numpy as np
 
 from anhyst._core import Coil, Magnet, Piece, Steel
 from anhyst._core import langevin as langevin_curve
-from anhyst.rig.parts.magnet import Poles, circuit_numbers
+from anhyst_rigs.rig.parts.magnet import Poles, circuit_numbers
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 

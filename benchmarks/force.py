@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from anhyst.study.force_control import force_control
+from anhyst_rigs.study.force_control import force_control
 from rows import ROOT, Row, Stopwatch
 
 FOLDER = ROOT / "examples" / "solenoid"

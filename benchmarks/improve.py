@@ -12,17 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.dashboard.improver import Improver
-from anhyst.dashboard.orders import perform
-from anhyst.dashboard.session import LiveSession
+from anhyst_rigs.dashboard.improver import Improver
+from anhyst_rigs.dashboard.orders import perform
+from anhyst_rigs.dashboard.session import LiveSession
 from anhyst.data.reading import read_loops
-from anhyst.rig.bench.force import ForceBench
-from anhyst.rig.bench.protocol import Bench
-from anhyst.rig.force.file import read_rig
-from anhyst.study.bench import prepare_bench
-from anhyst.study.force_control import build_program
-from anhyst.study.improve import SAMPLES_HZ, BenchWatch
-from anhyst.study.prepared import PreparedForce
+from anhyst_rigs.rig.bench.force import ForceBench
+from anhyst_rigs.rig.bench.protocol import Bench
+from anhyst_rigs.rig.force.file import read_rig
+from anhyst_rigs.study.bench import prepare_bench
+from anhyst_rigs.study.force_control import build_program
+from anhyst_rigs.study.improve import SAMPLES_HZ, BenchWatch
+from anhyst_rigs.study.prepared import PreparedForce
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, State
 from rows import ROOT, Row

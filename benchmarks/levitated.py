@@ -22,17 +22,17 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from anhyst import Calibration, calibrate
-from anhyst.rig.bearing.loop import BearingSetup, fit_magnets, make_setup
-from anhyst.rig.bearing.scenario import parts_of_run
-from anhyst.rig.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant
-from anhyst.rig.fitting import calibrated, identify_magnet
-from anhyst.rig.loop import SimulatedLoop
-from anhyst.rig.measuring import measure_loops
-from anhyst.rig.parts.iron import IronEntry, NamedIron
-from anhyst.rig.recording import Recording
-from anhyst.study.bearing.experiments import following
-from anhyst.study.bearing.operating import Ready, make_ready, read_files
-from anhyst.study.plants import BearingWork
+from anhyst_rigs.rig.bearing.loop import BearingSetup, fit_magnets, make_setup
+from anhyst_rigs.rig.bearing.scenario import parts_of_run
+from anhyst_rigs.rig.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant
+from anhyst_rigs.rig.fitting import calibrated, identify_magnet
+from anhyst_rigs.rig.loop import SimulatedLoop
+from anhyst_rigs.rig.measuring import measure_loops
+from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.study.bearing.experiments import following
+from anhyst_rigs.study.bearing.operating import Ready, make_ready, read_files
+from anhyst_rigs.study.plants import BearingWork
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import rms

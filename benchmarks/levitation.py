@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from anhyst.study.bearing.on_board import QEMU, run_board
+from anhyst_rigs.study.bearing.on_board import QEMU, run_board
 from anhyst.support.errors import InputError
 from rows import ROOT, Row, Stopwatch
 

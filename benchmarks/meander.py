@@ -10,18 +10,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.rig.body import BodyRig
-from anhyst.rig.drift import NO_DRIFT, drifted_plant
-from anhyst.rig.loop import ClosedLoop, Scenario
-from anhyst.rig.plant import current_loops
-from anhyst.rig.stage.file import mass_matrix, read_stage, weight
-from anhyst.rig.stage.loop import (
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.drift import NO_DRIFT, drifted_plant
+from anhyst_rigs.rig.loop import ClosedLoop, Scenario
+from anhyst_rigs.rig.plant import current_loops
+from anhyst_rigs.rig.stage.file import mass_matrix, read_stage, weight
+from anhyst_rigs.rig.stage.loop import (
     StageSetup,
     identify_stage,
     make_stage,
     of_axes,
 )
-from anhyst.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, strayed
+from anhyst_rigs.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, strayed
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from planar import RIG

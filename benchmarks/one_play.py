@@ -19,8 +19,8 @@ from anhyst.compensate.sources import Operating, Sources
 from anhyst.compilation.play import Answer, CycleErrors, cycle_errors, worst
 from anhyst.data import Loops
 from anhyst.data.reading import read_loops
-from anhyst.rig.body import read_bearing
-from anhyst.rig.fitting import identify_magnet
+from anhyst_rigs.rig.body import read_bearing
+from anhyst_rigs.rig.fitting import identify_magnet
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, rms
 

@@ -19,11 +19,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from anhyst.dashboard.recording import start_recording
-from anhyst.dashboard.session import LiveSession
-from anhyst.dashboard.verb import listen_on, make_server, settle
-from anhyst.rig.bench.pace import going_first
-from anhyst.study.bench import open_bench
+from anhyst_rigs.dashboard.recording import start_recording
+from anhyst_rigs.dashboard.session import LiveSession
+from anhyst_rigs.dashboard.verb import listen_on, make_server, settle
+from anhyst_rigs.rig.bench.pace import going_first
+from anhyst_rigs.study.bench import open_bench
 from anhyst.support.states import Command
 from rows import ROOT, Row
 

@@ -14,15 +14,15 @@ from functools import partial
 import numpy as np
 from tests.study.test_losses import laid
 
-from anhyst.rig.body import BodyRig
-from anhyst.rig.case_table import LossCase
-from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.measuring import measure_loops
-from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import Feedforward, identify_stage, make_stage, track
-from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.tracking.measures import Losses, cross_talk, measure
-from anhyst.study.tracking.simulate import (
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.case_table import LossCase
+from anhyst_rigs.rig.fitting import IdentifiedMagnet
+from anhyst_rigs.rig.measuring import measure_loops
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, identify_stage, make_stage, track
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.tracking.measures import Losses, cross_talk, measure
+from anhyst_rigs.study.tracking.simulate import (
     OF_AXES,
     TrackingStudy,
     explore_stage,

@@ -20,7 +20,7 @@ from types import ModuleType
 from typing import Any
 
 from anhyst.data.reading import read_loops
-from anhyst.study.force_control import force_control
+from anhyst_rigs.study.force_control import force_control
 from rows import ROOT, Row, Stopwatch
 from virtual import FILE
 

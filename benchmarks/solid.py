@@ -20,18 +20,18 @@ from anhyst.data import Loop
 from anhyst.data.speeds import speeds_of
 from anhyst.identification import identify
 from anhyst.model.actuator import Model, has_layers
-from anhyst.rig.bearing.loop import make_setup
-from anhyst.rig.drift import changed
-from anhyst.rig.fitting import identify_magnet
-from anhyst.rig.magnet_table import SolidTable
-from anhyst.rig.measuring import measure_loops
-from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import make_stage, track
-from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.bearing.operating import read_files
-from anhyst.study.bearing.responses import StepCell, compare_steps
-from anhyst.study.tracking.measures import Measures, measure
-from anhyst.study.tracking.simulate import find_gains
+from anhyst_rigs.rig.bearing.loop import make_setup
+from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.fitting import identify_magnet
+from anhyst_rigs.rig.magnet_table import SolidTable
+from anhyst_rigs.rig.measuring import measure_loops
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import make_stage, track
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.bearing.operating import read_files
+from anhyst_rigs.study.bearing.responses import StepCell, compare_steps
+from anhyst_rigs.study.tracking.measures import Measures, measure
+from anhyst_rigs.study.tracking.simulate import find_gains
 from anhyst.support.kinds import MethodName
 from rows import ROOT, Row
 from solid_magnets import COUNT, RINGS_FROM, SPEEDS, SolidMagnet, solid_magnet

@@ -13,15 +13,15 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import TypeAdapter
 
-from anhyst.rig.body import BodyRig
-from anhyst.rig.drift import changed
-from anhyst.rig.fitting import IdentifiedMagnet
-from anhyst.rig.measuring import measure_loops
-from anhyst.rig.parts.iron import IronEntry, NamedIron
-from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import identify_stage, make_stage, track
-from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.fitting import IdentifiedMagnet
+from anhyst_rigs.rig.measuring import measure_loops
+from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import identify_stage, make_stage, track
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.tracking.simulate import TrackingStudy, explore_stage
 from anhyst.support.kinds import MethodName
 from rows import ROOT, Row
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 
-from anhyst.rig.parts.iron import DuhemSteel, PreisachSteel
+from anhyst_rigs.rig.parts.iron import DuhemSteel, PreisachSteel
 from rows import ROOT
 
 FILE = ROOT / "examples" / "irons" / "irons.toml"

@@ -40,20 +40,20 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from anhyst.reports import write_report
-from anhyst.reports.study.page import interval_text, line_of
-from anhyst.rig.bearing.loop import make_setups
-from anhyst.rig.bearing.scenario import steps_up_and_down
-from anhyst.rig.fitting import identify_magnet
-from anhyst.rig.loop import SimulatedLoop
-from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import StageSetup, track
-from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.bearing.operating import make_ready, read_files
-from anhyst.study.bearing.responses import compare_steps, default_seeds, grouped, judge_steps
-from anhyst.study.engine.table import TITLES, Interval, mean_interval, strongest
-from anhyst.study.tracking.measures import Measures, measure
-from anhyst.study.tracking.simulate import find_gains, make_variants
+from anhyst_rigs.reports.study.page import interval_text, line_of
+from anhyst_rigs.rig.bearing.loop import make_setups
+from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
+from anhyst_rigs.rig.fitting import identify_magnet
+from anhyst_rigs.rig.loop import SimulatedLoop
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import StageSetup, track
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.responses import compare_steps, default_seeds, grouped, judge_steps
+from anhyst_rigs.study.engine.table import TITLES, Interval, mean_interval, strongest
+from anhyst_rigs.study.tracking.measures import Measures, measure
+from anhyst_rigs.study.tracking.simulate import find_gains, make_variants
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray

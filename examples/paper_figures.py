@@ -36,7 +36,7 @@ from anhyst.data.reading import read_loops
 from anhyst.identification import IdentifyResult, identify
 from anhyst.identification.paper_search import spline_model_at
 from anhyst.model.actuator import Model
-from anhyst.reports.model.figures import figure_reduction
+from anhyst.reports.figures import figure_reduction
 from anhyst.support.errors import InputError
 from anhyst.support.figures import ALARM, FALLING, MEASURED, RISING, new_figure, styled, write_png
 from anhyst.support.numeric import FloatArray

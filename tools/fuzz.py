@@ -20,7 +20,7 @@ from pathlib import Path
 
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
-from anhyst.link.firmware import actuator_defines
+from anhyst_rigs.link.firmware import actuator_defines
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.model.schema import ValidRange

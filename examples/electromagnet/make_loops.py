@@ -1,7 +1,7 @@
 """Simulate the force-current loops of this folder.
 
 The magnet is described in ``magnet.toml``. Its iron is a stack of pinned cells
-(:class:`anhyst.rig.parts.iron.CellSteel`). Unlike a Jiles-Atherton material this one does not
+(:class:`anhyst_rigs.rig.parts.iron.CellSteel`). Unlike a Jiles-Atherton material this one does not
 creep: a minor loop closes at once and stays.
 
 Run it again and the same bytes come out: ``python make_loops.py [--out DIR]``.
@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from anhyst._core import Piece
-from anhyst.rig.parts.iron import CellSteel
+from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 

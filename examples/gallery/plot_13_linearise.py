@@ -13,7 +13,7 @@ import anhyst
 
 rig = anhyst.example_files("bearing")["rig.toml"]
 gaps = np.linspace(0.35e-3, 0.6e-3, 6)
-poles = [anhyst.linearise(rig, gap=gap).poles().real.max() for gap in gaps]
+poles = [anhyst_rigs.linearise(rig, gap=gap).poles().real.max() for gap in gaps]
 figure, ax = plt.subplots(layout="constrained")
 ax.plot(1e3 * gaps, np.array(poles) / (2.0 * np.pi), "o-")
 ax.set_xlabel("gap [mm]")

@@ -1,7 +1,7 @@
 """Simulate force-current loops of the bundled electromagnet with another iron.
 
 Winding, poles, drive and sensors are those of ``../electromagnet/magnet.toml``; the irons stand in
-``irons.toml``. The magnet is the plant's (``anhyst.rig.parts.magnet``).
+``irons.toml``. The magnet is the plant's (``anhyst_rigs.rig.parts.magnet``).
 
 ``python make_loops.py NAME --out DIR`` writes the loops as the sensors read them, and three truths
 without noise: loops at unseen gaps, a gap that moves under random reversals of the current, and small
@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from anhyst._core import Coil, Magnet
-from anhyst.rig.parts.iron import IronEntry, NamedIron
-from anhyst.rig.parts.magnet import Poles, iron_magnet
+from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
+from anhyst_rigs.rig.parts.magnet import Poles, iron_magnet
 from anhyst.support.numeric import FloatArray, sine
 
 HERE = Path(__file__).resolve().parent

@@ -3,7 +3,7 @@
 ``python make_loops.py --out DIR`` writes ``loops.csv`` as sensors read it, and without noise
 ``unseen.csv``: a prestress between two of them. Run it again and the same bytes come out.
 
-The rod is a Preisach iron (``anhyst.rig.parts.iron``), no law of the package, whose relays are the
+The rod is a Preisach iron (``anhyst_rigs.rig.parts.iron``), no law of the package, whose relays are the
 harder to turn, the larger the prestress. Its strain is even in the polarisation J, and no plain
 square: ``lambda_s*(s + tip*s**2)`` with ``s = (J/J_s)**2``. A magnet biases it: the field of the coil
 counts from there.
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import Piece
-from anhyst.rig.parts.iron import PreisachSteel
+from anhyst_rigs.rig.parts.iron import PreisachSteel
 from anhyst.support.units import MU_0
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 ``python make_loops.py --out DIR`` writes ``loops.csv`` as the sensor reads it, and without noise:
 ``unseen.csv``, random reversals at another pace, and ``rates.csv``, full cycles at rising rates. Run
-it again and the same bytes come out. The stage is that of ``anhyst.rig.piezo``.
+it again and the same bytes come out. The stage is that of ``anhyst_rigs.rig.piezo``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.data.formats.text import write_csv
-from anhyst.rig.piezo import PiezoRig, read_piezo_rig
+from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.support.numeric import FloatArray
 
 HERE = Path(__file__).resolve().parent

@@ -15,9 +15,9 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from anhyst.rig.force.file import Rig, read_rig
-from anhyst.rig.measurement_table import MeasurementTable
-from anhyst.rig.measuring import conditioning, measure_place
+from anhyst_rigs.rig.force.file import Rig, read_rig
+from anhyst_rigs.rig.measurement_table import MeasurementTable
+from anhyst_rigs.rig.measuring import conditioning, measure_place
 
 HERE = Path(__file__).resolve().parent
 NOTES = """\

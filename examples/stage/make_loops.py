@@ -1,6 +1,6 @@
 """Simulate the force-current loops of this folder's stage.
 
-Magnet, sensors and measurement are described in ``rig.toml``; what they do is in ``anhyst.rig.parts``
+Magnet, sensors and measurement are described in ``rig.toml``; what they do is in ``anhyst_rigs.rig.parts``
 and ``plant/``: iron of pinned cells, not a Jiles-Atherton material, in a circuit with two gaps. The
 mass is held, so ``gap_m`` is exact; current and force are what the rig's own sensors read.
 
@@ -12,8 +12,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from anhyst.rig.measuring import loop_texts, measure_loops
-from anhyst.rig.stage.file import read_stage
+from anhyst_rigs.rig.measuring import loop_texts, measure_loops
+from anhyst_rigs.rig.stage.file import read_stage
 
 HERE = Path(__file__).resolve().parent
 NOTES = """\

@@ -19,10 +19,10 @@ from anhyst.cli.generate import Verb, add_command, read_verbs
 from anhyst.cli.reading import read_options
 from anhyst.compensate.block import Kind
 from anhyst.compensate.force_controller import Io
-from anhyst.exchange import export
+from anhyst_exchange import export
 from anhyst.laws import LAWS
-from anhyst.study.tracking.compiled import StageKind
-from anhyst.study.tuning import search
+from anhyst_rigs.study.tracking.compiled import StageKind
+from anhyst_rigs.study.tuning import search
 from anhyst.verification.verify import HOST_STEPS, TARGET_STEPS
 
 VERBS = {verb.name: verb for verb in read_verbs()}

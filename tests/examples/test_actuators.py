@@ -14,7 +14,7 @@ import pytest
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.model.actuator import obstacle
-from anhyst.rig.piezo import read_piezo_rig
+from anhyst_rigs.rig.piezo import read_piezo_rig
 from tests.cli.command import quick, unwrapped
 from tests.identification.truths import noisy
 

@@ -10,8 +10,8 @@ import pytest
 
 from anhyst._core import Coil, Piece
 from anhyst.data.reading import read_loops
-from anhyst.rig.parts.iron import AnySteel
-from anhyst.rig.parts.magnet import iron_magnet
+from anhyst_rigs.rig.parts.iron import AnySteel
+from anhyst_rigs.rig.parts.magnet import iron_magnet
 from anhyst.support.numeric import FloatArray
 from tests.plant.irons import FOLDER, STEELS, generator
 

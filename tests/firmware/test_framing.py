@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.link import frames
+from anhyst_rigs.link import frames
 
 from .build import ROOT, compile_c, tool
 

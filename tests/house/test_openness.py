@@ -16,19 +16,19 @@ from typer.testing import CliRunner
 
 from anhyst.cli.app import app
 from anhyst.cli.printing import printer
-from anhyst.dashboard.verb import opened
+from anhyst_rigs.dashboard.verb import opened
 from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS
-from anhyst.exchange.export import export_fmu
+from anhyst_exchange.export import export_fmu
 from anhyst.identification import identify
 from anhyst.laws import LAWS
-from anhyst.link import firmware
+from anhyst_rigs.link import firmware
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.parameters import Parameter
-from anhyst.rig.parts.magnet import ACTUATORS
-from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import identify_stage
-from anhyst.study.bench import prepared_once
+from anhyst_rigs.rig.parts.magnet import ACTUATORS
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import identify_stage
+from anhyst_rigs.study.bench import prepared_once
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
 from anhyst.support.units import QUANTITIES

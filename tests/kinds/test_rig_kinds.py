@@ -13,15 +13,15 @@ from typing import Any
 
 import pytest
 
-from anhyst.exchange.export import HasPart
-from anhyst.kinds.rig_kind import RigKind
-from anhyst.reports.studies import HasBenefit, HasBoard, HasPlants, HasSimulation
-from anhyst.study.bench import HasBench
-from anhyst.study.benefit import HasIrons
-from anhyst.study.excite.excite import HasSpecimen
-from anhyst.study.tracking.calibrate import HasCalibration
-from anhyst.study.tracking.compiled import HasController
-from anhyst.study.tuning.tuning import HasTuning
+from anhyst_exchange.export import HasPart
+from anhyst_rigs.kinds.rig_kind import RigKind
+from anhyst_rigs.reports.studies import HasBenefit, HasBoard, HasPlants, HasSimulation
+from anhyst_rigs.study.bench import HasBench
+from anhyst_rigs.study.benefit import HasIrons
+from anhyst_rigs.study.excite.excite import HasSpecimen
+from anhyst_rigs.study.tracking.calibrate import HasCalibration
+from anhyst_rigs.study.tracking.compiled import HasController
+from anhyst_rigs.study.tuning.tuning import HasTuning
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import RIG_FORMAT, capability, kind_of, rig_kinds
 
@@ -95,9 +95,9 @@ def test_a_kind_is_known_before_its_work_is_imported() -> None:
 
 OVEN = """
 from pathlib import Path
-from anhyst.kinds.rig_kind import RigKind
-from anhyst.reports.study.page import Printed
-from anhyst.study.engine.table import Judgement, StudyResult
+from anhyst_rigs.kinds.rig_kind import RigKind
+from anhyst_rigs.reports.study.page import Printed
+from anhyst_rigs.study.engine.table import Judgement, StudyResult
 
 
 class Heated(StudyResult):
@@ -149,7 +149,7 @@ def install(folder: Path, name: str, entry: str, text: str) -> None:
     about.mkdir(parents=True)
     (folder / "package" / f"{name}.py").write_text(text)
     (about / "METADATA").write_text(f"Name: {name}\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text(f"[anhyst.kinds]\n{entry}\n")
+    (about / "entry_points.txt").write_text(f"[anhyst_rigs.kinds]\n{entry}\n")
 
 
 @pytest.fixture
@@ -223,7 +223,7 @@ def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> Non
             OVEN.replace('("simulate", "export")', '("watch")'),
             "other adds it, an",
         ),
-        ("oven = anhyst.kinds.nosuch:OVEN", "", "other adds it and cannot be loaded"),
+        ("oven = anhyst_rigs.kinds.nosuch:OVEN", "", "other adds it and cannot be loaded"),
     ],
 )
 def test_a_package_that_cannot_be_used_disturbs_its_own_files_alone(

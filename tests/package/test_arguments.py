@@ -49,12 +49,12 @@ PATH_VERBS: dict[str, Callable[[Any], object]] = {
     "tune: rig": lambda value: anhyst.tune(value, "new"),
     "force_control: rig": lambda value: anhyst.force_control(value, "new"),
     "excite: rig": lambda value: anhyst.excite(value, "new.csv"),
-    "excite_to_calibrate: rig": lambda value: anhyst.excite_to_calibrate(value, "new.csv"),
+    "excite_to_calibrate: rig": lambda value: anhyst_rigs.excite_to_calibrate(value, "new.csv"),
     "calibrate: rig": lambda value: anhyst.calibrate(value, "run.csv"),
     "convert: source": lambda value: anhyst.convert(value, "new.csv"),
     "fleet: magnets": lambda value: anhyst.fleet(value, "new"),
     "live: rig": anhyst.live,
-    "linearise: rig": anhyst.linearise,
+    "linearise: rig": anhyst_rigs.linearise,
 }
 WRONG = [3, 2.5, True, np.zeros(3), object(), [3], b"".join]
 

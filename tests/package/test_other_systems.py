@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from tools.wheel import run
 
-from anhyst.link.firmware import build
+from anhyst_rigs.link.firmware import build
 from tests.cli.command import anhyst
 from tests.link.handmade import write_parameters
 
@@ -83,8 +83,8 @@ for words in {commands!r}:
 
 REFUSED = """
 from pathlib import Path
-from anhyst.link.firmware import check_compiler
-from anhyst.link.virtual_boards import HOST_LINK, find_qemu
+from anhyst_rigs.link.firmware import check_compiler
+from anhyst_rigs.link.virtual_boards import HOST_LINK, find_qemu
 from anhyst.support.errors import InputError
 
 print(HOST_LINK)

@@ -1,0 +1,358 @@
+"""The verb ``export``: a model or a rig file, as an FMU or in any other form that tools read."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from anhyst.compilation.toolchain import zig_cc
+from anhyst.data.formats.text import write_csv
+from anhyst_exchange.part import (
+    MODEL,
+    WRAPPER,
+    FmiVersion,
+    Kind,
+    Part,
+    actuator_part,
+    build_description,
+    compensator_part,
+    model_description,
+)
+from anhyst.model.actuator import MODEL_SOURCES, Model, model_from
+from anhyst.support import running_version
+from anhyst.support.atomic import (
+    PathLike,
+    atomic_writer,
+    check_path,
+    check_writable,
+    json_text,
+    whole_folder,
+    write_bytes,
+    write_files,
+)
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress, cores
+from anhyst.support.kept import c_name
+from anhyst.support.kinds import MODEL as MODEL_FILE
+from anhyst.support.kinds import capability, kinds_for
+from anhyst.support.toml_file import take_kind, take_rig
+
+
+@dataclass(frozen=True)
+class Platform:
+    """Where a binary runs: zig's target, the folder in FMI 2.0, the ending, what it is linked with."""
+
+    target: str
+    second: str
+    ending: str
+    links: tuple[str, ...]
+
+
+# Left to itself, zig first compiles the start-up code of Windows and a run-time library for each
+# processor, a minute and more. Sources that only compute, allocate and copy need neither: functions
+# of C come from the system's own library, and a library without constructors has no entry.
+_LINUX = ("-Wl,-z,defs", "-lc", "-lm")
+_MACOS = ("-lc",)
+_WINDOWS = (
+    "-Wl,--no-entry",
+    *(f"-lapi-ms-win-crt-{part}-l1-1-0" for part in ("heap", "math", "private", "string")),
+)
+
+PLATFORMS = {
+    "x86_64-linux": Platform("x86_64-linux-gnu.2.17", "linux64", ".so", _LINUX),
+    "aarch64-linux": Platform("aarch64-linux-gnu.2.17", "aarch64-linux", ".so", _LINUX),
+    "x86_64-windows": Platform("x86_64-windows-gnu", "win64", ".dll", _WINDOWS),
+    "x86_64-darwin": Platform("x86_64-macos", "darwin64", ".dylib", _MACOS),
+    "aarch64-darwin": Platform("aarch64-macos", "aarch64-darwin", ".dylib", _MACOS),
+}
+"""By the names of FMI 3.0."""
+PLATFORMS_ALL = tuple(PLATFORMS)
+
+SAME_BITS = ("-ffp-contract=off",)
+"""No product fused into a sum, as the core is compiled for Python."""
+
+
+def compile_all(
+    sources: Path, name: str, platforms: Sequence[str], progress: Progress | None
+) -> dict[str, bytes]:
+    """Compile all C of a folder to a library for each platform; return the libraries by platform."""
+    compiler = zig_cc("fmu")
+    files = sorted(path.relative_to(sources).as_posix() for path in sources.rglob("*.c"))
+
+    def compile_one(platform: str) -> bytes:
+        one = PLATFORMS[platform]
+        binary = sources.with_name(f"{platform}-{name}") / f"{name}{one.ending}"
+        binary.parent.mkdir()
+        options = ["-target", one.target, "-std=c99", "-O2", *SAME_BITS, "-I.", "-Iinclude"]
+        if one.links is _WINDOWS:  # without its start-up code, its headers have to be named
+            options += ["-isystem", str(_headers_of_windows())]
+        options += ["-shared", "-fPIC", "-s", "-nostdlib", "-o", str(binary)]
+        command = [*compiler, *options, *files, *one.links]
+        done = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise RuntimeError(f"{one.target}: {done.stderr.strip()[-500:]}")
+        return binary.read_bytes()
+
+    binaries = {}
+    with ThreadPoolExecutor(cores()) as pool:
+        jobs: dict[Future[bytes], str] = {pool.submit(compile_one, one): one for one in platforms}
+        for count, ready in enumerate(as_completed(jobs), start=1):
+            binaries[jobs[ready]] = ready.result()
+            if progress is not None:
+                progress(count, len(platforms))
+    return {platform: binaries[platform] for platform in platforms}
+
+
+def _headers_of_windows() -> Path:
+    """Return where zig keeps the headers of C for Windows."""
+    spec = importlib.util.find_spec("ziglang")
+    assert spec is not None
+    assert spec.origin is not None
+    return Path(spec.origin).parent / "lib" / "libc" / "include" / "any-windows-any"
+
+
+Of = Literal["compensator", "actuator"]
+_BEGIN_OF_TIME = (1980, 1, 1, 0, 0, 0)  # the same model gives the same file
+
+
+def export_fmu(
+    model: Model | PathLike,
+    out: PathLike,
+    *,
+    of: Of | None = None,
+    rate: float | None = None,
+    kind: Kind | None = None,
+    fmi: FmiVersion = "2.0",
+    platforms: Sequence[str] = PLATFORMS_ALL,
+    progress: Progress | None = None,
+) -> Path:
+    """Write an FMU for co-simulation: a model's compensator, the actuator itself, or a whole rig.
+
+    A compensator (demand and gap in, current out) computes at its own rate what the compiled
+    fixed-point C computes on a controller, bit for bit; between ticks inputs and outputs are held.
+    An actuator (current and gap in, force out) takes each step of the tool as one sample, as the
+    model's stepper does. A bearing (wanted gap and load in; gap, force and currents out), a stage
+    (set-point and feedforward in) or a piezo stage (wanted displacement in) is plant and controller
+    of ``anhyst simulate``, a force rig (demand and gap in; current and force out) those of ``anhyst
+    force-control``. States can be read, set and serialised.
+    """
+    path = Path(out)
+    if path.suffix != ".fmu":
+        raise InputError(f"{path}: an FMU is written as .fmu; name it so", code="wrong-ending")
+    for name in platforms:
+        if name not in PLATFORMS:
+            raise InputError(
+                f"platform '{name}' is unknown; use one of {', '.join(PLATFORMS)}",
+                code="unknown-platform",
+                key="platforms",
+            )
+    check_writable(path)
+    zig_cc("fmu")  # before anything is computed
+    part = part_of(model, of, rate, kind)
+    number = fmi[0]
+    wrapper = [path.name for path in WRAPPER.glob(f"fmi{number}*.c")]
+    wrapper += [f"fmi/{path.name}" for path in (WRAPPER / "fmi").glob(f"fmi{number}*.h")]
+    token, sources = part.complete(wrapper)
+    c_files = [name for name in sources if name.endswith(".c")]
+    files = {"modelDescription.xml": model_description(fmi, part, token, c_files)}
+    if fmi == "3.0":
+        files["sources/buildDescription.xml"] = build_description(c_files)
+    files |= {f"sources/{name}": text for name, text in sources.items()}
+    files |= _binaries(sources, fmi, platforms, progress)
+    with tempfile.TemporaryFile() as whole:
+        with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, content in files.items():
+                archive.writestr(zipfile.ZipInfo(name, _BEGIN_OF_TIME), content)
+        whole.seek(0)
+        write_bytes(path, whole.read())
+    return path
+
+
+class HasPart(Protocol):
+    """A kind of rig that other simulations can contain."""
+
+    def part(self, rig: PathLike) -> Part:
+        """Return plant and controller of a rig file as C, with inputs and outputs."""
+
+
+def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Kind | None) -> Part:
+    """Return the part of a model that is asked for."""
+    if not isinstance(model, Model):
+        check_path(model, "export: model", f"{MODEL_SOURCES} or of a rig file")
+    if not isinstance(model, Model) and take_kind(model, kinds_for("export")) is not MODEL_FILE:
+        for name, value in (("--of", of), ("--rate", rate), ("--kind", kind)):
+            if value is not None:
+                raise InputError(
+                    f"{name}: is of a model; the files of a rig say it, leave it out",
+                    code="option-not-for-this",
+                    key=name,
+                )
+        return capability(take_rig(model, "export"), HasPart).part(model)
+    if of == "actuator":
+        for name, value in (("--rate", rate), ("--kind", kind)):
+            if value is not None:
+                raise InputError(
+                    f"{name}: is of a compensator; an actuator answers at each step of the tool, "
+                    "leave it out",
+                    code="option-not-for-this",
+                    key=name,
+                )
+        return actuator_part(model_from(model, "export"))
+    if rate is None:
+        raise InputError(
+            "--rate: is missing; give the ticks a second of the compensator",
+            code="missing",
+            key="--rate",
+        )
+    return compensator_part(model, rate, kind or "full")
+
+
+def _binaries(
+    sources: Mapping[str, bytes],
+    fmi: FmiVersion,
+    platforms: Sequence[str],
+    progress: Progress | None,
+) -> dict[str, bytes]:
+    """Compile for every platform; return each binary by its place in the file."""
+    with tempfile.TemporaryDirectory(prefix="anhyst-fmu-") as scratch:
+        root = Path(scratch) / "sources"
+        for name, text in sources.items():
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            (root / name).write_bytes(text)
+        compiled = compile_all(root, MODEL, platforms, progress)
+    binaries = {}
+    for third, content in compiled.items():
+        one = PLATFORMS[third]
+        folder = one.second if fmi == "2.0" else third
+        binaries[f"binaries/{folder}/{MODEL}{one.ending}"] = content
+    return binaries
+
+
+def export_sfunction(
+    model: Model | PathLike,
+    out: PathLike,
+    *,
+    of: Of | None = None,
+    rate: float | None = None,
+    kind: Kind | None = None,
+) -> Path:
+    """Write a level-2 C S-function: sources, and the function that builds them in MATLAB.
+
+    It holds what :func:`~anhyst_exchange.export.export_fmu` puts into an FMU: outputs that follow
+    from the inputs of a sample are there at the next one. An actuator gets its sample time, s, as
+    the parameter of the block.
+    """
+    folder = Path(out)
+    if folder.is_dir() and any(folder.iterdir()) and not [*folder.glob("build_sfun_*.m")]:
+        raise InputError(
+            f"{folder}: holds other files; name a new folder", code="folder-holds-other-files"
+        )
+    part = part_of(model, of, rate, kind)
+    block = f"sfun_{c_name(part.name)}"
+    _, sources = part.complete(["sfunction.c"])
+    texts = {f"src/{name}": text.decode("utf-8") for name, text in sources.items()}
+    with whole_folder(folder, replace=True) as draft:
+        write_files(draft, texts | {f"build_{block}.m": _build_script(block, part, [*sources])})
+    return folder
+
+
+def _build_script(block: str, part: Part, sources: list[str]) -> str:
+    """Return the MATLAB function that compiles the sources."""
+    ports = [
+        f"%   {kind} {index}: {variable.name} ({variable.unit or '1'}), {variable.text}"
+        for kind in ("input", "output")
+        for index, variable in enumerate(part.named(kind), start=1)
+    ]
+    timed = (
+        f"%   It samples {part.rate:g} times a second."
+        if part.rate > 0.0
+        else "%   The parameter of the block is its sample time, s."
+    )
+    files = "".join(f"    '{name}'\n" for name in sources if name.endswith(".c"))
+    return "\n".join(
+        [
+            f"function build_{block}",
+            f"%BUILD_{block.upper()} Compile the S-function '{block}'; written by anhyst "
+            f"{running_version()}.",
+            f"%   {part.text}",
+            *ports,
+            timed,
+            "here = fileparts(mfilename('fullpath'));",
+            "names = {",
+            f"{files}}};",
+            "sources = cellfun(@(name) fullfile(here, 'src', name), names, 'UniformOutput', false);",
+            "include = {['-I' fullfile(here, 'src')], ['-I' fullfile(here, 'src', 'include')]};",
+            "flags = {};",
+            "if ~ispc % the bits of other builds: no product is fused into a sum",
+            "    flags = {'CFLAGS=$CFLAGS -std=c99 -ffp-contract=off'};",
+            "end",
+            f"mex('-DS_FUNCTION_NAME={block}', '-outdir', here, '-output', '{block}', ...",
+            "    include{:}, flags{:}, sources{:});",
+            "end\n",
+        ]
+    )
+
+
+POINTS, GAPS = 101, 11
+
+
+def export_tables(model: Model, out: PathLike) -> Path:
+    """Write the settled loop of a model over its valid range as tables.
+
+    A table holds the major loop alone: inner loops, and so hysteresis in use, need the model.
+    """
+    path = Path(out)
+    if path.suffix not in {".csv", ".json"}:
+        raise InputError(
+            f"{path}: tables are written as .csv or .json; name it so", code="wrong-ending"
+        )
+    check_writable(path)
+    ends, name = model.valid_range.schedule, model.output.column
+    at = np.array([0.0]) if ends is None else np.linspace(*ends, GAPS if ends[0] < ends[1] else 1)
+    places = [None if model.schedule is None else float(value) for value in at]
+    loops = [model.settled_loop(one, POINTS) for one in places]
+    axes = {model.input.column: loops[0][0][:POINTS]}
+    if model.schedule is not None:
+        axes = {model.schedule.column: at} | axes
+    branches = {
+        f"{name}_rising": np.array([output[:POINTS] for _, output in loops]),
+        f"{name}_falling": np.array([output[: POINTS - 1 : -1] for _, output in loops]),
+    }
+    if path.suffix == ".csv":
+        grid = np.meshgrid(*axes.values(), indexing="ij")
+        columns = dict(zip(axes, grid, strict=True)) | branches
+        write_csv(path, {head: values.ravel() for head, values in columns.items()})
+        return path
+    content = {head: values.tolist() for head, values in branches.items()}
+    about = {"format": "anhyst-tables", "model": model.name}
+    with atomic_writer(path) as stream:
+        stream.write(
+            json_text(about | {"axes": {k: v.tolist() for k, v in axes.items()}} | content)
+        )
+    return path
+
+
+As = Literal["fmu", "simulink", "lut"]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A file or a folder that was written."""
+
+    out: Path
+    form: As
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON, with its size in bytes."""
+        files = [self.out] if self.out.is_file() else [*self.out.rglob("*")]
+        size = sum(path.stat().st_size for path in files if path.is_file())
+        return {"out": str(self.out), "as": self.form, "bytes": size}

@@ -1,0 +1,40 @@
+"""FMUs for this machine, each made once however many tests and workers ask for it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import anhyst
+from anhyst_exchange.export import Of, export_fmu
+from anhyst_exchange.part import FmiVersion
+from anhyst.model.writer import model_text
+from tests.exchange.slave import HERE, RATE
+from tests.once import made_once
+from tests.truths import truth
+
+Fmu = Callable[[anhyst.Model, Of, FmiVersion], Path]
+
+
+@pytest.fixture(scope="session")
+def identified() -> anhyst.Model:
+    return truth("electromagnet-effective-field-reluctance")
+
+
+@pytest.fixture(scope="session")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
+    """Return the FMU of a model; a compensator ticks at :data:`RATE`."""
+
+    def made(model: anhyst.Model, of: Of, fmi: FmiVersion) -> Path:
+        rate = RATE if of == "compensator" else None
+
+        def make(folder: Path) -> None:
+            export_fmu(model, folder / "m.fmu", of=of, rate=rate, fmi=fmi, platforms=[HERE])
+
+        content = hashlib.sha256(f"{of} {fmi} {model_text(model)}".encode()).hexdigest()[:16]
+        return made_once(tmp_path_factory, f"fmu-{content}", make) / "m.fmu"
+
+    return made

@@ -1,0 +1,369 @@
+"""The signal generator, shapes that repeat and waves that end, and a bench whose target it moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from anhyst_rigs.rig.bench.protocol import Bench, Parameter
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
+from anhyst.support.units import Unit, parse_header, unit_of
+
+SHAPES: Mapping[str, Callable[[float], float]] = {
+    "step": lambda part: 1.0 if part < 0.5 else -1.0,
+    "triangle": lambda part: 1.0 - abs(4.0 * ((part + 0.25) % 1.0) - 2.0),
+    "sine": lambda part: math.sin(2.0 * math.pi * part),
+}
+"""Each over a period from 0 to 1, between -1 and 1."""
+
+LOWEST_HZ, HIGHEST_HZ = 0.01, 50.0
+
+
+class Wave(Protocol):
+    """What is added to the target."""
+
+    @property
+    def begin(self) -> int:
+        """Tick at which it begins."""
+
+    @property
+    def lasts(self) -> float:
+        """s, from its begin on; infinite until it is switched off."""
+
+    @property
+    def swing(self) -> tuple[float, float]:
+        """Smallest and largest of what it adds, m or N."""
+
+    def at(self, tick: int, rate: float) -> float:
+        """Return what is added to the target at a tick."""
+
+    def as_dict(self) -> dict[str, float | str]:
+        """Return what a page shows of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Generator:
+    """A shape around the target."""
+
+    shape: str  # one of :data:`SHAPES`
+    amplitude: float  # from the target to the peak, m or N as the target is; 0 or more
+    frequency: float  # Hz, 0.01 to 50
+    begin: int  # tick at which the first period begins
+
+    lasts: ClassVar[float] = math.inf
+
+    def __post_init__(self) -> None:
+        if self.shape not in SHAPES:
+            raise InputError(
+                f"generator: no shape '{self.shape}'; take {', '.join(SHAPES)}",
+                code="unknown-shape",
+                key="shape",
+            )
+        if not (math.isfinite(self.amplitude) and self.amplitude >= 0.0):
+            raise InputError(
+                "generator: the amplitude is not 0 or more", code="out-of-range", key="amplitude"
+            )
+        if not LOWEST_HZ <= self.frequency <= HIGHEST_HZ:
+            raise InputError(
+                f"generator: the frequency is not within {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz",
+                code="out-of-range",
+                key="frequency",
+            )
+
+    @property
+    def swing(self) -> tuple[float, float]:
+        """Smallest and largest of what it adds."""
+        return -self.amplitude, self.amplitude
+
+    def at(self, tick: int, rate: float) -> float:
+        """Return what is added to the target at a tick."""
+        return self.amplitude * SHAPES[self.shape](
+            ((tick - self.begin) * self.frequency / rate) % 1.0
+        )
+
+    def as_dict(self) -> dict[str, float | str]:
+        """Return what a page shows of it."""
+        return {
+            "shape": self.shape,
+            "amplitude": self.amplitude,
+            "frequency": self.frequency,
+        }
+
+
+LONGEST_S = 3600.0
+_ROWS_LEAST = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Chirp:
+    """A sine around the target whose frequency goes from one to another, in equal times per octave."""
+
+    amplitude: float  # m or N as the target is; 0 or more
+    low: float  # frequency at its begin and its end, Hz; 0.01 to 50, either may be the larger one
+    high: float
+    lasts: float  # s, up to 3600
+    begin: int  # tick at which it begins
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.amplitude) and self.amplitude >= 0.0):
+            raise InputError(
+                "chirp: the amplitude is not 0 or more", code="out-of-range", key="amplitude"
+            )
+        for value in (self.low, self.high):
+            if not LOWEST_HZ <= value <= HIGHEST_HZ:
+                raise InputError(
+                    f"chirp: {value:g} Hz is not within {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz",
+                    code="out-of-range",
+                    key="frequency",
+                )
+        if not 1.0 / min(self.low, self.high) <= self.lasts <= LONGEST_S:
+            raise InputError(
+                f"chirp: it lasts {self.lasts:g} s; choose at least a period of its slowest sine, "
+                f"{1.0 / min(self.low, self.high):g} s, and at most {LONGEST_S:g} s",
+                code="out-of-range",
+                key="lasts",
+            )
+
+    @property
+    def swing(self) -> tuple[float, float]:
+        """Smallest and largest of what it adds."""
+        return -self.amplitude, self.amplitude
+
+    def at(self, tick: int, rate: float) -> float:
+        """Return what is added to the target at a tick."""
+        time = (tick - self.begin) / rate
+        octaves = math.log(self.high / self.low) / self.lasts
+        turns = time if octaves == 0.0 else math.expm1(time * octaves) / octaves
+        return self.amplitude * math.sin(2.0 * math.pi * self.low * turns)
+
+    def as_dict(self) -> dict[str, float | str]:
+        """Return what a page shows of it."""
+        return {
+            "shape": "chirp",
+            "amplitude": self.amplitude,
+            "low": self.low,
+            "high": self.high,
+            "lasts": self.lasts,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class WaveTable:
+    """Values over time that are added to the target, straight between its rows."""
+
+    times: FloatArray  # s; from 0 on, rising; shape (n,)
+    values: FloatArray  # m or N as the target is; shape (n,)
+    begin: int  # tick at which it begins
+
+    @property
+    def lasts(self) -> float:
+        """Time of the last row, s."""
+        return float(self.times[-1])
+
+    @property
+    def swing(self) -> tuple[float, float]:
+        """Smallest and largest of what it adds."""
+        return float(self.values.min()), float(self.values.max())
+
+    def at(self, tick: int, rate: float) -> float:
+        """Return what is added to the target at a tick."""
+        return float(np.interp((tick - self.begin) / rate, self.times, self.values))
+
+    def as_dict(self) -> dict[str, float | str]:
+        """Return what a page shows of it."""
+        return {"shape": "own CSV", "rows": float(len(self.times)), "lasts": self.lasts}
+
+
+def read_table(text: str, unit: str, begin: int) -> WaveTable:
+    """Read one's own wave: a header ``t_s,gap_um`` with units, then rows of two numbers."""
+    lines = [
+        (number, [cell.strip() for cell in line.split(",")])
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not lines:
+        raise InputError(
+            "own CSV: holds no line; begin it with a header such as t_s,gap_um", code="no-data"
+        )
+    number, header = lines[0]
+    units = _units(number, header, unit)
+    rows: list[tuple[float, float]] = []
+    for number, cells in lines[1:]:
+        time, value = _row(number, cells, units)
+        last = rows[-1][0] if rows else -1.0
+        if time <= last:
+            raise InputError(
+                f"own CSV: line {number}: the time is not behind that of the row before",
+                code="time-not-rising",
+            )
+        if not rows and time != 0.0:
+            raise InputError(
+                f"own CSV: line {number}: the time does not begin at 0", code="time-not-from-zero"
+            )
+        rows.append((time, value))
+    if len(rows) < _ROWS_LEAST or rows[-1][0] > LONGEST_S:
+        raise InputError(
+            f"own CSV: {len(rows)} rows; at least {_ROWS_LEAST} and at most {LONGEST_S:g} s are needed",
+            code="rows-out-of-range",
+        )
+    table = np.array(rows)
+    return WaveTable(table[:, 0], table[:, 1], begin)
+
+
+def _units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
+    """Return the units of both columns."""
+    units = [one for one in (parse_header(cell).unit for cell in header) if one is not None]
+    if len(header) == len(units) == 2:
+        time, value = units
+        if time.dimension == "time" and value.dimension == unit_of(unit).dimension:
+            return time, value
+    kind = unit_of(unit).dimension
+    example = "gap_um" if unit == "m" else "F_N"
+    raise InputError(
+        f"own CSV: line {number}: no header of a time and a {kind} with their units, such as "
+        f"t_s,{example}",
+        code="no-header",
+    )
+
+
+def _row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float, float]:
+    if len(cells) != 2:
+        raise InputError(
+            f"own CSV: line {number}: {len(cells)} columns, not two", code="fields-missing"
+        )
+    row = []
+    for cell, unit in zip(cells, units, strict=True):
+        try:
+            value = unit.value_to_si(float(cell))
+        except ValueError:
+            raise InputError(
+                f"own CSV: line {number}: '{cell[:40]}' is no number", code="not-a-number"
+            ) from None
+        if not math.isfinite(value):
+            raise InputError(
+                f"own CSV: line {number}: '{cell[:40]}' is not finite", code="not-finite"
+            )
+        row.append(value)
+    return row[0], row[1]
+
+
+_STRETCH_S = 0.001
+"""Between two targets of a generator, s of the bench."""
+
+
+class DrivenBench(Bench):
+    """A bench around another: generator, target and load kept."""
+
+    def __init__(
+        self, bench: Bench, refused: Callable[[str], None], happened: Callable[[str], None]
+    ) -> None:
+        self.rate, self.every, self.keeps_time = bench.rate, bench.every, bench.keeps_time
+        self.signals, self.commands = bench.signals, bench.commands
+        self.aim, self.load_most = bench.aim, bench.load_most
+        self.body = getattr(bench, "body", None)
+        self.target = bench.aim.value
+        self._refused = refused
+        self._happened = happened
+        self.pulled: float | None = None
+        self._bench = bench
+        self._generator: Wave | None = None
+        self._stretch = max(1, round(_STRETCH_S * bench.rate))
+
+    @property
+    def tick(self) -> int:
+        """Number of the last tick."""
+        return self._bench.tick
+
+    @property
+    def generator(self) -> Wave | None:
+        """What is added to the target."""
+        return self._generator
+
+    def advance(self, ticks: int) -> FloatArray:
+        """Go on; a generator that runs sets the target every millisecond."""
+        parts, end = [], self.tick + ticks
+        while self.tick < end:
+            left = end - self.tick
+            if self._generator is not None:
+                self._follow(self._generator)
+                left = min(left, self._stretch)
+            parts.append(self._bench.advance(left))
+            self._heed(self._bench.news())
+            self.lost = self._bench.lost
+            if self.lost:
+                break
+        return np.concatenate(parts)
+
+    def _heed(self, news: Sequence[str]) -> None:
+        for text in news:
+            self._generator = None
+            self.target = self._bench.aim.value
+            self._happened(text)
+
+    def _follow(self, generator: Wave) -> None:
+        try:
+            if self.tick + 1 - generator.begin > generator.lasts * self.rate:
+                self.generate(None)
+                self._refused("it is over")
+            else:
+                self._bench.demand(self.target + generator.at(self.tick + 1, self.rate))
+        except InputError as refused:
+            self._generator = None
+            self._refused(str(refused))
+
+    def generate(self, generator: Wave | None) -> None:
+        """Start a generator around the target, or stop it and go back to the target."""
+        if generator is not None:
+            self._check(self.target, generator)
+        elif self._generator is None:
+            return
+        self._bench.demand(self.target)
+        self._generator = generator
+
+    def _check(self, target: float, generator: Wave) -> None:
+        aim, (least, most) = self.aim, generator.swing
+        if not aim.low <= target + least <= target + most <= aim.high:
+            raise InputError(
+                f"generator: {target + least:g} to {target + most:g} {aim.unit} is not within "
+                f"{aim.low:g} to {aim.high:g} {aim.unit}; set a target in between, or take less",
+                code="out-of-range",
+                key="generator",
+            )
+
+    def demand(self, value: float) -> None:
+        """Set the target, m or N; a generator goes on around it."""
+        if self._generator is not None:
+            self._check(value, self._generator)
+        self._bench.demand(value)
+        self.target = value
+
+    def load(self, force: float) -> None:
+        """Command a force to the load drive, N."""
+        self._bench.load(force)
+        self.pulled = force
+
+    def command(self, command: Command) -> None:
+        """Give a command. A stop ends the generator too, and a run of force begins at zero."""
+        if command is Command.STOP:
+            self._generator = None
+        self._bench.command(command)
+        if command is Command.RUN:
+            self.target = 0.0
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return all that may be changed."""
+        return self._bench.parameters()
+
+    def apply(self, values: Mapping[str, float]) -> int:
+        """Put parameters in force together; returns the first tick that uses them."""
+        return self._bench.apply(values)
+
+    def close(self) -> None:
+        """Let go of the rig."""
+        self._bench.close()

@@ -1,0 +1,113 @@
+"""Parameter sets: values in force, kept under a name in files of one folder."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from anhyst_rigs.rig.bench.protocol import Parameter
+from anhyst.support.atomic import atomic_writer, json_text
+from anhyst.support.errors import InputError
+
+ENDING = ".parameters.json"
+
+_FORMAT = "anhyst-parameters"
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,59}")
+_MOST = 200
+_LARGEST = 1 << 20
+
+
+class ParameterSets:
+    """The sets of a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.names: tuple[str, ...] = ()
+        self._look()
+
+    def save(self, name: str, parameters: Sequence[Parameter]) -> None:
+        """Write the values in force under a new name."""
+        path = self._path(name)
+        self._look()
+        if name in self.names:
+            raise InputError(
+                f"{path.name}: is there already; name a new set", code="exists-already"
+            )
+        if len(self.names) >= _MOST:
+            raise InputError(
+                f"sets: {_MOST} stand in the folder; remove some of their files",
+                code="too-many-sets",
+                key="sets",
+            )
+        values = {one.name: {"value": one.value, "unit": one.unit} for one in parameters}
+        saved = datetime.now(UTC).isoformat(timespec="seconds")
+        content = {"format": _FORMAT, "version": 1, "saved": saved, "parameters": values}
+        with atomic_writer(path) as file:
+            file.write(json_text(content))
+        self._look()
+
+    def read(self, name: str) -> dict[str, dict[str, Any]]:
+        """Return a set: value and unit of each parameter, by name."""
+        path = self._path(name)
+        try:
+            with path.open(encoding="utf-8") as file:
+                content = json.loads(file.read(_LARGEST))
+        except OSError as error:
+            raise InputError(f"{path.name}: {error.strerror}", code="cannot-be-read") from None
+        except ValueError:
+            content = None
+        if not isinstance(content, dict) or content.get("format") != _FORMAT:
+            raise InputError(f"{path.name}: is no parameter set", code="not-a-parameter-set")
+        values = content.get("parameters")
+        if not isinstance(values, dict):
+            raise InputError(
+                f"{path.name}: parameters: are missing", code="missing", key="parameters"
+            )
+        return {str(key): _entry(path.name, key, one) for key, one in values.items()}
+
+    def _path(self, name: str) -> Path:
+        if not _NAME.fullmatch(name):
+            raise InputError(
+                "set: a name is of letters, digits, blanks, points, _ and -, without a folder",
+                code="bad-name",
+                key="set",
+            )
+        return self._folder / f"{name}{ENDING}"
+
+    def _look(self) -> None:
+        names = (path.name.removesuffix(ENDING) for path in self._folder.glob(f"*{ENDING}"))
+        self.names = tuple(sorted(name for name in names if _NAME.fullmatch(name))[:_MOST])
+
+
+def _entry(file: str, key: object, one: object) -> dict[str, Any]:
+    value = one.get("value") if isinstance(one, Mapping) else None
+    unit = one.get("unit") if isinstance(one, Mapping) else None
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not math.isfinite(float(str(value))) or not isinstance(unit, str):
+        raise InputError(f"{file}: {key}: has no value with a unit", code="no-value-with-unit")
+    return {"value": value, "unit": unit}
+
+
+def values_for(
+    parameters: Sequence[Parameter], held: Mapping[str, Mapping[str, Any]]
+) -> dict[str, float]:
+    """Return those values of a set that differ from what is in force."""
+    here = {one.name: one for one in parameters}
+    for name, one in held.items():
+        if name not in here:
+            raise InputError(
+                f"set: {name}: is no parameter of this bench", code="unknown-parameter", key=name
+            )
+        if one["unit"] != here[name].unit:
+            raise InputError(
+                f"set: {name}: is in {one['unit'] or 'no unit'}, here it is in "
+                f"{here[name].unit or 'no unit'}",
+                code="units-differ",
+                key=name,
+            )
+    return {name: one["value"] for name, one in held.items() if one["value"] != here[name].value}

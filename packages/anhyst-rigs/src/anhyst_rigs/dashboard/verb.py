@@ -1,0 +1,207 @@
+"""The verb ``live``: a rig, or a controller that runs by itself, in a browser until ctrl-C."""
+
+from __future__ import annotations
+
+import gc
+import secrets
+import socket
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import uvicorn
+
+from anhyst_rigs.dashboard.browsers import names_of, read_address
+from anhyst_rigs.dashboard.connections import Connection
+from anhyst_rigs.dashboard.improver import BlockHolder, Improver
+from anhyst_rigs.dashboard.recording import RecordingFile, start_recording
+from anhyst_rigs.dashboard.server import MESSAGE_MOST, LiveServer
+from anhyst_rigs.dashboard.session import LiveSession
+from anhyst_rigs.dashboard.starting import start_page
+from anhyst_rigs.rig.bench.pace import going_first
+from anhyst_rigs.rig.bench.protocol import Bench
+from anhyst_rigs.study.bench import address_of, open_board, prepare_board, prepared_once
+from anhyst_rigs.study.prepared import Prepared
+from anhyst_rigs.study.tracking.beside import BenchLearner
+from anhyst.support.atomic import PathLike, check_path
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
+from anhyst.support.kinds import COMPILED, kind_of
+
+_HTTP_MOST = 512
+"""Connections at a time, of pages that load and of those that are open; half of the files that a
+process may open on most systems."""
+
+_SLOW_S = 60.0
+"""A browser that has not read for so long has gone, s; a slow one has frames to draw before."""
+
+_GO_S = 2
+"""For browsers to go when the server ends, s."""
+
+
+def listen_on(host: str, port: int) -> socket.socket:
+    """Take an address."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    taken = socket.socket(family, socket.SOCK_STREAM)
+    taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        taken.bind((host, port))
+        taken.listen(socket.SOMAXCONN)
+    except OSError as error:
+        taken.close()
+        raise InputError(
+            f"--listen {host}:{port}: {error.strerror}; name another port",
+            code="port-not-open",
+            key="--listen",
+        ) from None
+    return taken
+
+
+def make_server(
+    session: LiveSession, title: str, address: tuple[str, int], token: str = ""
+) -> uvicorn.Server:
+    """Return the server of a page for a session."""
+    return uvicorn.Server(
+        uvicorn.Config(
+            LiveServer(session, title, names_of(*address), token).app,
+            http=Connection,
+            ws="websockets-sansio",
+            ws_max_size=MESSAGE_MOST,
+            ws_per_message_deflate=False,
+            ws_ping_timeout=_SLOW_S,
+            limit_concurrency=_HTTP_MOST,
+            timeout_graceful_shutdown=_GO_S,
+            lifespan="off",
+            log_level="critical",
+            access_log=False,
+            server_header=False,
+        )
+    )
+
+
+_HAND_OVER_S = 0.5e-3
+"""For which a thread computes on while the pacer waits; of Python's own 5 ms a chunk meets several."""
+
+
+def settle() -> None:
+    """Let nothing hold the pacer up: no other thread, no garbage collected through all that stays."""
+    sys.setswitchinterval(_HAND_OVER_S)
+    gc.collect()
+    gc.freeze()
+
+
+def serve(
+    session: LiveSession,
+    title: str,
+    taken: socket.socket,
+    token: str = "",
+    started: Callable[[str], None] | None = None,
+) -> None:
+    """Serve a page for a session until ctrl-C; the session is ended then."""
+    host, port = taken.getsockname()[:2]
+    server = make_server(session, title, (host, port), token)
+    settle()
+    session.start()
+    try:
+        if started is not None:
+            started(f"http://{f'[{host}]' if ':' in host else host}:{port}/")
+        with going_first():
+            server.run(sockets=[taken])
+    except KeyboardInterrupt:
+        pass  # the way to end it
+    finally:
+        session.close()
+        taken.close()
+
+
+def live(
+    rig: PathLike,
+    controller: PathLike | None = None,
+    *,
+    xcp: str | None = None,
+    port: str | None = None,
+    known: PathLike | None = None,
+    record: PathLike | None = None,
+    listen: str = "127.0.0.1:8642",
+    token: bool = False,
+    progress: Progress | None = None,
+    started: Callable[[str, str], None] | None = None,
+) -> RecordingFile | None:
+    """Show, operate and record a rig in a browser until ctrl-C: `anhyst.live`."""
+    check_path(rig, "live: rig", "the path of a rig file")
+    url = address_of(xcp, port)
+    if url is None and known is not None:
+        raise InputError(
+            "--rig: the rig file of a virtual rig is the argument; leave --rig out",
+            code="option-not-for-this",
+            key="--rig",
+        )
+    if url is not None and controller is not None:
+        raise InputError(
+            "--controller: a controller that runs has one already; leave it out",
+            code="option-not-for-this",
+            key="--controller",
+        )
+    if url is None and kind_of(rig) is COMPILED:
+        raise InputError(
+            f"{rig}: runs on a controller; name it with --xcp or --port",
+            code="options-missing",
+            key="--xcp",
+        )
+    rig = Path(rig)
+    place = None if record is None else Path(record)
+    shown = secrets.token_urlsafe(16) if token else ""
+    name = rig.resolve().parent.name if url is None else rig.resolve().name
+    title = name if url is None else f"{name} at {url}"
+    work = f"building model and controller of {name}" if url is None else f"connecting to {url}"
+    with listen_on(*read_address(listen, token)) as taken:
+        with start_page(taken, title, work) as start:
+
+            def told(done: float, total: float) -> None:
+                start.update(done, total)
+                if progress is not None:
+                    progress(done, total)
+
+            bench, improver, learner = _open(rig, controller, url, known, told)
+            try:
+                recording = (
+                    None if place is None else start_recording(place, bench.signals, bench.rate)
+                )
+            except BaseException:
+                bench.close()
+                raise
+        session = LiveSession(
+            bench,
+            recording,
+            Path() if place is None else place.parent,
+            improver,
+            improver.known.curves if improver else (),
+            learner,
+        )
+        serve(session, title, taken, shown, started and (lambda address: started(address, shown)))
+    return recording
+
+
+def _open(
+    rig: Path,
+    controller: PathLike | None,
+    url: str | None,
+    known: PathLike | None,
+    progress: Progress | None,
+) -> tuple[Bench, Improver | None, BenchLearner | None]:
+    """Open a virtual rig, with what improves or calibrates it, or a controller that runs."""
+    if url is not None:
+        on_board = None if known is None else prepare_board(known, rig)
+        board = open_board(rig, url)
+        return board, None if on_board is None else Improver(on_board, board), None
+    with prepared_once(rig, controller, progress) as prepared:
+        return opened(prepared)  # a firmware runs on without the folder
+
+
+def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | None]:
+    """Open what was prepared, with what improves or calibrates it."""
+    bench, learner = prepared.open_with_learner()
+    if prepared.improvable is None:
+        return bench, None, learner
+    assert isinstance(bench, BlockHolder)
+    return bench, Improver(prepared.improvable, bench), learner

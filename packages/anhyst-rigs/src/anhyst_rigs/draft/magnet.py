@@ -1,0 +1,288 @@
+"""What a rig has to know of its magnet, from loops, and of what it moves, as given or guessed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from anhyst.data import Loop, Loops
+from anhyst.data.estimates import noise
+from anhyst.data.output_map import is_electromagnet
+from anhyst.data.speeds import rate_matters, slow_loops, speeds_of
+from anhyst.data.surface import Tangent, fit_plane, fit_surface
+from anhyst_rigs.draft.text import down, nearest
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+
+NEAR_TOP = 0.95
+"""Share of the largest current from which samples say what force it makes."""
+
+RESERVE = 0.95
+"""Share of the measured force that a controller may ask for."""
+
+WEAKEST = 4.0
+"""It may ask for so many times what the loops reach at the weakest gap."""
+
+RESOLVED = 0.01
+"""Share of that force from which a load is distinguished from none."""
+
+LEAST_BRANCH = 12
+"""Samples of one branch from which its noise can be estimated."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredMagnet:
+    """A magnet as its loops show it."""
+
+    loops: Loops  # force over current, at one gap or several; slow ones
+    gaps: FloatArray  # measured ones, m, rising; shape (g,)
+    current_high: float  # largest current that was measured at every gap, A
+    forces: FloatArray  # force at that current, N; shape (g,)
+    # cycles a second and A/s of the fastest loops; None where rate does not matter
+    fastest: tuple[float, float] | None = None
+
+    def force_at(self, gap: float) -> float:
+        """Return the force that the largest current makes at a gap within the measured ones, N.
+
+        Over the gap the reciprocal root of the force is nearly straight.
+        """
+        return float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
+
+    def usable(self, gap: float) -> float:
+        """Return the largest force that a controller at a gap is to ask for, N.
+
+        A little less than the loops reach there; and not much more than they reach at the weakest
+        gap, or what is fitted over all gaps would be made up there.
+        """
+        return min(RESERVE * self.force_at(gap), WEAKEST * float(self.forces.min()))
+
+    def slopes(self, force: float, gap: float) -> Tangent:
+        """Return the slopes of the force over current and gap at an operating point."""
+        force_high = self.usable(gap)
+        if force < RESOLVED * force_high:
+            raise InputError(
+                f"load: {force:g} N is less than a hundredth of the {force_high:.4g} N that the "
+                "magnet may pull: the loops do not say enough about it; give a larger one, or "
+                "loops of smaller currents",
+                code="load-too-small",
+                key="load",
+            )
+        ends = float(self.gaps[0]), float(self.gaps[-1])
+        tangent = fit_plane(
+            fit_surface(self.loops, (0.0, force_high), ends), force, gap, force_high
+        )
+        if not tangent.per_force > 0.0:
+            raise InputError(
+                f"at {force:.4g} N and a gap of {gap:g} m the force does not rise with the "
+                "current; look at the loops with anhyst inspect",
+                code="force-does-not-rise",
+            )
+        return tangent
+
+    @property
+    def noise(self) -> tuple[float, float]:
+        """Standard deviations of the noise of current and force, A and N."""
+        found = [
+            (noise(loop.input[part]), noise(loop.output[part]))
+            for loop in self.loops.loops
+            for part in _branches(loop)
+        ]
+        if not found:
+            return 0.0, 0.0
+        current, force = np.median(np.array(found), axis=0)
+        return float(current), float(force)
+
+    @property
+    def pace(self) -> tuple[float, float] | None:
+        """Time from row to row and sweep of the current, s and A/s; None without times."""
+        steps, sweeps = [], []
+        for loop in self.loops.loops:
+            if loop.time is None:
+                return None
+            dt = np.diff(loop.time)
+            moving = dt > 0.0
+            steps.append(float(np.median(dt[moving])) if moving.any() else math.nan)
+            sweeps.append(float(np.abs(np.diff(loop.input)[moving]).sum() / dt[moving].sum()))
+        step, sweep = float(np.median(steps)), float(np.median(sweeps))
+        return (step, sweep) if step > 0.0 and sweep > 0.0 else None
+
+
+def reach_of(loops: Loops) -> MeasuredMagnet:
+    """Look at the loops of a magnet."""
+    if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
+        raise InputError("a rig needs columns I_A, F_N and gap_m", code="columns-missing")
+    fastest, loops = _fastest(loops), slow_loops(loops)
+    groups = loops.by_schedule()
+    current_high = min(max(float(loop.input.max()) for loop in group) for group in groups.values())
+    current_high = nearest(current_high, 3)  # what is read is restless
+    if not current_high > 0.0:
+        raise InputError(
+            "at one gap no current above 0 A was measured; turn the sign of the current",
+            code="current-negative",
+        )
+    forces = np.array([_force_at_top(group, current_high) for group in groups.values()])
+    if not forces.min() > 0.0:
+        raise InputError(
+            "the largest current does not pull at every gap; turn the sign of the force",
+            code="force-negative",
+        )
+    gaps = np.array(list(groups), dtype=np.float64)
+    return MeasuredMagnet(loops, gaps, current_high, forces, fastest)
+
+
+def _fastest(loops: Loops) -> tuple[float, float] | None:
+    speeds = speeds_of(loops)
+    if speeds is None or rate_matters(loops, speeds) is None:
+        return None
+    steps = [
+        np.diff(one.input) / np.diff(one.time) for one in speeds.fast[-1] if one.time is not None
+    ]
+    return speeds.fastest, float(np.median(np.abs(np.concatenate(steps))))
+
+
+def _force_at_top(group: Sequence[Loop], current_high: float) -> float:
+    """Return the force at the largest current, N: a line through the samples near it."""
+    current = np.concatenate([loop.input for loop in group])
+    force = np.concatenate([loop.output for loop in group])
+    top = np.abs(current - current_high) <= (1.0 - NEAR_TOP) * current_high
+    current, force = current[top], force[top]
+    if np.ptp(current) < 0.1 * (1.0 - NEAR_TOP) * current_high:
+        return float(np.mean(force))
+    _, level = np.polyfit(current - current_high, force, 1)
+    return float(level)
+
+
+def _branches(loop: Loop) -> list[slice]:
+    """Return the pieces of a record between turning points of its current."""
+    largest = int(np.argmax(loop.input))
+    ends = [0, largest, int(loop.n)]
+    pairs = [slice(start, end) for start, end in pairwise(ends)]
+    return [part for part in pairs if part.stop - part.start >= LEAST_BRANCH]
+
+
+GRAVITY = 9.81
+"""m/s^2."""
+
+LIFT = 1.1
+"""Loops of every gap must reach so many times the load, or the armature hardly leaves its rest."""
+
+USED = 0.5
+"""Share of the force at the weakest gap that a load is guessed to be."""
+
+ROOM = 0.05
+"""Share of the travel that must be left between the operating gap and either stop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a user says of a machine; None for what is to be guessed."""
+
+    mass: float | None = None  # of what moves, kg
+    load: float | None = None  # force that pulls the gap open, N
+    gap: float | None = None  # where it works, m
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A number, and from what it was guessed; empty where it was given."""
+
+    number: float
+    guess: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """What moves, what pulls at it and where."""
+
+    mass: Value  # kg, N, m
+    load: Value
+    gap: Value
+    stops: tuple[float, float]  # least and largest gap, m
+
+    @property
+    def clearance(self) -> float:
+        """Distance from the operating gap to the nearer stop, m."""
+        gap = self.gap.number
+        return min(gap - self.stops[0], self.stops[1] - gap)
+
+    def guessed(self) -> dict[str, str]:
+        """Return what was not given: option with its value, and from what it was guessed."""
+        return {
+            f"--{name} {value.number:g}": value.guess
+            for name, value in {"mass": self.mass, "load": self.load, "gap": self.gap}.items()
+            if value.guess
+        }
+
+
+def machine_of(wanted: Wanted, reach: MeasuredMagnet) -> Machine:
+    """Complete what a user says of a machine."""
+    for name, number, unit in (
+        ("mass", wanted.mass, "kg"),
+        ("load", wanted.load, "N"),
+        ("gap", wanted.gap, "m"),
+    ):
+        if number is not None and not (math.isfinite(number) and number > 0.0):
+            raise InputError(
+                f"{name}: {number:g} {unit} is not above 0; correct it",
+                code="not-above-zero",
+                key=name,
+            )
+    gap = _gap(wanted, reach)
+    load = _load(wanted, reach)
+    if wanted.mass is not None:
+        mass = Value(wanted.mass)
+    else:
+        mass = Value(nearest(load.number / GRAVITY), "the load is its weight")
+    return Machine(mass, load, gap, (float(reach.gaps[0]), float(reach.gaps[-1])))
+
+
+def _gap(wanted: Wanted, reach: MeasuredMagnet) -> Value:
+    low, high = float(reach.gaps[0]), float(reach.gaps[-1])
+    if reach.gaps.size < 2:
+        raise InputError(
+            f"loops at one gap only, {low:g} m: a bearing moves; measure loops at a smaller and a "
+            "larger one",
+            code="single-gap",
+        )
+    if wanted.gap is None:
+        return Value(nearest(0.5 * (low + high), 3), "the middle of the measured gaps")
+    gap, room = wanted.gap, ROOM * (high - low)
+    if not low + room <= gap <= high - room:
+        hints = [
+            f", {gap:g}{exponent} m if {unit} are meant"
+            for exponent, unit in (("e-3", "millimetres"), ("e-6", "micrometres"))
+            if low < gap * float(f"1{exponent}") < high
+        ]
+        raise InputError(
+            f"gap: {gap:g} m is not well within the measured gaps of {low:g} to {high:g} m, which "
+            f"are the stops; give one from {low + room:g} to {high - room:g} m{''.join(hints)}",
+            code="gaps-not-covered",
+            key="gap",
+        )
+    return Value(gap)
+
+
+def _load(wanted: Wanted, reach: MeasuredMagnet) -> Value:
+    weakest = int(reach.forces.argmin())  # the largest gap, but of a solenoid with a cone
+    reached, where = float(reach.forces[weakest]), float(reach.gaps[weakest])
+    if wanted.load is not None:
+        load = Value(wanted.load)
+    elif wanted.mass is not None:
+        load = Value(nearest(wanted.mass * GRAVITY, 3), "the weight of the mass")
+    else:
+        load = Value(down(USED * reached), f"{100.0 * USED:.0f} % of the force at {where:g} m")
+    if load.number * LIFT > reached:
+        origin = f", guessed as {load.guess}; give --load" if load.guess else ""
+        raise InputError(
+            f"load: {load.number:g} N cannot be lifted at a gap of {where:g} m: there the "
+            f"loops reach {reached:.4g} N at {reach.current_high:.4g} A, and {LIFT:g} times the "
+            f"load, {load.number * LIFT:.4g} N, are needed; lower it, or give loops of larger "
+            f"currents or smaller gaps{origin}",
+            code="load-too-large",
+            key="load",
+        )
+    return load

@@ -1,0 +1,29 @@
+"""A rig of force control: a held armature whose force is commanded, open loop."""
+
+from anhyst_rigs.kinds.rig_kind import RigKind
+
+FORCE = RigKind(
+    word="force",
+    title="a rig of force control",
+    plural="rigs of force control",
+    verbs=("export", "simulate", "force-control", "excite", "live"),
+    places={
+        "read": "anhyst_rigs.rig.force.file:read_rig",
+        "files": "anhyst_rigs.rig.force.file:files_of_rig",
+        "simulate": "anhyst_rigs.reports.force:simulate",
+        "run_board": "anhyst_rigs.reports.force:run_firmware",
+        "printed": "anhyst_rigs.reports.force:printed",
+        "written": "anhyst_rigs.reports.force:written",
+        "plants": "anhyst_rigs.study.plants:read_force_plants",
+        "benefit": "anhyst_rigs.reports.force:map_benefit",
+        "with_iron": "anhyst_rigs.study.benefit:force_with_iron",
+        "specimen": "anhyst_rigs.study.excite.excite:read_force_specimen",
+        "prepare": "anhyst_rigs.study.bench:prepare_force",
+        "part": "anhyst_exchange.force_part:force_part",
+    },
+    options={"simulate": ("--board",)},
+    reasons={
+        "tune": "its force is controlled open loop, so there are no gains to find",
+        "calibrate": "its armature is held, so there is no motion to learn from",
+    },
+)

@@ -1,0 +1,29 @@
+"""A piezo stage: a stack follows a displacement, with an integrator beside the feedforward."""
+
+from anhyst_rigs.kinds.rig_kind import RigKind
+
+PIEZO = RigKind(
+    word="displacement",
+    title="a piezo stage",
+    plural="piezo stages",
+    verbs=("export", "simulate", "tune", "excite", "live"),
+    places={
+        "read": "anhyst_rigs.rig.piezo:read_piezo_rig",
+        "files": "anhyst_rigs.rig.piezo:files_of_piezo",
+        "simulate": "anhyst_rigs.reports.piezo:simulate",
+        "printed": "anhyst_rigs.reports.piezo:printed",
+        "written": "anhyst_rigs.reports.piezo:written",
+        "plants": "anhyst_rigs.study.plants:read_piezo_plants",
+        "benefit": "anhyst_rigs.reports.benefit:map_plants",
+        "with_iron": "anhyst_rigs.study.benefit:piezo_with_iron",
+        "tuning": "anhyst_rigs.study.tuning.tuning:PiezoSubject",
+        "specimen": "anhyst_rigs.study.excite.excite:read_stack_specimen",
+        "prepare": "anhyst_rigs.study.bench:prepare_piezo",
+        "part": "anhyst_exchange.piezo_part:piezo_part",
+    },
+    options={"tune": ("--error",)},
+    reasons={
+        "calibrate": "it has no magnets, whose errors are what motion teaches",
+        "force-control": "a stack is driven to a displacement, not to a force",
+    },
+)

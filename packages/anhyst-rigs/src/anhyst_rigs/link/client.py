@@ -1,0 +1,468 @@
+"""The PC's end of the link: a force controller that is queried, commanded and watched.
+
+Every request has a number and is repeated until it is answered; the controller does a repeated one
+only once. So nothing is lost silently, whatever the line does to the bytes.
+"""
+
+from __future__ import annotations
+
+import secrets
+import threading
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from typing import Self, TypeVar
+
+from anhyst_rigs.link import frames
+from anhyst_rigs.link.frames import (
+    ANSWERS,
+    AckAnswer,
+    BlockBeginRequest,
+    BlockDataRequest,
+    BlockReadRequest,
+    BlockSwapRequest,
+    BlockWordsAnswer,
+    CommandRequest,
+    DemandRequest,
+    HeartbeatRequest,
+    HelloRequest,
+    InfoAnswer,
+    KeepRequest,
+    Message,
+    NakAnswer,
+    Reason,
+    Setting,
+    SettingAnswer,
+    SettingReadRequest,
+    SettingWriteRequest,
+    StatusAnswer,
+)
+from anhyst_rigs.link.wire import BAUD, Frame, LinkPort, Port, Receiver, Status, encode
+from anhyst.support.block_words import GENERATION_AT, LENGTH_AT, checksum, misfit
+from anhyst.support.errors import InputError
+from anhyst.support.states import Command, Fault, State
+
+_Answer = TypeVar("_Answer", bound=Message)
+
+_WORDS_MOST = 118
+"""Words of a block in one frame, either way."""
+
+_POLL = 0.005
+"""Between two questions of :meth:`ForceController.wait_for`, s."""
+
+_MEANING = {
+    Reason.VERSION: "it speaks another version of the protocol",
+    Reason.TYPE: "it does not know this request",
+    Reason.LENGTH: "the request has the wrong length",
+    Reason.OLD: "newer requests overtook it",
+    Reason.STATE: "not in the state it is in",
+    Reason.VALUE: "a value is out of its range",
+    Reason.ORDER: "the words of the block came out of order",
+    Reason.CHECKSUM: "the block that arrived is not the one that was announced",
+    Reason.BLOCK: "the parameter block is not valid, or of another kind or layout",
+    Reason.GENERATION: "the parameter block has another generation than was announced",
+    Reason.SESSION: "it knows of no session: it was started again; open the port again",
+    Reason.CURRENT: "current still flows; ask again once it is zero",
+    Reason.SCALE: "the parameter block is made for other signals than the board's",
+}
+
+
+_BEGIN = (Command.RUN, Command.LIFT)
+
+
+class Refused(InputError):  # noqa: N818 - an answer
+    """The controller answered that it does not do a request, and why; nothing changed there."""
+
+    def __init__(self, url: str, request: Message, nak: NakAnswer) -> None:
+        name = type(request).__name__.removesuffix("Request")
+        try:
+            self.reason = Reason(nak.reason)
+            meaning = _MEANING[self.reason]
+        except (KeyError, ValueError):
+            self.reason = Reason.NONE
+            meaning = f"for reason {nak.reason}"
+        self.detail = nak.detail
+        if self.reason is Reason.STATE:
+            meaning = f"not in the state {State(nak.detail).name.lower()}"
+            begins = isinstance(request, CommandRequest) and request.command in _BEGIN
+            if nak.detail == State.IDLE and begins:
+                meaning += "; condition the magnet first, or declare it demagnetised"
+        super().__init__(
+            f"{url}: the controller refused {_words(name)}: {meaning}",
+            code="refused",
+            key=self.reason.name.lower(),
+        )
+
+
+class ControllerLink:
+    """A controller behind a port.
+
+    Opens the port and the session, and checks that both sides speak the same protocol.
+    """
+
+    def __init__(
+        self, port: str | LinkPort, baud: int = BAUD, timeout: float = 0.1, attempts: int = 20
+    ) -> None:
+        self._port = Port(port, baud) if isinstance(port, str) else port
+        self.url = self._port.url
+        self.timeout = timeout
+        self.attempts = attempts
+        self.repeated = 0
+        self._receiver = Receiver()
+        self._sequence = 0
+        self._lock = threading.RLock()
+        try:
+            self._port.write(b"\0")  # ends whatever a former session left half said
+            self.info = self.request(HelloRequest(frames.VERSION, secrets.randbits(32)), InfoAnswer)
+        except BaseException:
+            self._port.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the port. A controller that drives current goes to its safe state by itself."""
+        self._port.close()
+
+    @property
+    def bad_frames(self) -> int:
+        """Frames from the controller that arrived broken."""
+        return self._receiver.bad
+
+    def status(self) -> Status:
+        """Ask what the controller did in its last tick; it learns that the PC is there."""
+        return self._status(HeartbeatRequest())
+
+    def demand(self, force: int) -> Status:
+        """Demand a force, q31 of the full-scale force, from the next tick on."""
+        return self._status(demand_request(force))
+
+    def stream(self, forces: Iterable[int], window: int = 24) -> Iterator[Status]:
+        """Send many demands, several of them on their way at a time.
+
+        All of them reach the controller, in order. A demand that the line lost is sent again with
+        all that followed it: the controller may see some twice, never one late.
+        """
+        if not 1 <= window <= WINDOW_MOST:
+            raise InputError(
+                f"window {window}: choose 1 to {WINDOW_MOST}", code="out-of-range", key="window"
+            )
+        flow, source = _Flow(self), iter(forces)
+        with self._lock:
+            while True:
+                flow.send(islice(source, window - len(flow.waiting)))
+                if not flow.waiting:
+                    return
+                flow.receive()
+                yield from flow.answered()
+
+    def command(self, command: Command) -> State:
+        """Change the state of the controller."""
+        return State(self.request(CommandRequest(command), AckAnswer).detail)
+
+    def read_setting(self, setting: Setting) -> int:
+        """Ask for a setting."""
+        return self.request(SettingReadRequest(setting), SettingAnswer).value
+
+    def write_setting(self, setting: Setting, value: int) -> int:
+        """Set a setting from the next tick on; returns what the controller has now."""
+        return self.request(SettingWriteRequest(setting, value), SettingAnswer).value
+
+    def write_block(self, words: Sequence[int]) -> int:
+        """Send a parameter block and put it in force between two ticks."""
+        row = [int(word) for word in words]
+        if len(row) <= GENERATION_AT:
+            raise InputError(
+                f"a block of {len(row)} words: is too short; send a whole one",
+                code="block-too-short",
+            )
+        generation = row[GENERATION_AT] & 0xFFFF
+        with self._lock:
+            self.request(BlockBeginRequest(len(row), generation, checksum(row)), AckAnswer)
+            for at in range(0, len(row), _WORDS_MOST):
+                self.request(BlockDataRequest(at, tuple(row[at : at + _WORDS_MOST])), AckAnswer)
+            try:
+                return self.request(BlockSwapRequest(generation), AckAnswer).detail
+            except Refused as refused:
+                if refused.reason is Reason.SCALE:
+                    refused.args = (f"{self.url}: {misfit(row, self._block_in_force())}",)
+                raise
+
+    def keep_block(self) -> int:
+        """Keep the parameter block in force for the board's next start; returns its generation."""
+        return self.request(KeepRequest(), AckAnswer).detail
+
+    def read_block(self) -> list[int]:
+        """Return the parameter block in force."""
+        words: list[int] = []
+        with self._lock:
+            length = self._block_words(0, LENGTH_AT + 1)[LENGTH_AT]
+            while len(words) < length:
+                words += self._block_words(len(words), min(length - len(words), _WORDS_MOST))
+        return words
+
+    def _block_in_force(self) -> list[int]:
+        """Return the block in force, or no word where there is none."""
+        try:
+            return self.read_block()
+        except Refused:
+            return []
+
+    def _block_words(self, offset: int, count: int) -> tuple[int, ...]:
+        return self.request(BlockReadRequest(offset, count), BlockWordsAnswer).words
+
+    @contextmanager
+    def heartbeats(self, period: float = 0.02) -> Iterator[None]:
+        """Keep the link alive in the background while nothing else is asked."""
+        done = threading.Event()
+
+        def beat() -> None:
+            while not done.wait(period):
+                try:
+                    self.status()
+                except InputError:
+                    return  # the next request reports it
+
+        thread = threading.Thread(target=beat, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            done.set()
+            thread.join()
+
+    def wait_for(self, *states: State, timeout: float = 10.0) -> Status:
+        """Ask until the controller is in one of these states."""
+        end = time.monotonic() + timeout
+        while True:
+            status = self.status()
+            if status.state in states:
+                return status
+            if status.state is State.FAULT and status.fault is not Fault.NONE:
+                fault = status.fault.name.lower().replace("_", " ")
+                raise InputError(
+                    f"{self.url}: the controller is in fault: {fault}",
+                    code="controller-in-fault",
+                )
+            time.sleep(_POLL)
+            if time.monotonic() > end:
+                names = " or ".join(state.name.lower() for state in states)
+                raise InputError(
+                    f"{self.url}: the controller is in {status.state.name.lower()}, "
+                    f"not in {names}, after {timeout:g} s",
+                    code="wrong-state",
+                )
+
+    def _status(self, request: Message) -> Status:
+        with self._lock:
+            answer, tick = self._exchange(request)
+            return Status(tick, _expect(self.url, request, answer, StatusAnswer))
+
+    def request(self, request: Message, kind: type[_Answer]) -> _Answer:
+        """Send any request and return its answer."""
+        with self._lock:
+            return _expect(self.url, request, self._exchange(request)[0], kind)
+
+    def _exchange(self, request: Message) -> tuple[Message, int]:
+        """Send a request until it is answered."""
+        sequence = self.next_sequence()
+        wire = encode(request, sequence)
+        for attempt in range(self.attempts):
+            self.repeated += attempt > 0
+            self._port.write(wire)
+            end = time.monotonic() + self.timeout
+            while (left := end - time.monotonic()) > 0.0:
+                for frame in self.receive(left):
+                    if frame.sequence == sequence:
+                        answer = self.read_answer(frame)
+                        if _belongs(answer, request):
+                            return answer, frame.tick
+        raise self.silent()
+
+    def next_sequence(self) -> int:
+        """Return the number of the next request."""
+        self._sequence = (self._sequence + 1) & 0xFF
+        return self._sequence
+
+    def send(self, wire: bytes) -> None:
+        """Put encoded frames on the line."""
+        self._port.write(wire)
+
+    def receive(self, timeout: float) -> list[Frame]:
+        """Return the frames that arrive next, or none after `timeout` s."""
+        return self._receiver.feed(self._port.read(timeout))
+
+    def read_answer(self, frame: Frame) -> Message:
+        """Read an answer."""
+        kind = ANSWERS.get(frame.type)
+        if frame.version != frames.VERSION:
+            raise self._other_version(frame.version)
+        try:
+            answer = kind.unpack(frame.payload) if kind else None
+        except ValueError:
+            answer = None
+        if answer is None:
+            raise InputError(
+                f"{self.url}: an answer of type {frame.type:#04x} that this version does not know; "
+                "use the firmware of this version of anhyst",
+                code="other-firmware",
+            )
+        if isinstance(answer, NakAnswer) and answer.reason == Reason.VERSION:
+            raise self._other_version(answer.detail)
+        if isinstance(answer, InfoAnswer) and answer.version != frames.VERSION:
+            raise self._other_version(answer.version)
+        return answer
+
+    def _other_version(self, version: int) -> InputError:
+        return InputError(
+            f"{self.url}: the firmware speaks version {version} of the protocol, this anhyst "
+            f"version {frames.VERSION}; build and flash the firmware of this anhyst",
+            code="other-protocol-version",
+        )
+
+    def silent(self) -> InputError:
+        """Return the error of a controller that does not answer."""
+        return InputError(
+            f"{self.url}: no answer within {self.timeout * self.attempts:.1f} s; see that the "
+            "controller runs, that the cable and the baud rate are right, and that no other "
+            "program talks to it",
+            code="no-answer",
+        )
+
+
+def _belongs(answer: Message, request: Message) -> bool:
+    """Whether an answer can be one to this request, not left over from a former session."""
+    if isinstance(answer, NakAnswer | AckAnswer):
+        return answer.request == request.TYPE
+    return getattr(request, "ANSWER", None) == answer.TYPE
+
+
+def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) -> _Answer:
+    if isinstance(answer, kind):
+        return answer
+    if isinstance(answer, NakAnswer):
+        raise Refused(url, request, answer)
+    raise InputError(
+        f"{url}: {type(answer).__name__} in answer to {type(request).__name__}",
+        code="unexpected-answer",
+    )
+
+
+def _words(name: str) -> str:
+    return "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
+
+
+WINDOW_MOST = 32
+"""Requests on their way; the controller knows of so many whether it answered them."""
+
+
+_PAUSE = 0.2e-3
+"""Between two looks at the line, s: an emulated board sends byte by byte, and every look costs."""
+
+
+@dataclass(slots=True)
+class _Sent:
+    """A demand that waits for its answer."""
+
+    force: int
+    sequence: int
+    wire: bytes
+    times: int = 1
+    status: Status | None = None
+
+
+def demand_request(force: int) -> DemandRequest:
+    """Return a demand, q31 of the full-scale force."""
+    if not -(1 << 31) <= force < 1 << 31:
+        raise InputError(
+            f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1",
+            code="beyond-full-scale",
+            key="demand",
+        )
+    return DemandRequest(int(force))
+
+
+class _Flow:
+    """Many demands on their way at a time, none lost and none out of order."""
+
+    def __init__(self, controller: ControllerLink) -> None:
+        self.controller = controller
+        self.waiting: deque[_Sent] = deque()
+        self._end = 0.0
+
+    def send(self, forces: Iterable[int]) -> None:
+        """Put demands on the line, in one piece."""
+        fresh = [self._number(force) for force in forces]
+        if fresh:
+            self.waiting.extend(fresh)
+            self._write(fresh)
+
+    def _number(self, force: int) -> _Sent:
+        sequence = self.controller.next_sequence()
+        return _Sent(force, sequence, encode(demand_request(force), sequence))
+
+    def _write(self, demands: Iterable[_Sent]) -> None:
+        self.controller.send(b"".join(demand.wire for demand in demands))
+        self._end = time.monotonic() + self.controller.timeout
+
+    def receive(self) -> None:
+        """Take the answers that arrive; send again what went missing."""
+        if len(self.waiting) > 1:
+            time.sleep(_PAUSE)
+        arrived = self.controller.receive(max(self._end - time.monotonic(), 0.0))
+        by_number = {demand.sequence: demand for demand in self.waiting}
+        for frame in arrived:
+            demand = by_number.get(frame.sequence)
+            if demand is not None and demand.status is None and not self._take(demand, frame):
+                return
+        first = self.waiting[0]
+        if first.status is not None:
+            return
+        if time.monotonic() >= self._end:
+            self._repeat([demand for demand in self.waiting if demand.status is None])
+        elif first.times == 1 and any(demand.status for demand in self.waiting):
+            self._repeat([first])  # newer ones were answered: this one was lost
+
+    def _take(self, demand: _Sent, frame: Frame) -> bool:
+        """Keep an answer; False where the demands from this one on were sent again."""
+        answer = self.controller.read_answer(frame)
+        if isinstance(answer, StatusAnswer):
+            demand.status = Status(frame.tick, answer)
+            return True
+        if isinstance(answer, NakAnswer) and answer.reason == Reason.OLD:
+            self._begin_again(demand)
+            return False
+        raise InputError(
+            f"{self.controller.url}: {answer} in answer to a demand", code="unexpected-answer"
+        )
+
+    def _repeat(self, demands: list[_Sent]) -> None:
+        if demands[0].times >= self.controller.attempts:
+            raise self.controller.silent()
+        for demand in demands:
+            demand.times += 1
+        self.controller.repeated += len(demands)
+        self._write(demands)
+
+    def _begin_again(self, first: _Sent) -> None:
+        """Send a demand and all after it under new numbers: newer ones had overtaken it."""
+        kept = list(self.waiting)
+        at = kept.index(first)
+        again = [self._number(demand.force) for demand in kept[at:]]
+        self.controller.repeated += len(again)
+        self.waiting = deque(kept[:at] + again)
+        self._write(again)
+
+    def answered(self) -> Iterator[Status]:
+        """Take off the statuses that are there, in order."""
+        while self.waiting and self.waiting[0].status is not None:
+            status = self.waiting.popleft().status
+            if status is not None:
+                yield status

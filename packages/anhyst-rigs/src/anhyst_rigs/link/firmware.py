@@ -1,0 +1,207 @@
+"""The firmware of a board, built from its sources and a compiled compensator."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from anhyst_rigs.link.virtual_boards import check_runs_here
+from anhyst.support import running_version
+from anhyst.support.atomic import PathLike, core_folder, firmware_folder, write_bytes
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.kept import compile_and_link
+from anhyst.support.kinds import COMPILED, refuse_other
+
+_MANIFEST = "manifest.json"
+_WARNINGS = ["-Wall", "-Wextra", "-Wconversion"]
+_THUMB = ("-target", "thumb-freestanding-eabi")
+_FREESTANDING = ("-ffreestanding", "-nostdlib", "-fno-sanitize=undefined")
+_SMALL = ("-Os", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
+_TIME_LIMIT = 300.0
+
+
+@dataclass(frozen=True, slots=True)
+class Board:
+    """What is particular to a board."""
+
+    folders: tuple[str, ...]  # folders of ``firmware/boards`` with its sources
+    cpu: str = ""  # processor as zig calls it; empty for the PC at hand
+    # header with the processor's own instructions, of a compiled folder's ``port``
+    port_header: str = ""
+    options: tuple[str, ...] = ()  # of the compiler, besides
+
+
+BOARDS = {
+    "host": Board(("host", "lockstep")),
+    "library": Board(("library", "lockstep"), options=("-shared", "-fPIC", "-fvisibility=hidden")),
+    "qemu-mps2": Board(("qemu-mps2", "lockstep", "cortex-m"), "cortex_m3"),
+    "nucleo": Board(("nucleo", "cortex-m"), "cortex_m4", "anhyst_port_cortex_m4.h"),
+}
+
+
+def build(board: str, parameters: PathLike, out: PathLike) -> Path:
+    """Build the firmware of a board around a compiled compensator."""
+    if board not in BOARDS:
+        raise InputError(
+            f"board {board}: is not known; choose one of {', '.join(BOARDS)}",
+            code="unknown-board",
+            key="board",
+        )
+    folder = Path(parameters).resolve()
+    actuator = _actuator(folder)
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
+        program = Path(scratch, "firmware")
+        _compile(board, folder, actuator, program)
+        write_bytes(out, program.read_bytes())
+    target = Path(out)
+    target.chmod(0o755)
+    return target
+
+
+def check_compiler(board: str) -> None:
+    """Check that the compiler for a board is there."""
+    _compiler(board)
+
+
+def actuator_defines(name: str) -> dict[str, str]:
+    """Return the macros by which ``boards/actuator.h`` knows around which actuator a program is built."""
+    return {"ACTUATOR_NAME": name, "ACTUATOR_MACRO": name.upper()}
+
+
+def _actuator(folder: Path) -> str:
+    """Return a folder's name of its actuator in C; refuse a rate that no clock of a board divides."""
+    refuse_other(folder, [COMPILED])
+    path = folder / _MANIFEST
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        name, rate = str(manifest["name"]), float(manifest["rate_Hz"])
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(
+            f"{path}: is not there or names no actuator; name a folder that anhyst compile wrote",
+            code="not-a-compiled-folder",
+        ) from None
+    if rate != int(rate) or not 10 <= rate <= 1_000_000:
+        raise InputError(
+            f"{path}: rate_Hz is {rate:g}; compile for a whole number of ticks a second, 10 to "
+            "1000000",
+            code="rate-not-whole",
+            key="rate_Hz",
+        )
+    return name
+
+
+def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
+    board = BOARDS[name]
+    root = firmware_folder()
+    own = [root / "boards" / part for part in board.folders]
+    body = "position" if (folder / f"{actuator}_controller.c").is_file() else "force"
+    sources = [*sorted(folder.glob("src/*/*.c")), folder / f"{actuator}_parameters.c"]
+    include = [root, folder / "include", folder, *own]
+    if body == "position":
+        sources.append(folder / f"{actuator}_controller.c")
+    else:
+        # A compensator alone needs no states; the firmware around it does.
+        sources.append(core_folder() / "src" / "control" / "supervisor.c")
+        include.append(core_folder() / "include")
+    for part in ("app", "link", "services", "xcp", body):
+        sources += sorted((root / part).glob("*.c"))
+    for sources_of_board in own:
+        sources += sorted(
+            file for file in sources_of_board.glob("*.c") if not _of_another(file, body)
+        )
+    if not any(source.name == f"board_{body}.c" for source in sources):
+        raise InputError(
+            f"board {name}: has no controller of {body}; take another board",
+            code="board-has-no-controller",
+            key=name,
+        )
+    major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
+    defines = {"BOARD_FIRMWARE_VERSION": str(256 * major + minor), **actuator_defines(actuator)}
+    defines["BOARD_BODY"] = f'"{body}/{body}.h"'
+    if board.port_header and (folder / "port" / board.port_header).is_file():
+        include.append(folder / "port")
+        defines["ANHYST_PORT_HEADER"] = f'"{board.port_header}"'
+    search = [f"-I{folder}" for folder in include]
+    search += [f"-D{macro}={value}" for macro, value in defines.items()]
+    options = ["-std=c99", *_WARNINGS, *board.options]
+    if board.cpu:
+        options += ["-T", str(own[0] / "board.ld")]
+    run, ending = partial(_run, board=name), ["-o", str(program)]
+    compile_and_link(_compiler(name), options, search, sources, ending, run)
+
+
+def _of_another(file: Path, body: str) -> bool:
+    """Whether a board's constants are those for another body."""
+    return file.stem.startswith("board_") and file.stem != f"board_{body}"
+
+
+def _compiler(name: str) -> list[str]:
+    board = BOARDS[name]
+    if board.cpu:
+        if importlib.util.find_spec("ziglang") is None:
+            raise InputError(
+                f"board {name}: ziglang is not installed: pip install 'anhyst[verify]'",
+                code="not-installed",
+                key="ziglang",
+            )
+        zig = [sys.executable, "-m", "ziglang", "cc"]
+        return [*zig, *_THUMB, f"-mcpu={board.cpu}", *_FREESTANDING, *_SMALL]
+    check_runs_here(name)
+    for candidate in ("cc", "gcc", "clang"):
+        if shutil.which(candidate):
+            return [candidate, "-O2"]
+    raise InputError(
+        f"board {name}: a C compiler is not installed: apt install gcc libc6-dev",
+        code="not-installed",
+        key="gcc",
+    )
+
+
+def _run(command: Sequence[str], board: str) -> str:
+    try:
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            timeout=_TIME_LIMIT,
+            check=False,
+            cwd=firmware_folder() / "boards" / "cortex-m",  # linker scripts are included from here
+        )
+    except subprocess.TimeoutExpired:
+        raise NegativeResult(
+            f"board {board}: the compiler did not end within {_TIME_LIMIT:.0f} s", code="time-limit"
+        ) from None
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if "error" in line] or ["no reason"]
+        raise NegativeResult(
+            f"board {board}: does not compile: {lines[0]}", code="does-not-compile"
+        )
+    return done.stderr
+
+
+@dataclass(frozen=True, slots=True)
+class FirmwareSizes:
+    """Memory of a firmware for a microcontroller, bytes."""
+
+    flash: int  # code, constants and what variables start with
+    ram: int  # variables: state, both parameter blocks, buffers
+    stack: int  # kept for the stack
+
+
+def read_sizes(program: PathLike) -> FirmwareSizes:
+    """Return how much memory a firmware takes."""
+    from elftools.elf.elffile import ELFFile
+
+    with Path(program).open("rb") as stream:
+        size = {entry.name: int(entry["sh_size"]) for entry in ELFFile(stream).iter_sections()}
+    data = size.get(".data", 0)
+    return FirmwareSizes(size[".text"] + data, size[".bss"] + data, size[".stack"])

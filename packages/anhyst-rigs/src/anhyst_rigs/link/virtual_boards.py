@@ -1,0 +1,358 @@
+"""The bus on which a virtual plant gives a controller its ticks, and the boards at its other end.
+
+Both wait for each other, so that virtual time stops while either computes: at every tick the
+plant says what its sensors show, the controller answers with the current it wants from the next
+tick on. A board without hardware runs in this process, in one of its own, or emulated.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import shutil
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from anhyst_rigs.link.frames import PlantDrive, PlantSample
+from anhyst_rigs.link.wire import LinkPort
+from anhyst.support.errors import InputError
+from anhyst.support.states import Fault, State
+
+Q30 = float(1 << 30)
+Q31 = float(1 << 31)
+_RESERVED = -(1 << 31)
+_LEAST, _MOST = _RESERVED + 1, (1 << 31) - 1
+_DRIVE_BYTES = PlantDrive.FIXED.size + 4
+_CURRENTS, _DRIVES = (
+    [field.name for field in fields(record) if field.name.startswith(signal)]
+    for record, signal in ((PlantSample, "current"), (PlantDrive, "drive"))
+)
+"""Words of the magnets, the first to the last."""
+
+
+class Reading(NamedTuple):
+    """What the sensors show at the beginning of a tick; NaN: the sensor's error code."""
+
+    gap: float  # 0 at the low end of the model's range of gaps, 1 at the high one
+    force: float  # as a fraction of full scale
+    current: float  # of the first magnet
+    # bits of ``PORT_...`` in ``firmware/port/port.h``; 1: there is no sample at all
+    status: int = 0
+    # of a controller of position, as fractions of full scale
+    position: float = 0.0
+    further: tuple[float, ...] = ()  # currents of further magnets
+
+
+class Plant(Protocol):
+    """What stands at the other end of the bus."""
+
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
+        """Go on by one tick, to the beginning of tick number `tick`."""
+
+
+Exchange = Callable[[PlantSample], PlantDrive]
+"""Hands a sample to the controller and returns its drive."""
+
+
+def over(connection: socket.socket, timeout: float = 10.0) -> Exchange:
+    """Exchange records with a process at the other end of a socket."""
+    wait_at_most(connection, timeout)
+
+    def exchange(sample: PlantSample) -> PlantDrive:
+        connection.sendall(sample.pack())
+        data = connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
+        if not data:
+            raise ConnectionError("it hung up")
+        return PlantDrive.unpack(data)
+
+    return exchange
+
+
+class PlantBus:
+    """The plant's end of the bus."""
+
+    def __init__(self, plant: Plant, exchange: Exchange) -> None:
+        self.plant = plant
+        self.tick = 0
+        self.drives: tuple[float, ...] = tuple(0.0 for _ in _DRIVES)
+        self.state = State.INIT
+        self.fault = Fault.NONE
+        self.answer: PlantDrive | None = None
+        self.exchange = exchange
+
+    def step(self, ticks: int = 1) -> None:
+        """Go on by some ticks, in lock-step with the controller."""
+        for _ in range(ticks):
+            self._step(self.tick + 1)
+
+    def skip(self, ticks: int) -> None:
+        """Let the plant go on without the controller, which misses these ticks."""
+        for _ in range(ticks):
+            self.tick += 1
+            self.plant.step(self.tick, self.drives)
+
+    def _step(self, tick: int) -> None:
+        sample = _encode(tick, self.plant.step(tick, self.drives))
+        try:
+            drive = self.exchange(sample)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"the controller did not finish tick {tick}: {error}; see its output",
+                code="tick-not-finished",
+            ) from error
+        if drive.tick != tick:
+            raise InputError(
+                f"the controller answered tick {drive.tick} to tick {tick}", code="tick-differs"
+            )
+        self.tick = tick
+        self.answer = drive
+        self.drives = tuple(getattr(drive, name) / Q31 for name in _DRIVES)
+        self.state = State(drive.state & 0xFF)
+        self.fault = Fault(drive.state >> 8 & 0xFF)
+
+    @property
+    def drive(self) -> float:
+        """The first of the currents that the controller wants."""
+        return self.drives[0]
+
+
+def wait_at_most(connection: socket.socket, timeout: float) -> None:
+    """Wait inside the system, not in Python: an emulated board sends byte by byte."""
+    connection.settimeout(None)
+    wait = struct.pack("@ll", int(timeout), int(timeout % 1.0 * 1e6))
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, wait)
+
+
+def _encode(tick: int, reading: Reading) -> PlantSample:
+    currents = (reading.current, *reading.further, *(0.0 for _ in _CURRENTS))
+    return PlantSample(
+        tick=tick & 0xFFFFFFFF,
+        gap=_q30(reading.gap),
+        force=_q30(reading.force),
+        position=_code(reading.position, Q31),
+        status=reading.status,
+        **{name: _q30(current) for name, current in zip(_CURRENTS, currents, strict=False)},
+    )
+
+
+def _q30(value: float) -> int:
+    """Give the nearest code; what lies beyond is the nearest end, no number the error code."""
+    return _code(value, Q30)
+
+
+def _code(value: float, unit: float) -> int:
+    """Halves go up, as in the simulated loop."""
+    if math.isnan(value):
+        return _RESERVED
+    return math.floor(min(max(value * unit + 0.5, _LEAST), _MOST))
+
+
+_QEMU = "qemu-system-arm"
+_NO_ESCAPE = "0x1ff"
+_LINK_MOST = 16384  # bytes that are taken from a library at a time
+
+HOST_LINK = "pty" if sys.platform == "linux" else "tcp:0"
+"""Elsewhere a pseudo-terminal refuses the bit rates of a serial port."""
+
+
+def check_runs_here(board: str) -> None:
+    """Refuse a board without hardware where its process cannot be handed a socket."""
+    if sys.platform == "win32":
+        raise InputError(
+            f"board {board}: runs on Linux and macOS, not on Windows; run anhyst in WSL, or plug a "
+            "controller in and name its port",
+            code="not-on-this-system",
+        )
+
+
+@dataclass(frozen=True)
+class Running:
+    """A firmware that runs."""
+
+    link: str | LinkPort  # for :class:`anhyst_rigs.link.client.ControllerLink`
+    bus: PlantBus  # its plant; without :meth:`PlantBus.step` no time passes for it
+    xcp: int = 0  # port of this machine on which a master of XCP may come in; 0: there is none
+    wire: socket.socket | None = None  # that the bus runs over; none where it is in this process
+
+    @property
+    def url(self) -> str:
+        """Its link, or what it is called where that is in this process."""
+        return self.link if isinstance(self.link, str) else self.link.url
+
+
+class LibraryBoard:
+    """A controller of a firmware in this process; it is on until it is switched off.
+
+    Both ends of it: the port of its link, and the exchange with its plant.
+    """
+
+    def __init__(self, program: Path) -> None:
+        from _ctypes import dlclose  # not on Windows
+
+        self.url = str(program)
+        try:
+            self._firmware = ctypes.CDLL(str(program.resolve()))
+        except OSError as error:
+            raise InputError(
+                f"{program}: cannot be loaded: {error}", code="did-not-start"
+            ) from error
+        self._firmware.library_bytes.restype = ctypes.c_size_t
+        self._firmware.library_link.restype = ctypes.c_uint16
+        self._answered = ctypes.create_string_buffer(_LINK_MOST)
+        self._drive = ctypes.create_string_buffer(PlantDrive.FIXED.size)
+        self._rest = b""
+        self._off, self._unload = False, dlclose
+        self._memory = ctypes.create_string_buffer(self._firmware.library_bytes())
+        self._firmware.library_start(self._memory)
+
+    def exchange(self, sample: PlantSample) -> PlantDrive:
+        """Run a tick."""
+        if self._off:
+            raise ValueError("it is switched off")
+        words = sample.FIXED.pack(*vars(sample).values())
+        self._firmware.library_tick(self._memory, words, self._drive)
+        return PlantDrive(*PlantDrive.FIXED.unpack(self._drive.raw))
+
+    def write(self, data: bytes) -> None:
+        """Send bytes over the link; what they bring about is kept for :meth:`read`."""
+        count = self._firmware.library_link(
+            self._memory, data, len(data), self._answered, _LINK_MOST
+        )
+        self._rest += ctypes.string_at(self._answered, count)
+
+    def read(self, timeout: float) -> bytes:
+        """Return what the firmware has said; it is never waited for, no time passes meanwhile."""
+        del timeout
+        self.write(b"")
+        data, self._rest = self._rest, b""
+        return data
+
+    def close(self) -> None:
+        """Leave the link; the controller stays on."""
+
+    @property
+    def tick(self) -> tuple[int, int]:
+        """Addresses of its function of a tick and of its memory, for `anhyst._core.BusController`."""
+        function = ctypes.cast(self._firmware.library_tick, ctypes.c_void_p).value or 0
+        return function, ctypes.addressof(self._memory)
+
+    def switch_off(self) -> None:
+        """End it; with the last of them the firmware is unloaded."""
+        self._off = True
+        self._unload(self._firmware._handle)
+
+
+@contextmanager
+def run_library(program: Path, plant: Plant) -> Iterator[Running]:
+    """Run a firmware built for the board ``library``."""
+    board = LibraryBoard(program)
+    try:
+        yield Running(board, PlantBus(plant, board.exchange))
+    finally:
+        board.switch_off()
+
+
+@contextmanager
+def run_host(
+    program: Path, plant: Plant, link: str = HOST_LINK, xcp: int | None = None
+) -> Iterator[Running]:
+    """Run a firmware built for the board ``host``."""
+    ours, theirs = socket.socketpair()
+    command = [str(Path(program).resolve()), link, f"fd:{theirs.fileno()}"]
+    command += [] if xcp is None else ["--xcp", str(xcp)]
+    with ours, _started(command, [theirs], stdout=subprocess.PIPE) as process:
+        url = link
+        if link == "pty" or link.startswith("tcp:"):
+            address = _printed(process, program)
+            url = address if link == "pty" else f"socket://127.0.0.1:{address}"
+        offered = 0 if xcp is None else int(_printed(process, program))
+        yield Running(url, PlantBus(plant, over(ours)), offered, ours)
+
+
+def _printed(process: subprocess.Popen[bytes], program: Path) -> str:
+    """Return the next line that a firmware prints: where it can be reached."""
+    assert process.stdout is not None
+    line = process.stdout.readline().decode().strip()
+    if not line:
+        raise InputError(f"{program}: the firmware did not start", code="did-not-start")
+    return line
+
+
+@contextmanager
+def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running]:
+    """Run a firmware built for the board ``qemu-mps2``, in QEMU.
+
+    The sockets are opened here and handed over, so that no port can be snatched away in between.
+    Each goes through QEMU's multiplexer, which is used for its buffer alone: without it every byte
+    waits for a change between two threads of QEMU, several times as long.
+    """
+    qemu = find_qemu()
+    listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(1 + xcp)]
+    ports = [listener.getsockname()[1] for listener in listeners]
+    ours, theirs = socket.socketpair()
+    command = [qemu, "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
+    served = [f"fd={listener.fileno()},server=on,wait=off,nodelay=on" for listener in listeners]
+    command += _serial("link", served[0])
+    command += _serial("plant", f"fd={theirs.fileno()}")
+    if xcp:
+        command += _serial("xcp", served[1])
+    command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
+    with ours, _started(command, [*listeners, theirs]):
+        url = f"socket://127.0.0.1:{ports[0]}"
+        yield Running(url, PlantBus(plant, over(ours)), ports[1] if xcp else 0, ours)
+
+
+def find_qemu() -> str:
+    """Return the path of QEMU."""
+    check_runs_here("qemu-mps2")
+    program_path = shutil.which(_QEMU)
+    if program_path is None:
+        raise InputError(
+            f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}",
+            code="not-installed",
+            key=_QEMU,
+        )
+    return program_path
+
+
+def _serial(name: str, where: str) -> list[str]:
+    return ["-chardev", f"socket,id={name},mux=on,{where}", "-serial", f"chardev:{name}"]
+
+
+@contextmanager
+def _started(
+    command: Sequence[str], handed_over: Sequence[socket.socket], stdout: int | None = None
+) -> Iterator[subprocess.Popen[bytes]]:
+    descriptors = [end.fileno() for end in handed_over]
+    try:
+        process = subprocess.Popen(command, pass_fds=descriptors, stdout=stdout)
+    except OSError as error:
+        raise InputError(
+            f"{command[0]}: cannot be run: {error.strerror}", code="cannot-be-run"
+        ) from error
+    finally:
+        for end in handed_over:
+            end.close()
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+VIRTUAL_BOARDS: dict[str, Callable[[Path, Plant], AbstractContextManager[Running]]] = {
+    "library": run_library,
+    "host": run_host,
+    "qemu-mps2": run_qemu,
+}
+"""Boards that run here against a virtual plant."""

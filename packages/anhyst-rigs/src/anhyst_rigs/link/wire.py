@@ -1,0 +1,352 @@
+"""Frames on the wire.
+
+Own frames: COBS, a zero at the end, and a checksum; as ``firmware/link/frame.c``. Packets of XCP stand
+behind a length and a counter, 16 bits each. On TCP that is all; on a serial port they are filled up to
+whole words and a checksum follows, the sum of all words, as ``firmware/xcp/line.h`` says.
+
+A serial port, a pty or a TCP socket: bytes out, bytes in.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import socket
+import struct
+import zlib
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+from anhyst_rigs.link.frames import VERSION, Message, StatusAnswer
+from anhyst.support.errors import InputError
+from anhyst.support.states import Fault, Flag, State
+from anhyst.support.xcp_map import PACKET, SECRET
+
+_HEAD = struct.Struct("<BBBBI")
+_CHECK = struct.Struct("<I")
+_MOST = 254
+"""Longest run without a zero that COBS joins; every frame is shorter."""
+
+
+class Frame(NamedTuple):
+    """A frame that arrived whole."""
+
+    version: int
+    type: int
+    sequence: int
+    tick: int
+    payload: bytes
+
+
+_Q30 = 1.0 / (1 << 30)
+_Q31 = 1.0 / (1 << 31)
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """What a controller did in one tick."""
+
+    tick: int  # which
+    codes: StatusAnswer  # the numbers as they came
+
+    @property
+    def state(self) -> State:
+        """State of the controller."""
+        return State(self.codes.state)
+
+    @property
+    def fault(self) -> Fault:
+        """Latched reason of a fault."""
+        return Fault(self.codes.fault)
+
+    @property
+    def flags(self) -> Flag:
+        """What was limited, and more."""
+        return Flag(self.codes.flags)
+
+    @property
+    def demand(self) -> float:
+        """Demand in force, as a fraction of the full-scale force."""
+        return self.codes.demand * _Q31
+
+    @property
+    def force(self) -> float:
+        """Force measured, as a fraction of the full-scale force."""
+        return self.codes.force * _Q30
+
+    @property
+    def gap(self) -> float:
+        """Gap measured: 0 at the low end of the model's range, 1 at the high one."""
+        return self.codes.gap * _Q30
+
+    @property
+    def current(self) -> float:
+        """Current measured, as a fraction of the full-scale current."""
+        return self.codes.current * _Q30
+
+    @property
+    def drive(self) -> float:
+        """Current driven, as a fraction of the full-scale current."""
+        return self.codes.drive * _Q31
+
+    @property
+    def generation(self) -> int:
+        """Generation of the parameter block in force."""
+        return self.codes.generation
+
+
+def encode(message: Message, sequence: int, tick: int = 0, version: int = VERSION) -> bytes:
+    """Lay a message out as it goes over the line, the zero at the end included."""
+    payload = message.pack()
+    body = _HEAD.pack(version, message.TYPE, sequence, len(payload), tick) + payload
+    return stuff(body + _CHECK.pack(zlib.crc32(body))) + b"\0"
+
+
+def stuff(body: bytes) -> bytes:
+    """Write bytes without a zero (COBS), for up to 253 of them."""
+    return b"".join(bytes((len(run) + 1,)) + run for run in body.split(b"\0"))
+
+
+def unstuff(stuffed: bytes) -> bytes | None:
+    """Undo :func:`stuff`; None where these bytes cannot have come from it."""
+    body = bytearray(stuffed)
+    at = 0
+    while at < len(stuffed):
+        run, body[at] = stuffed[at], 0
+        if run == 0:
+            return None
+        at += run
+    return bytes(body[1:]) if at == len(stuffed) else None
+
+
+class Receiver:
+    """Finds frames in a stream of bytes; in step again one zero after any garbage."""
+
+    def __init__(self) -> None:
+        self.bad = 0
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take bytes as they arrive; return the frames that they complete."""
+        if not data:
+            return []
+        *pieces, rest = (self._rest + data).split(b"\0")
+        frames = []
+        for piece in pieces:
+            frame = _read(piece)
+            if frame is not None:
+                frames.append(frame)
+            elif piece:
+                self.bad += 1
+        self._rest = rest[-_MOST:]
+        return frames
+
+
+def _read(stuffed: bytes) -> Frame | None:
+    body = unstuff(stuffed)
+    if body is None or len(body) < _HEAD.size + _CHECK.size:
+        return None
+    text = body[: -_CHECK.size]
+    version, kind, sequence, length, tick = _HEAD.unpack_from(text)
+    payload = text[_HEAD.size :]
+    if length != len(payload) or body[-_CHECK.size :] != _CHECK.pack(zlib.crc32(text)):
+        return None
+    return Frame(version, kind, sequence, tick, payload)
+
+
+_XCP_HEAD = struct.Struct("<HH")
+_CHECKSUM_BYTES = 2
+
+
+class Split(NamedTuple):
+    """What has arrived, taken apart."""
+
+    packets: list[bytes]  # whole ones
+    rest: bytes  # the beginning of another
+    skipped: int  # bytes of a serial port that belonged to no whole packet
+    broken: bool  # whether what follows cannot be a packet, on TCP; it is in the rest
+
+
+def framed(packet: bytes, counter: int = 0, serial: bool = False) -> bytes:
+    """Return a packet as it stands on a line."""
+    whole = _XCP_HEAD.pack(len(packet), counter & 0xFFFF) + packet
+    if not serial:
+        return whole
+    whole += b"\0" * (len(packet) % 2)
+    return whole + _checksum(whole)
+
+
+def split(data: bytes, serial: bool = False) -> Split:
+    """Take what has arrived apart; a serial port is searched for the next packet that is whole."""
+    at, skipped = 0, 0
+    packets: list[bytes] = []
+    while at + _XCP_HEAD.size <= len(data):
+        length, _ = _XCP_HEAD.unpack_from(data, at)
+        begin = at + _XCP_HEAD.size
+        end = begin + length + (length % 2 if serial else 0)
+        behind = end + (_CHECKSUM_BYTES if serial else 0)
+        possible = 0 < length <= PACKET
+        if possible and behind > len(data):
+            break
+        if possible and (not serial or _checksum(data[at:end]) == data[end:behind]):
+            packets.append(data[begin : begin + length])
+            at = behind
+        elif serial:
+            skipped += 1
+            at += 1
+        else:
+            return Split(packets, data[at:], 0, True)
+    return Split(packets, data[at:], skipped, False)
+
+
+def _checksum(data: bytes) -> bytes:
+    """Return the sum of words, low byte first."""
+    total: int = sum(struct.unpack(f"<{len(data) // 2}H", data))
+    return (total & 0xFFFF).to_bytes(_CHECKSUM_BYTES, "little")
+
+
+def key_for(seed: bytes, secret: int = SECRET) -> bytes:
+    """Return the key to a seed.
+
+    It keeps a tool that only looks on from writing by mistake; who reads this can write.
+    """
+    return zlib.crc32(seed, secret).to_bytes(4, "little")
+
+
+BAUD = 921600
+
+_PATIENCE = 5.0
+"""How long a port may take no byte, s."""
+
+_ADVICE = {
+    errno.ENOENT: "is not there; plug the controller in, or name another port",
+    errno.ENXIO: "is not there; plug the controller in, or name another port",
+    errno.EACCES: "may not be opened; join the group that owns it (often dialout)",
+    errno.EBUSY: "is taken by another program; close that first",
+    errno.EWOULDBLOCK: "is taken by another program; close that first",
+    errno.ENOTTY: "is not a serial port; name a port such as /dev/ttyACM0 or socket://host:port",
+}
+
+
+class LinkPort(Protocol):
+    """An open port, as a link needs it."""
+
+    url: str  # what it is called
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+
+    def read(self, timeout: float) -> bytes:
+        """Return what has arrived, after up to `timeout` seconds."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+class Port:
+    """An open port of the system."""
+
+    def __init__(self, url: str, baud: int = BAUD) -> None:
+        self.url = url
+        self._serial = _open(url, baud)
+        self._fd = _descriptor(self._serial)
+        if url.startswith("socket://") and self._fd is not None:
+            with socket.socket(fileno=os.dup(self._fd)) as same:
+                same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def close(self) -> None:
+        """Let go of the port."""
+        connection = getattr(self._serial, "_socket", None)
+        self._serial.close()
+        if connection is not None:
+            connection.close()  # pyserial leaves it open where the other end hung up first
+
+    def write(self, data: bytes) -> None:
+        """Send bytes; returns once all are on their way."""
+        import serial
+
+        try:
+            if self._fd is None:
+                self._serial.write(data)
+                return
+            while data:
+                if not select.select([], [self._fd], [], _PATIENCE)[1]:
+                    raise OSError(errno.EIO, "it takes nothing")
+                with suppress(BlockingIOError):
+                    data = data[os.write(self._fd, data) :]
+        except (OSError, serial.SerialException) as error:
+            raise self._gone() from error
+
+    def read(self, timeout: float) -> bytes:
+        """Return what has arrived; waits up to `timeout` seconds for the first byte."""
+        import serial
+
+        try:
+            if self._fd is None:
+                self._serial.timeout = timeout
+                first: bytes = self._serial.read(1)
+                return first + bytes(self._serial.read(self._serial.in_waiting))
+            if not select.select([self._fd], [], [], timeout)[0]:
+                return b""
+            try:
+                data = os.read(self._fd, 65536)
+            except BlockingIOError:
+                return b""
+        except (OSError, serial.SerialException) as error:
+            raise self._gone() from error
+        if not data:
+            raise self._gone()
+        return data
+
+    def _gone(self) -> InputError:
+        return InputError(
+            f"{self.url}: the port is gone; see the cable and the controller's power",
+            code="port-gone",
+        )
+
+
+def _open(url: str, baud: int) -> Any:
+    try:
+        import serial
+    except ImportError as error:
+        raise InputError(
+            "pyserial is not installed; install it with: pip install 'anhyst[link]'",
+            code="not-installed",
+            key="pyserial",
+        ) from error
+    try:
+        return serial.serial_for_url(url, baudrate=baud, timeout=0, exclusive=True)
+    except serial.SerialException as error:
+        raise InputError(f"{url}: {_why(error)}", code="port-not-open") from error
+    except ValueError as error:
+        raise InputError(
+            f"{url}: {error}; name a port or socket://host:port", code="port-not-open"
+        ) from error
+    except OSError as error:
+        raise InputError(f"{url}: {_why(error)}", code="port-not-open") from error
+
+
+def _why(error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number is None and isinstance(error.__context__, OSError):
+        number = error.__context__.errno
+    if number in _ADVICE:
+        return _ADVICE[number]
+    text = str(error)
+    if "refused" in text:
+        return "nobody listens there; start the controller first"
+    if "exclusively lock" in text:
+        return _ADVICE[errno.EBUSY]
+    if "configure port" in text:
+        return _ADVICE[errno.ENOTTY]
+    return f"cannot be opened: {text}; name another port"
+
+
+def _descriptor(port: Any) -> int | None:
+    """Give the file descriptor where the system has one: reads are quicker past pyserial."""
+    try:
+        return int(port.fileno()) if os.name == "posix" else None
+    except (AttributeError, OSError):
+        return None

@@ -1,0 +1,261 @@
+"""The structure of the simulated loop (the paper's Fig. 10), with its actual numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from anhyst.control.controller_file import ControllerTable
+from anhyst_rigs.reports.study.page import (
+    HIGH,
+    PLANT,
+    SOFTWARE,
+    WIDE,
+    DiagramBlock,
+    draw_arrow,
+    draw_box,
+    draw_label,
+    new_diagram,
+)
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.file import RigFile
+from anhyst.support.figures import FALLING, RISING, styled
+from anhyst.support.kinds import METHOD_TITLES, PROBED
+from anhyst.support.page import number
+
+FORMATS = {"f64": "64-bit floating point", "f32": "32-bit floating point", "fixed": "fixed point"}
+
+
+def blocks_of(rig: BodyRig, controller: ControllerTable) -> Mapping[str, DiagramBlock]:
+    """Say what every block of the loop is."""
+    plant = rig.settings
+    return {
+        "controller": _controller(controller),
+        "compensator": _compensator(controller),
+        "output": _output(rig),
+        "amplifier": _amplifier(plant),
+        "electrical": _electrical(plant),
+        "hysteresis": _hysteresis(plant),
+        "mechanics": _mechanics(plant),
+        "sensors": _sensors(plant, controller),
+        "load": _load(plant),
+    }
+
+
+def feedback(controller: ControllerTable) -> str:
+    """Name the inputs of the compensator beside the wanted force."""
+    inputs = ["gap"]
+    if controller.compensation.applied == "measured":
+        inputs.append("current")
+    if controller.compensation.variant in PROBED:
+        inputs.append("flux density")
+    return ", ".join(inputs)
+
+
+def _controller(settings: ControllerTable) -> DiagramBlock:
+    gains = settings.pidd2_gains()
+    lines = [
+        f"K_p {_short(gains.K_p)} N/m",
+        f"K_i {_short(gains.K_i)} N/(m s)",
+        f"K_d {_short(gains.K_d)} N s/m",
+        f"K_dd {_short(gains.K_dd)} N s²/m, weight {settings.set_point_weight:.3g}",
+        f"derivatives below {_hertz(settings.filter.cutoff_Hz)}",
+    ]
+    if settings.filter.cutoff_2_Hz != settings.filter.cutoff_Hz and gains.K_dd:
+        lines[-1] += f", {_hertz(settings.filter.cutoff_2_Hz)}"
+    return DiagramBlock("controller PIDD²", tuple(lines))
+
+
+def _compensator(settings: ControllerTable) -> DiagramBlock:
+    limits, chosen = settings.limits, settings.compensation
+    return DiagramBlock(
+        "force to current",
+        (
+            *METHOD_TITLES[chosen.variant].split(", "),
+            FORMATS[chosen.format],
+            f"{limits.force_low_N:g} to {limits.force_high_N:g} N",
+            f"{limits.current_low_A:g} to {limits.current_high_A:g} A",
+            f"commits the {chosen.applied} current",
+        ),
+    )
+
+
+def _output(rig: BodyRig) -> DiagramBlock:
+    timing, amplifier = rig.settings.timing, rig.settings.amplifier
+    across = amplifier.current_high_A - amplifier.current_low_A
+    bit = across / ((1 << amplifier.dac_bits) - 1)
+    return DiagramBlock(
+        "DAC and delay",
+        (
+            f"{_hertz(timing.rate_Hz)}, tick {1e6 * rig.dt:g} µs",
+            f"sample to output: {timing.delay_ticks:g} tick{'s' * (timing.delay_ticks != 1.0)}",
+            f"{amplifier.dac_bits} bits, {1e6 * bit:.0f} µA a step",
+        ),
+    )
+
+
+def _amplifier(plant: RigFile) -> DiagramBlock:
+    amplifier = plant.amplifier
+    loop = "own current loop" if amplifier.mode == "current" else "voltage mode"
+    lines = [
+        f"{loop}, {_hertz(amplifier.bandwidth_Hz)}",
+        f"supply ±{amplifier.supply:g} V",
+        f"{amplifier.current_low_A:g} to {amplifier.current_high_A:g} A",
+    ]
+    if amplifier.delay_s:
+        lines.append(f"delay {1e6 * amplifier.delay_s:g} µs")
+    return DiagramBlock(f"amplifier{_times(plant)}", tuple(lines))
+
+
+def _electrical(plant: RigFile) -> DiagramBlock:
+    magnet = plant.magnet
+    lines = [
+        f"{magnet.turns} turns, {magnet.poles.resistance:.3g} Ω",
+        "flux linkage ψ(i, gap) "
+        + ("of the iron" if magnet.flux_table is None else "from a table"),
+        "u = R·i + dψ/dt, by",
+        "current and by motion",
+    ]
+    if magnet.eddy_time_s:
+        lines.append(f"eddy currents {1e6 * magnet.eddy_time_s:g} µs")
+    return DiagramBlock(f"electrical subsystem{_times(plant)}", tuple(lines))
+
+
+def _hysteresis(plant: RigFile) -> DiagramBlock:
+    magnet, poles = plant.magnet, plant.magnet.poles
+    pole = f"pole {1e3 * poles.width:.3g} × {1e3 * poles.depth:.3g} mm"
+    if magnet.model is not None:
+        lines = ["identified Jiles-Atherton law", magnet.model, pole]
+    else:
+        lines = [*plant.steel.lines(), pole]
+    if plant.gap_total_m is not None:
+        lines.append(f"bias {plant.bias_N:g} N, gaps {1e3 * plant.gap_total_m:g} mm")
+    return DiagramBlock(f"force-current hysteresis{_times(plant)}", tuple(lines))
+
+
+def _mechanics(plant: RigFile) -> DiagramBlock:
+    mechanics = plant.body
+    low, high = 1e3 * mechanics.stop_low_m, 1e3 * mechanics.stop_high_m
+    lines = [f"mass {mechanics.mass_kg:g} kg", f"stops at {low:g} and {high:g} mm"]
+    if mechanics.damping_N_s_per_m:
+        lines.append(f"guide {mechanics.damping_N_s_per_m:g} N s/m")
+    if mechanics.gravity_m_per_s2:
+        lines.append(f"gravity {mechanics.gravity_m_per_s2:g} m/s²")
+    lines.append(f"works at {1e3 * plant.gap_m:g} mm")
+    return DiagramBlock("mechanics", tuple(lines))
+
+
+def _sensors(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
+    position, shunt = plant.gap_sensor, plant.current_sensor
+    lines = [
+        f"{position.kind}: step {_metres(position.step)}",
+        f"noise {_metres(position.noise_m)} rms, {_hertz(position.bandwidth_Hz)}",
+    ]
+    if position.delay_s:
+        lines.append(f"delay {1e6 * position.delay_s:g} µs")
+    lines.append(f"current: {shunt.adc_bits} bits, {1e3 * shunt.noise_A:g} mA rms")
+    if controller.compensation.variant in PROBED and plant.hall_probe is not None:
+        probe = plant.hall_probe
+        lines.append(f"Hall: {probe.adc_bits} bits, {1e3 * probe.noise_T:g} mT rms")
+    return DiagramBlock("sensors", tuple(lines))
+
+
+def _load(plant: RigFile) -> DiagramBlock:
+    load = plant.load
+    lines = [f"{load.force_N:g} N, {_hertz(load.bandwidth_Hz)}"]
+    if load.stiffness_N_per_m or load.damping_N_s_per_m:
+        lines.append(f"{_short(load.stiffness_N_per_m)} N/m, {load.damping_N_s_per_m:g} N s/m")
+    lines.append(f"encoder {_metres(load.encoder_step_m)}")
+    for disturbance in plant.load.disturbance[:1]:
+        more = f" and {len(load.disturbance) - 1} more" if len(load.disturbance) > 1 else ""
+        lines.append(f"{disturbance.kind} of {disturbance.force_N:g} N{more}")
+    return DiagramBlock("load drive", tuple(lines))
+
+
+def _times(plant: RigFile) -> str:
+    return " × 2" if plant.opposite is not None else ""
+
+
+def _short(value: float) -> str:
+    """Write a gain: thousands and millions with their power of ten."""
+    if value == 0.0:
+        return "0"
+    power = 3 * math.floor(math.log10(abs(value)) / 3.0)
+    if 1e-2 <= abs(value) < 1e5:
+        return number(value, 4, short=True)
+    digits = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+    return f"{number(value / 10.0**power, 3, short=True)}·10{str(power).translate(digits)}"
+
+
+def _hertz(value: float) -> str:
+    return f"{value / 1e3:.4g} kHz" if value >= 1e3 else f"{value:.4g} Hz"
+
+
+def _metres(value: float) -> str:
+    return f"{1e9 * value:.3g} nm" if value < 1e-6 else f"{1e6 * value:.3g} µm"
+
+
+_APART = 0.46  # inches
+_LEFT, _TOP, _MIDDLE, _LOW = 0.62, 3.95, 1.95, 0.56
+_LOAD_HIGH = 0.96
+_FIGURE = (_LEFT + 4 * WIDE + 3 * _APART + 0.5, 4.8)
+
+
+@styled
+def figure_structure(rig: BodyRig, controller: ControllerTable) -> Figure:
+    """Draw the loop: controller above, magnet and armature below."""
+    figure, ax = new_diagram(*_FIGURE)
+    blocks = blocks_of(rig, controller)
+    columns = [_LEFT + 0.5 * WIDE + index * (WIDE + _APART) for index in range(4)]
+    above = ("controller", "compensator", "output", "amplifier")
+    below = ("sensors", "mechanics", "hysteresis", "electrical")
+    for x, name in zip(columns, above, strict=True):
+        draw_box(ax, (x, _TOP), name, blocks[name], SOFTWARE if name in above[:2] else PLANT)
+    for x, name in zip(columns, below, strict=True):
+        draw_box(ax, (x, _MIDDLE), name, blocks[name], PLANT)
+    draw_box(ax, (columns[0], _LOW), "load", blocks["load"], PLANT, _LOAD_HIGH)
+    _signals(ax, columns, feedback(controller))
+    return figure
+
+
+def _signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
+    """Draw what goes from block to block."""
+    half, lid = 0.5 * WIDE, 0.5 * HIGH
+    for index, name in enumerate(("F wanted", "i wanted", "i ref")):
+        x = columns[index] + half
+        draw_arrow(ax, [(x, _TOP), (x + _APART, _TOP)])
+        draw_label(ax, (x + 0.5 * _APART, _TOP + 0.08), name.replace(" ", "\n"))
+    draw_arrow(ax, [(columns[3], _TOP - lid), (columns[3], _MIDDLE + lid)])
+    draw_label(ax, (columns[3] + 0.08, 0.5 * (_TOP + _MIDDLE)), "voltage u", "left", "center")
+    for index, name in ((3, "i, ψ"), (2, "force"), (1, "gap")):
+        x = columns[index] - half
+        draw_arrow(ax, [(x, _MIDDLE), (x - _APART, _MIDDLE)], FALLING if index == 2 else RISING)
+        draw_label(ax, (x - 0.5 * _APART, _MIDDLE + 0.08), name)
+    # Reference from the left; the measured gap from below.
+    draw_arrow(ax, [(0.06, _TOP), (_LEFT, _TOP)])
+    draw_label(ax, (0.5 * _LEFT, _TOP + 0.08), "gap\nwanted")
+    draw_arrow(ax, [(columns[0], _MIDDLE + lid), (columns[0], _TOP - lid)])
+    draw_label(ax, (columns[0] - 0.08, 0.5 * (_TOP + _MIDDLE)), "measured gap", "right", "center")
+    lane = 0.5 * (_TOP + _MIDDLE)
+    draw_arrow(ax, [(columns[0], lane), (columns[1], lane), (columns[1], _TOP - lid)])
+    ax.add_patch(Circle((columns[0], lane), 0.035, fc=RISING, ec=RISING))
+    draw_label(ax, (0.5 * (columns[0] + columns[1]), lane + 0.05), inputs)
+    _from_below(ax, columns)
+
+
+def _from_below(ax: Axes, columns: Sequence[float]) -> None:
+    """Draw load and moving gap, on lanes below the plant."""
+    half, floor = 0.5 * WIDE, _MIDDLE - 0.5 * HIGH
+    left = columns[1] - 0.5 * half
+    draw_arrow(ax, [(columns[0] + half, _LOW), (left, _LOW), (left, floor)], FALLING)
+    draw_label(ax, (0.5 * (columns[0] + half + left), _LOW + 0.05), "load")
+    start, lane = columns[1] + 0.5 * half, 0.5 * (_LOW + floor)
+    ax.plot([start, start], [floor, lane], color=RISING, lw=1.3)
+    draw_arrow(ax, [(start, lane), (columns[3], lane), (columns[3], floor)])
+    draw_arrow(ax, [(columns[2], lane), (columns[2], floor)])
+    ax.add_patch(Circle((columns[2], lane), 0.035, fc=RISING, ec=RISING))
+    draw_label(ax, (0.5 * (columns[2] + columns[3]), lane + 0.05), "gap and its velocity")

@@ -1,0 +1,312 @@
+"""The report of a simulated bearing: one page that needs nothing else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from anhyst.control.controller_file import ControllerTable
+from anhyst_rigs.reports.bearing.block_diagram import figure_structure
+from anhyst_rigs.reports.bearing.figures import (
+    figure_bode,
+    figure_force_current,
+    figure_forces,
+    figure_nyquist,
+    figure_sensitivity,
+    figure_standstill,
+    figure_steps,
+    figure_tracking,
+)
+from anhyst_rigs.reports.bearing.subject import (
+    SimulationSubject,
+    benefit_table,
+    experiment_tables,
+    margin_table,
+    overshoot_text,
+    settling_sentence,
+    standstill_tables,
+    step_tables,
+)
+from anhyst_rigs.reports.study.page import (
+    legend_table,
+    ordered,
+    origin,
+    page_text,
+    picture,
+    verdict_note,
+)
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.study.bearing.linear import zone
+from anhyst_rigs.study.bearing.responses import OVERSHOOT, Steps, judge_steps
+from anhyst_rigs.study.engine.table import strongest
+from anhyst.support.kinds import MethodName
+from anhyst.support.page import NBSP, Block, Headline, Note, Section, Text, Tile, number
+
+_TILES = 4
+
+
+def render(subject: SimulationSubject) -> str:
+    """Return the text of the report; the same for the same subject."""
+    sections = (
+        structure(subject.rig, subject.controller, subject.variants),
+        _steps(subject),
+        _forces(subject),
+        _loops(subject),
+        _tracking(subject),
+        _standstill(subject),
+        _frequency(subject),
+        origin(subject.files, subject.command, subject.rig.settings.seed),
+    )
+    return page_text("Magnetic bearing", _headline(subject), sections)
+
+
+def _headline(subject: SimulationSubject) -> Headline:
+    plant = subject.rig.settings
+    control = f"controller “{subject.controller.name}”, variant {subject.variant}"
+    basis = (
+        f"Simulated with {plant.timing.delay_ticks:g} tick of delay, DAC, ADC, sensor noise and a "
+        f"supply of {plant.amplifier.supply_V:g}{NBSP}V"
+    )
+    if subject.steps:
+        basis += f"; intervals are those of 95 % confidence over {subject.seeds} noise seeds"
+    judged = [verdict_note(judge_steps(subject.steps, subject.variant))] if subject.steps else []
+    notes = (*judged, *subject.notes, *_lost(subject))
+    return Headline(
+        title=plant.name,
+        what=f"{plant_text(subject.rig)}; {control}.",
+        basis=f"{basis}.",
+        notes=tuple(sorted(notes, key=lambda note: note.tone != "bad")),
+        tiles=_tiles(subject),
+        comparison=benefit_table(subject),
+        holds="These figures hold for this plant and these settings, and for no other iron: what "
+        "compensation gains depends on loop width, reversible fraction and step height.",
+    )
+
+
+def plant_text(rig: BodyRig) -> str:
+    """Say in a few words what a bearing is."""
+    plant = rig.settings
+    arrangement = "A pair of magnets" if plant.opposite is not None else "One magnet"
+    return (
+        f"{arrangement}, {plant.body.mass_kg:g}{NBSP}kg, {rig.load:g}{NBSP}N load, "
+        f"{1e3 * plant.gap_m:g}{NBSP}mm gap, {plant.timing.rate_Hz:g} ticks a second"
+    )
+
+
+def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
+    """Overshoot at every height at the operating gap, beside the strongest of the others."""
+    tiles = []
+    gap = subject.rig.settings.gap_m
+    for step in subject.steps:
+        mine = step.of(OVERSHOOT).get(subject.variant)
+        if mine is None or math.isnan(mine.mean):
+            continue
+        if step.gap == gap and step.load == subject.steps[0].load:
+            tiles.append(
+                Tile(
+                    f"{number(mine.mean, 2)}{NBSP}%",
+                    f"overshoot, {1e6 * step.height:g}{NBSP}µm",
+                    "; ".join(_beside(step, subject.variant)),
+                )
+            )
+    return tuple(tiles[:_TILES])
+
+
+def _beside(step: Steps, variant: MethodName) -> Iterable[str]:
+    """Write the overshoot of a variant, of the strongest baseline and of measured flux."""
+    yield f"{variant}: {overshoot_text(step, variant)}"
+    other = strongest(step.of(OVERSHOOT))
+    if other not in (None, variant):
+        yield f"strongest without hysteresis model ({other}): {overshoot_text(step, other)}"
+    if "flux" in step.cells and variant != "flux":
+        yield f"measured flux: {overshoot_text(step, 'flux')}"
+
+
+def _lost(subject: SimulationSubject) -> Iterable[Note]:
+    """Say where levitation was lost."""
+    runs = [
+        f"{name} at {subject.situation(step)}: {cell.lost} of {subject.seeds} runs"
+        for step in subject.steps
+        for name, cell in step.cells.items()
+        if cell.lost
+    ]
+    if runs:
+        text = f"{'; '.join(runs)}. A figure of which a run was lost has no mean."
+        yield Note("bad", "Levitation lost", text)
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def structure(
+    rig: BodyRig, controller: ControllerTable, variants: Iterable[MethodName | None]
+) -> Section:
+    """Draw the loop with its numbers, and say what the variants are."""
+    caption = (
+        "Structure of the simulation (the paper's Fig. 10) with the numbers of rig and controller "
+        "file. Blue boxes are the compiled program, as it would be flashed; grey ones the plant."
+    )
+    alt = (
+        "Block diagram: controller, force to current, DAC and delay, amplifier, electrical "
+        "subsystem, force-current hysteresis, mechanics with load drive, sensors back to the "
+        "controller."
+    )
+    figure = figure_structure(rig, controller)
+    return Section(
+        "structure",
+        "Structure and numbers",
+        (
+            picture(figure, "structure", alt, caption),
+            legend_table(ordered(one for one in variants if one)),
+        ),
+    )
+
+
+def _steps(subject: SimulationSubject) -> Section:
+    blocks: list[Block] = []
+    if subject.panels:
+        names = ordered({name for panel in subject.panels for name in panel.recordings})
+        blocks.append(
+            picture(
+                figure_steps(subject.panels),
+                "steps",
+                f"Step responses, position over time, one panel a step: {', '.join(names)}.",
+                "Step responses with and without compensation (the paper's Fig. 11), one run of "
+                f"{subject.seeds}; overshoot in the legends is the mean over all of them, in % of "
+                "the height. The grey band is 2 % of the height. True position; upwards closes "
+                "the gap. Below each, how far it is from the reference, enlarged: above zero it is "
+                "beyond its end.",
+            )
+        )
+    if sentence := settling_sentence(subject):
+        blocks.append(Text(sentence))
+    blocks += step_tables(subject)
+    return Section("steps", "Step responses", tuple(blocks))
+
+
+def _forces(subject: SimulationSubject) -> Section:
+    blocks: list[Block] = []
+    if subject.forces:
+        blocks.append(
+            picture(
+                figure_forces(subject.forces),
+                "forces",
+                "Wanted and true force over time and their difference, one column a variant: "
+                f"{', '.join(ordered(subject.forces))}.",
+                "What the position controller wants and what the magnet gives. The difference "
+                "holds hysteresis, but the lag of amplifier and delay as well, and for a constant "
+                "ratio the force that the motion of the armature adds.",
+            )
+        )
+    return Section("forces", "Wanted and true force", tuple(blocks))
+
+
+def _loops(subject: SimulationSubject) -> Section | None:
+    if not subject.run or not subject.measured:
+        return None
+    at = sorted({loop.gap for loop in subject.measured})
+    gaps = " and ".join(f"{1e3 * gap:g}{NBSP}mm" for gap in at)
+    figure = figure_force_current(subject.run, subject.measured, subject.identified)
+    return Section(
+        "loops",
+        "In the plane of force and current",
+        (
+            picture(
+                figure,
+                "loops",
+                f"Force over current: measured loops at {gaps}, and where the run goes: "
+                f"{', '.join(ordered(subject.run))}.",
+                f"True force over true current of the run, over the loops measured at {gaps}, the "
+                "nearest gaps, and the identified loop at the gap of the run. Below, the loops "
+                "less the single-valued curve of their gap: hysteresis by itself.",
+            ),
+        ),
+    )
+
+
+def _tracking(subject: SimulationSubject) -> Section:
+    blocks: list[Block] = []
+    for index, tried in enumerate(subject.tracked):
+        blocks.append(
+            picture(
+                figure_tracking(tried.recordings, tried.title),
+                f"tracking{index}",
+                f"{_sentence(tried.title)}: position over time and its error, "
+                f"{', '.join(ordered(tried.recordings))}.",
+                f"{_sentence(tried.title)}. True position; one run of {subject.seeds}.",
+            )
+        )
+    if subject.experiments is not None:
+        blocks += experiment_tables(subject.experiments)
+    return Section("tracking", "Trajectories, load steps, recovery", tuple(blocks))
+
+
+def _standstill(subject: SimulationSubject) -> Section:
+    blocks: list[Block] = []
+    if subject.standstill:
+        sensor = subject.rig.settings.gap_sensor
+        noise, step = sensor.noise_m, sensor.step
+        blocks.append(
+            picture(
+                figure_standstill(subject.standstill),
+                "standstill",
+                "Position at a standstill over time, and its spectrum: "
+                f"{', '.join(ordered(subject.standstill))}.",
+                f"True position at rest in the air, with a sensor of {1e9 * noise:g}{NBSP}nm rms "
+                f"and steps of {1e9 * step:g}{NBSP}nm ({sensor.kind}).",
+            )
+        )
+    if subject.experiments is not None:
+        blocks += standstill_tables(subject.experiments.standstill)
+    return Section("standstill", "Standstill", tuple(blocks))
+
+
+def _frequency(subject: SimulationSubject) -> Section:
+    blocks: list[Block] = []
+    if subject.sensitivity:
+        peaks = [
+            f"{name}: peak {curve.peak:.2f}, zone {zone(curve.peak)}"
+            for name, curve in (
+                (one, subject.sensitivity[one]) for one in ordered(subject.sensitivity)
+            )
+        ]
+        blocks.append(Text(f"Measured sensitivity, ISO 14839-3. {'; '.join(peaks)}."))
+        blocks.append(
+            picture(
+                figure_sensitivity(subject.sensitivity, subject.linear_sensitivity),
+                "sensitivity",
+                "Sensitivity over frequency, measured by injection of a sine into the running "
+                f"nonlinear loop, with the zones A to D: {', '.join(ordered(subject.sensitivity))}",
+                "What the controller sees over what was injected, a stepped sine in the running "
+                "nonlinear loop; dotted: linearised. Zones of ISO 14839-3: A up to 3 (9.5 dB), "
+                "B up to 4 (12 dB), C up to 5 (14 dB).",
+            )
+        )
+    if subject.loop_gain:
+        names = ", ".join(ordered(subject.loop_gain))
+        blocks.append(
+            picture(
+                figure_bode(subject.loop_gain),
+                "bode",
+                f"Bode plot of the linearised loop gain, magnitude and phase: {names}.",
+                "Loop gain of the loop linearised at the operating point, delay, amplifier and "
+                "sensor included. A variant that is no constant is shown as if it knew the "
+                "static slopes and cancelled them exactly: hysteresis drops out, all of these have "
+                "one loop, and margins are given only for constants. The magnet is unstable by "
+                "itself, at low frequencies the gain must stay above 1.",
+            )
+        )
+        blocks.append(
+            picture(
+                figure_nyquist(subject.loop_gain),
+                "nyquist",
+                f"Nyquist plot of the linearised loop gain around the critical point: {names}.",
+                "The same in the complex plane; within the red circle around -1 the sensitivity "
+                "is beyond zone A.",
+            )
+        )
+    if subject.margins:
+        blocks.append(margin_table(subject.margins))
+    title = "Sensitivity, Bode and Nyquist plots"
+    return Section("frequency", title, tuple(blocks))

@@ -1,0 +1,26 @@
+"""A bearing simulated: the study with its page, and the firmware in the air."""
+
+from __future__ import annotations
+
+from anhyst_rigs.reports.bearing import page, subject
+from anhyst_rigs.reports.study.task import SimulationTask
+from anhyst_rigs.study.bearing.on_board import BoardComparison, run_board
+from anhyst_rigs.study.bearing.simulate import Simulation, explore
+from anhyst.support.atomic import write_json
+
+
+def simulate(task: SimulationTask) -> Simulation:
+    """Step, load and disturb a bearing, with and without compensation."""
+    out = task.out if task.written else None
+    return task.study(
+        lambda: explore(task.rig, out, task.controller, task.progress),
+        lambda simulation, command: page.render(subject.subject_of(simulation, command)),
+        [task.rig],
+    )
+
+
+def run_firmware(task: SimulationTask, board: str) -> BoardComparison:
+    """Run the firmware on a board, and inject faults while it levitates."""
+    comparison = run_board(task.rig, task.out, board, task.controller, task.progress)
+    write_json(task.out, comparison.as_dict())
+    return comparison

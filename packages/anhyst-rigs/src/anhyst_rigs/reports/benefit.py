@@ -1,0 +1,290 @@
+"""The map of what compensation gains over irons: its figure and its page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import TwoSlopeNorm
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from anhyst.control.controller_file import ControllerFile
+from anhyst_rigs.reports.bearing.page import plant_text, structure
+from anhyst_rigs.reports.study.page import INK, SHADE, hashes, origin, page_text, picture
+from anhyst_rigs.reports.study.task import SimulationTask
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.study.bearing.operating import controller_of, make_ready
+from anhyst_rigs.study.benefit import AnyRig, Benefit, Comparison, MapCell, benefit, benefit_of_plants
+from anhyst_rigs.study.engine.table import Metric
+from anhyst.support.figures import ALARM, new_figure, styled
+from anhyst.support.page import (
+    NBSP,
+    NOT_KNOWN,
+    Block,
+    Headline,
+    Note,
+    PageTable,
+    Section,
+    Text,
+    number,
+    table,
+)
+
+STRONGEST = "the strongest baseline"
+_DARK = 0.45  # ratio below which its colour asks for white letters
+_SHORT = {"linearised": "lin.", "single-valued": "single"}  # where squares are narrow
+_HATCHES: Mapping[str, dict[str, Any]] = {
+    "loss": {"ec": ALARM, "hatch": "xxxx"},
+    "no gain": {"ec": SHADE, "hatch": "////"},
+    "nothing to gain": {"ec": SHADE, "hatch": "...."},
+}
+Compared = Sequence[tuple[MapCell, Comparison]]
+
+
+def _case(case: float | str) -> str:
+    """Return a case in words: the height of a step, or what is done."""
+    return f"{1e6 * case:g} µm" if isinstance(case, float) else case
+
+
+def compared(gains: Benefit, key: str) -> dict[str, Compared]:
+    """Return for each of the baselines how every cell of the map compares with it."""
+    by_baseline = {
+        "ratio": [cell.ratio for cell in gains.cells],
+        STRONGEST: [cell.strongest for cell in gains.cells],
+        "flux": [cell.flux for cell in gains.cells],
+    }
+    return {
+        against: [(cell, one[key]) for cell, one in zip(gains.cells, comparisons, strict=True)]
+        for against, comparisons in by_baseline.items()
+        if all(comparisons)
+    }
+
+
+@styled
+def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
+    """Draw ratios over irons: one row of maps a baseline, one column a case."""
+    baselines = compared(gains, metric.key)
+    cases = list(dict.fromkeys(cell.case for cell in gains.cells))
+    figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(cases)))
+    axes = figure.subplots(len(baselines), len(cases), squeeze=False, sharex=True, sharey=True)
+    mesh: QuadMesh | None = None
+    for row, (against, cells) in zip(axes, baselines.items(), strict=True):
+        for ax, case in zip(row, cases, strict=True):
+            mesh = _map(ax, gains, against, [one for one in cells if one[0].case == case])
+            ax.set_title(f"{_case(case)}, against {against}", fontsize=8.0)
+        row[0].set_ylabel("loop width (% of largest drive)")
+    for ax in axes[-1]:
+        ax.set_xlabel("reversible fraction")
+    assert mesh is not None
+    bar = figure.colorbar(mesh, ax=axes, shrink=0.8, extend="max")
+    bar.set_label(f"{metric.title} of full / that of the baseline")
+    figure.legend(
+        [Rectangle((0, 0), 1, 1, fc="none", lw=0.8, **style) for style in _HATCHES.values()],
+        ["certain loss", "neither is certain", "nothing to gain: both are small"],
+        loc="outside lower center",
+        ncols=3,
+    )
+    return figure
+
+
+def _map(ax: Axes, gains: Benefit, against: str, cells: Compared) -> QuadMesh:
+    widths = sorted({gains.row_width(cell.iron.scale) for cell in gains.cells})
+    shares = list(dict.fromkeys(cell.iron.reversible_fraction for cell in gains.cells))
+    ratios = np.full((len(widths), len(shares)), np.nan)
+    for cell, comparison in cells:
+        y = widths.index(gains.row_width(cell.iron.scale))
+        x = shares.index(cell.iron.reversible_fraction)
+        ratios[y, x] = _ratio(comparison)
+        _write(ax, (x, y), against, cell, comparison)
+    # Squares and not an image: a page has each of its identifiers once.
+    mesh = ax.pcolormesh(
+        np.arange(len(shares) + 1) - 0.5,
+        np.arange(len(widths) + 1) - 0.5,
+        np.ma.masked_invalid(np.minimum(ratios, 2.0)),
+        cmap="PuOr_r",
+        norm=TwoSlopeNorm(1.0, 0.0, 2.0),
+        zorder=0.5,  # below the hatching
+    )
+    ax.grid(visible=False)
+    ax.set_xticks(
+        range(len(shares)), ["as it is" if share is None else f"{share:g}" for share in shares]
+    )
+    ax.set_yticks(range(len(widths)), [f"{100.0 * width:.2g}" for width in widths])
+    return mesh
+
+
+def _ratio(comparison: Comparison) -> float:
+    """Return the figure with compensation over that without; nan where one lost the armature."""
+    return math.nan if comparison.quotient is None else comparison.quotient.value
+
+
+def _write(
+    ax: Axes, at: tuple[int, int], against: str, cell: MapCell, comparison: Comparison
+) -> None:
+    """Write the ratio into its square; hatch the square where no gain is certain."""
+    x, y = at
+    ratio, baseline = _ratio(comparison), comparison.baseline
+    text = "lost" if math.isnan(ratio) else f"{ratio:.2f}"
+    if cell.iron.label == "pathological":
+        text += "†"
+    if baseline and baseline != against:
+        text += f"\n{_SHORT.get(baseline, baseline)}"
+    plain = comparison.outcome == "gain"
+    ax.text(
+        x,
+        y,
+        text,
+        ha="center",
+        va="center",
+        fontsize=7.0,
+        color="#FFFFFF" if plain and ratio < _DARK else INK,
+        bbox=None if plain else {"fc": "#FFFFFF", "ec": "none", "pad": 1.2},
+    )
+    if not plain:
+        corner, style = (x - 0.48, y - 0.48), _HATCHES[comparison.outcome]
+        ax.add_patch(Rectangle(corner, 0.96, 0.96, fill=False, lw=0.8, **style))
+
+
+_COMPARED = (
+    "Every iron is measured and identified again and all variants are fitted to the same loops, {} "
+    f"“{STRONGEST}” is, cell by cell, the best of ratio, linearised and single-valued, which know no "
+    "hysteresis: chance favours it a little. flux, where there is a Hall probe, stands beside them: "
+    "it needs no model, as it measures the flux density."
+)
+
+
+def _headline(gains: Benefit, title: str, what: str, gains_of: str) -> Headline:
+    return Headline(
+        title=title,
+        what=what,
+        basis=f"Simulated; intervals are those of 95 % confidence over {gains.seeds} noise seeds.",
+        notes=(Note("info", "What is compared", _COMPARED.format(gains_of)),),
+        tiles=(),
+        comparison=None,
+        holds="These figures hold for this plant and these settings, and for no other iron.",
+    )
+
+
+def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, command: str) -> str:
+    """Return the page of the map of a bearing."""
+    compensation = controller.settings.compensation.model_copy(update={"variant": "full"})
+    table_of_full = controller.settings.model_copy(update={"compensation": compensation})
+    what = f"{plant_text(rig)}; controller “{controller.settings.name}”, variant full."
+    runs = f"run with the same gains, {gains.seeds} noise seeds each."
+    variants = ["full", *(one.baseline for cell in gains.cells for one in cell.strongest.values())]
+    sections = (
+        structure(rig, table_of_full, [*variants, "ratio"]),
+        _section(gains),
+        origin(hashes([rig.path, controller.path]), command, rig.settings.seed),
+    )
+    head = _headline(gains, rig.settings.name, what, runs)
+    return page_text("Magnetic bearing", head, sections)
+
+
+def map_bearing(rig: BodyRig, task: SimulationTask) -> tuple[Benefit, str]:
+    """Return what compensation gains over width and reversible part of the loops, and its page."""
+    ready = make_ready(rig, controller_of(rig, task.controller))
+    gains = benefit(ready.rig, ready.controller, progress=task.progress)
+    command = task.command(" --benefit")
+    return gains, render_bearing(ready.rig, ready.controller, gains, command)
+
+
+def map_plants(rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
+    """Return what compensation gains on plants of a rig with other irons, and its page."""
+    gains = benefit_of_plants(rig, progress=task.progress)
+    return gains, render(rig, gains, task.command(" --benefit"))
+
+
+def render(rig: AnyRig, gains: Benefit, command: str) -> str:
+    """Return the page of the map of any other rig."""
+    kind = rig.settings.kind.title
+    cases = ", ".join(dict.fromkeys(_case(cell.case) for cell in gains.cells))
+    what = f"{kind.capitalize()}, judged in: {cases}."
+    runs = f"each with gains of its own where it has some, {gains.seeds} noise seeds each."
+    head = _headline(gains, rig.settings.name, what, runs)
+    sections = (_section(gains), origin(hashes([rig.path]), command, rig.settings.seed))
+    return page_text(kind.capitalize(), head, sections)
+
+
+def _section(gains: Benefit) -> Section:
+    blocks: list[Block] = []
+    for metric in gains.metrics:
+        title = metric.title
+        for against, cells in compared(gains, metric.key).items():
+            blocks.append(Text(_gains(gains, title.capitalize(), against, cells)))
+        blocks.append(
+            picture(
+                figure_benefit(gains, metric),
+                f"benefit-{metric.key}",
+                f"Maps of the ratio of {title} over loop width and reversible fraction, one "
+                "column a case, one row a baseline; hatched where no gain is certain.",
+                f"{title.capitalize()} of full over that of the baseline, same gains; "
+                "below 1 (violet) compensation gains. Crossed red: it loses for certain, or "
+                "was lost; hatched grey: neither is certain, the 95 % confidence interval of the "
+                "difference reaches zero; dotted: both overshoots of a step are less than three "
+                "times the rms of the standstill, there is nothing to gain. †: pathological iron, which "
+                "hardly answers just after a reversal. The name in a square is that of the baseline "
+                "there; lin. is linearised.",
+            )
+        )
+    return Section("benefit", "Where compensation gains, and where not", (*blocks, _irons(gains)))
+
+
+def _gains(gains: Benefit, title: str, against: str, cells: Compared) -> str:
+    """Say how many cells of one map gain, how many lose, and the best of them."""
+    gained = [one for one in cells if one[1].outcome == "gain"]
+    lost, idle = (
+        sum(comparison.outcome == what for _, comparison in cells)
+        for what in ("loss", "nothing to gain")
+    )
+    text = (
+        f"{title} against {against}: a certain gain in {len(gained)} of {len(cells)} cells, a "
+        f"certain loss in {lost}, in {idle} there is nothing to gain"
+    )
+    if gained:
+        cell, best = min(gained, key=lambda one: _ratio(one[1]))
+        width, fraction = gains.row_width(cell.iron.scale), cell.iron.reversible_fraction
+        share = "" if fraction is None else f"reversible fraction {fraction:g}, "
+        text += (
+            f"; at best {100.0 * (1.0 - _ratio(best)):.0f}{NBSP}% less than {best.baseline} ("
+            f"{'step of ' * isinstance(cell.case, float)}{_case(cell.case)}, {share}loop width "
+            f"{100.0 * width:.2g}{NBSP}%)"
+        )
+    return f"{text}."
+
+
+def _irons(gains: Benefit) -> PageTable:
+    """Describe every iron by what loops show of it."""
+    rows = [
+        [
+            number(iron.scale, short=True),
+            NOT_KNOWN
+            if iron.reversible_fraction is None
+            else number(iron.reversible_fraction, short=True),
+            f"{number(100.0 * iron.loop_width)}{NBSP}%",
+            NOT_KNOWN if iron.after_reversal is None else number(iron.after_reversal, 2),
+            NOT_KNOWN if iron.after_reversal_true is None else number(iron.after_reversal_true, 2),
+            iron.label or NOT_KNOWN,
+        ]
+        for iron in dict.fromkeys(cell.iron for cell in gains.cells)
+    ]
+    return table(
+        "Irons",
+        (
+            "pinning, times",
+            "reversible fraction",
+            "loop width",
+            "slope after reversal, from loops",
+            "true",
+            "label",
+        ),
+        rows,
+        "Loop width: of the largest drive. Slope just after a reversal over the static slope: "
+        "below a quarter an iron is pathological.",
+        texts=0,
+    )

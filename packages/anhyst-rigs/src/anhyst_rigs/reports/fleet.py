@@ -1,0 +1,138 @@
+"""The page about a fleet: how many are good, who does not belong, how parameters scatter."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from anhyst_rigs.reports.study.page import page_text, picture, write_page
+from anhyst_rigs.study.fleet import Fleet
+from anhyst_rigs.study.fleet_spread import FleetSpread
+from anhyst.support.atomic import PathLike
+from anhyst.support.page import Block, Headline, Items, Note, PageTable, Section, Text, Tile, table
+
+_MOST_ROWS = 200
+
+
+def write_fleet_report(path: PathLike, fleet: Fleet) -> None:
+    """Write the report of a fleet: one HTML file that needs nothing else."""
+    sections = [_errors(fleet), _scatter(fleet), _magnets(fleet)]
+    write_page(path, page_text("Fleet of magnets", _headline(fleet), sections, "their loops"))
+
+
+def _headline(fleet: Fleet) -> Headline:
+    count, good, shared = len(fleet.results), sum(fleet.good), sum(fleet.good_shared)
+    notes = [Note("warn", "Doubtful", f"{text}.") for text in fleet.warnings]
+    if fleet.failed:
+        notes.append(Note("bad", "Not judged", f"{', '.join(fleet.failed)}: see below."))
+    if fleet.outliers:
+        notes.append(
+            Note("warn", "Do not belong", f"{', '.join(fleet.outliers)}: far from the others.")
+        )
+    if shared >= good:
+        text = f"with the model of '{fleet.typical}' as many keep the tolerance as with their own"
+        notes.append(Note("good", "One model is enough", f"{text}."))
+    else:
+        text = f"{good} keep the tolerance with a model of their own, {shared} with one for all"
+        notes.append(Note("info", "Measuring each pays", f"{text}."))
+    return Headline(
+        title="Fleet of magnets",
+        what=f"{count} magnets, law {fleet.settings.law}, gap map {fleet.settings.gap_map}; "
+        f"controllers of {fleet.settings.rate:g} ticks a second in {fleet.settings.io}.",
+        basis=f"A good magnet: its verified controller is at most "
+        f"{fleet.settings.tolerance:g} % of the largest output off, rms over its loops.",
+        notes=tuple(notes),
+        tiles=(
+            Tile(f"{good} of {count}", "good", "each with a controller of its own"),
+            Tile(f"{shared} of {count}", "good", f"all with the model of '{fleet.typical}'"),
+            Tile(str(len(fleet.outliers)), "outliers", "by their parameters"),
+            Tile(str(len(fleet.failed)), "not judged", "bad files"),
+        ),
+        comparison=None,
+        holds="",
+    )
+
+
+def _errors(fleet: Fleet) -> Section:
+    figure = Figure(figsize=(7.2, 3.6), layout="constrained")
+    fleet.plot(figure.add_subplot())
+    shown = picture(
+        figure,
+        "errors",
+        "Error of each magnet, with its own controller and with one model for all.",
+        "What each magnet's loops are off, with its own compiled controller and with the model of "
+        f"the most typical one, '{fleet.typical}'.",
+    )
+    return Section("errors", "How good they are", (shown,))
+
+
+def _scatter(fleet: Fleet) -> Section:
+    spread = fleet.spread
+    if spread is None:
+        text = "Too few magnets, or magnets of different laws or gaps: no scatter is stated."
+        return Section("scatter", "How they scatter", (Text(text),))
+    figure = Figure(figsize=(7.2, 0.35 * len(fleet.quantities) + 1.2), layout="constrained")
+    ax = figure.add_subplot()
+    columns = fleet.to_columns()
+    values = np.array([columns[name] for name in fleet.quantities]).T
+    size = np.where(spread.mean != 0.0, np.abs(spread.mean), 1.0)
+    for index in range(len(fleet.quantities)):
+        share = 100.0 * (values[:, index] - spread.mean[index]) / size[index]
+        odd = spread.outlier
+        ax.plot(share[~odd], np.full((~odd).sum(), index), "|", ms=9, color="C0")
+        ax.plot(share[odd], np.full(odd.sum(), index), "x", ms=6, color="C3")
+    ax.set_yticks(range(len(fleet.quantities)), fleet.quantities, fontsize="small")
+    ax.set_xlabel("deviation from the mean [%]")
+    ax.set_xscale("symlog", linthresh=10.0)
+    ax.grid(visible=True, alpha=0.25, lw=0.6)
+    blocks: tuple[Block, ...] = (
+        Text(
+            "Mean and scatter of the magnets themselves: what the loops of one leave open is taken "
+            "off, and outliers have no say."
+        ),
+        picture(figure, "scatter", "Fitted quantities of all magnets.", "Crosses: outliers."),
+        scatter_table(fleet, spread),
+    )
+    return Section("scatter", "How they scatter", blocks)
+
+
+def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
+    """Return mean and scatter of every quantity."""
+    rows = [
+        (
+            name,
+            f"{mean:.4g}",
+            f"{scatter:.2g}",
+            f"{100.0 * scatter / abs(mean):.2g}" if mean else "",
+        )
+        for name, mean, scatter in zip(fleet.quantities, spread.mean, spread.scatter, strict=True)
+    ]
+    head = ("quantity", "mean", "scatter", "%")
+    return table("Mean and scatter over the fleet", head, rows)
+
+
+def _magnets(fleet: Fleet) -> Section:
+    columns = fleet.to_columns()
+    rows = [
+        (name, "yes" if good else "no", f"{own:.2f}", f"{shared:.2f}", f"{distance:.1f}")
+        for name, good, own, shared, distance in zip(
+            *(
+                columns[key]
+                for key in ("magnet", "good", "own_percent", "shared_percent", "distance")
+            ),
+            strict=True,
+        )
+    ]
+    rows.sort(key=lambda row: -float(row[2]))
+    head = ("magnet", "good", "own, %", "shared, %", "distance")
+    caption = (
+        "The worst first; rms of the largest output, per cent; distance from the mean in standard "
+        "deviations."
+    )
+    blocks: list[Block] = [table("Magnets", head, rows[:_MOST_ROWS], caption, texts=2)]
+    if len(rows) > _MOST_ROWS:
+        blocks.append(Text(f"The other {len(rows) - _MOST_ROWS} are in fleet.csv."))
+    if fleet.failed:
+        reasons = tuple(f"{name}: {why}" for name, why in fleet.failed.items())
+        blocks.append(Items("Not judged", reasons))
+    return Section("magnets", "Magnet by magnet", tuple(blocks))

@@ -1,0 +1,110 @@
+"""The page of a piezo stage that follows a triangle, and its figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from anhyst_rigs.reports.study.page import (
+    Printed,
+    hashes,
+    legend_below,
+    method_table,
+    origin,
+    page_text,
+    picture,
+    tile,
+    verdict_note,
+)
+from anhyst_rigs.reports.study.task import SimulationTask, files_written
+from anhyst_rigs.rig.piezo import read_piezo_rig
+from anhyst_rigs.study.engine.table import Interval
+from anhyst_rigs.study.piezo import METRICS, TITLES, PiezoTracking, track
+from anhyst.support.atomic import check_writable
+from anhyst.support.figures import new_figure, styled, write_svg
+from anhyst.support.page import NBSP, Headline, PageTable, Section
+
+LOOK = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
+
+
+@styled
+def figure_tracking(tracked: PiezoTracking) -> Figure:
+    """Draw the reference and what each way deviates from it, over the cycles that are judged."""
+    figure = new_figure(6.5)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
+    judged = slice(tracked.judged_from, None)
+    full = tracked.runs["full"]
+    time = full["t_s"][judged]
+    upper.plot(time, 1e6 * full["reference_m"][judged], color="0.3")
+    upper.set_ylabel("reference (µm)")
+    for name, run in tracked.runs.items():
+        label = f"{TITLES[name]}: {1e9 * tracked.errors[name]['rms_m']:.0f} nm rms"
+        lower.plot(time, 1e9 * run["error_m"][judged], color=LOOK[name], lw=1.0, label=label)
+    lower.set(xlabel="time (s)", ylabel="deviation (nm)")
+    legend_below(figure, lower, columns=3)
+    return figure
+
+
+def comparison(tracked: PiezoTracking) -> PageTable:
+    """Return how far each way deviates from the triangle."""
+    ways = {TITLES[name]: one for name, one in tracked.errors.items()}
+    return method_table(
+        "Deviation from the triangle",
+        METRICS,
+        {name: lambda key, one=one: Interval(one[key], 0.0, 1) for name, one in ways.items()},  # type: ignore[misc]
+    )
+
+
+def printed(tracked: PiezoTracking) -> Printed:
+    """Return what a terminal shows of a piezo stage."""
+    return Printed(
+        [comparison(tracked)], [f"rms with compensation over without: {tracked.ratio():.2f}"]
+    )
+
+
+def render(tracked: PiezoTracking, command: str) -> str:
+    """Return the page of a piezo stage."""
+    file = tracked.rig.settings
+    moved, plain = file.moved, tracked.errors["none"]
+    head = Headline(
+        title=file.name,
+        what=f"A piezo stage that follows a triangle of {1e6 * moved.stroke_m:g}{NBSP}µm, "
+        f"{moved.frequency_Hz:g} times a second, at {file.timing.rate_Hz:g} ticks a second.",
+        basis="Simulated. What makes the voltage of a displacement is identified from loops that "
+        "the virtual stage gives, with the noise of its sensor.",
+        notes=(verdict_note(tracked.verdict),),
+        tiles=tuple(
+            tile(metric, tracked.errors["full"][metric.key], plain[metric.key], "a constant")
+            for metric in METRICS
+        ),
+        comparison=comparison(tracked),
+        holds="These figures hold for this stage and this triangle.",
+    )
+    shown = picture(
+        figure_tracking(tracked),
+        "tracking",
+        "Reference, and deviation of every way from it, over time.",
+        "True position less the reference as late as delay and amplifier make it.",
+    )
+    sections = [
+        Section("tracking", "Following the triangle", (shown,)),
+        origin(hashes([tracked.rig.path]), command, file.seed),
+    ]
+    return page_text("Piezo stage", head, sections)
+
+
+def simulate(task: SimulationTask) -> PiezoTracking:
+    """Follow the triangle of a piezo stage with and without compensation."""
+    rig, picture = read_piezo_rig(task.rig), task.out.with_suffix(".svg")
+    if task.written:
+        check_writable(picture, [rig.path])
+    tracked = task.study(lambda: track(rig), render, [rig.path])
+    if task.written:
+        write_svg(figure_tracking(tracked), picture)
+    return tracked
+
+
+def written(result: PiezoTracking, out: Path) -> str:
+    """Say what was written."""
+    return f"{files_written(result, out)}, {out.with_suffix('.svg')}"

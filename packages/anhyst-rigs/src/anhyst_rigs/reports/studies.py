@@ -1,0 +1,115 @@
+"""What a verb asks of a kind of rig to simulate it, and studies that are the same for all kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Protocol
+
+from anhyst_rigs.reports import plants
+from anhyst_rigs.reports.study.page import Printed, write_page
+from anhyst_rigs.reports.study.task import MONTE_CARLO, SimulationTask
+from anhyst_rigs.study.bearing.on_board import BoardComparison
+from anhyst_rigs.study.bearing.simulate import Simulation
+from anhyst_rigs.study.benefit import AnyRig, Benefit
+from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants
+from anhyst_rigs.study.engine.monte_carlo import monte_carlo as run_plants
+from anhyst_rigs.study.engine.table import StudyResult
+from anhyst_rigs.study.force_control import ForceControl
+from anhyst_rigs.study.piezo import PiezoTracking
+from anhyst_rigs.study.tracking.simulate import TrackingStudy
+from anhyst.support.atomic import PathLike, check_writable, write_json
+from anhyst.support.jobs import Progress, in_parts
+from anhyst.support.page import PageTable
+
+
+def lines_of(result: StudyResult, printed: Printed, written: str) -> Iterator[str | PageTable]:
+    """Return what a terminal shows of a study: losses, verdict, what was written, tables."""
+    tables, lines = printed
+    yield from (f"lost: {one}" for one in result.lost_in)
+    yield f"verdict: {result.verdict.sentence}"
+    yield f"written: {written}"
+    yield from tables
+    yield from lines
+    for name, why in getattr(result, "left_out", {}).items():
+        yield f"left out: {name}: {why}"
+
+
+Simulated = Simulation | TrackingStudy | PiezoTracking | ForceControl
+Studied = Simulated | MonteCarlo | Benefit | BoardComparison
+
+
+class HasSimulation(Protocol):
+    """A kind of rig that can be simulated."""
+
+    def simulate(self, task: SimulationTask) -> Simulated:
+        """Run it with and without compensation.
+
+        It also writes ``task.out`` with figures and page, where ``task.written`` says so;
+        :meth:`anhyst_rigs.reports.study.task.SimulationTask.study` does this.
+        """
+
+    def printed(self, result: StudyResult) -> Printed:
+        """Return what a terminal shows of that, beside losses and verdict."""
+
+    def written(self, result: StudyResult, out: Path) -> str:
+        """Say what was written of that."""
+
+
+class HasPlants(Protocol):
+    """A kind of rig whose drifted plants can be run."""
+
+    def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
+        """Return the rig file, and all files that it and a controller file name."""
+
+    def plants(
+        self, rig: PathLike, controller: PathLike | None, progress: Progress | None
+    ) -> Plants:
+        """Read what plants that have drifted are run with."""
+
+
+class HasBenefit(Protocol):
+    """A kind of rig of which a map of the benefit can be made."""
+
+    def read(self, rig: PathLike) -> AnyRig:
+        """Read a rig file."""
+
+    def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
+        """Return the rig file, and all files that it and a controller file name."""
+
+    def benefit(self, rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
+        """Return what compensation gains on other irons, and its page."""
+
+
+class HasBoard(Protocol):
+    """A kind of rig whose firmware runs in the simulation."""
+
+    def run_board(self, task: SimulationTask, board: str) -> Studied:
+        """Run the firmware on a board."""
+
+
+def monte_carlo(kind: HasPlants, task: SimulationTask, count: int) -> MonteCarlo:
+    """Run plants that have drifted; goes on with what the file holds."""
+    task.must_end(".jsonl", "results of a Monte Carlo are")
+    figures, files = task.out.parent / MONTE_CARLO, kind.files(task.rig, task.controller)
+    for path in (figures, task.report):
+        check_writable(path, files)
+    begun, run = in_parts(task.progress, (1.0, 4.0))
+    drawn = kind.plants(task.rig, task.controller, begun)
+    begun(1, 1)
+    runs = run_plants(drawn, task.out, count, run)
+    runs.write_figures(figures)
+    write_page(task.report, plants.render(runs, files, task.command(f" --monte-carlo {count}")))
+    return runs
+
+
+def map_benefit(kind: HasBenefit, task: SimulationTask) -> Benefit:
+    """Map what compensation gains on other irons."""
+    task.must_end(".json", "the map is")
+    files = kind.files(task.rig, task.controller)
+    for path in (task.out, task.report):
+        check_writable(path, files)
+    gains, text = kind.benefit(kind.read(task.rig), task)
+    write_json(task.out, gains.as_dict())
+    write_page(task.report, text)
+    return gains

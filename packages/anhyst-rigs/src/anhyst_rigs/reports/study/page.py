@@ -1,0 +1,358 @@
+"""What pages and figures of all studies share: a colour for every variant, diagrams, tables, origin."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch
+from matplotlib.text import Text
+
+from anhyst_rigs.study.engine.table import TITLES, CaseFigures, Cases, Interval, Judgement, Level, Metric
+from anhyst.support import running_version
+from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.figures import FALLING, RISING, new_figure, svg_text
+from anhyst.support.kinds import METHOD_TITLES, MethodName
+from anhyst.support.numeric import FloatArray
+from anhyst.support.page import (
+    MINUS,
+    NBSP,
+    NOT_KNOWN,
+    Cell,
+    Headline,
+    Items,
+    Note,
+    PageTable,
+    Picture,
+    Section,
+    Tile,
+    Tone,
+    number,
+    render_page,
+    table,
+)
+
+INK = "#000000"
+SHADE = "#8C8C8C"
+PALE = "#C4C4C4"
+
+# Okabe and Ito, and dashes beside them, for print without colour.
+COLOURS: Mapping[MethodName, str] = {
+    "ratio": FALLING,
+    "secant": "#7A4B21",
+    "linearised": "#E69F00",
+    "single-valued": "#CC79A7",
+    "play": "#882255",
+    "simplified": "#009E73",
+    "at-rest": "#8C8C8C",
+    "full": RISING,
+    "flux": "#56B4E9",
+    "fused": "#6A3D9A",
+}
+DASHES: Mapping[MethodName, Any] = {
+    "ratio": "-",
+    "secant": (0, (1, 1)),
+    "linearised": (0, (6, 1.5)),
+    "single-valued": (0, (3, 1)),
+    "play": (0, (4, 1, 1, 1, 1, 1)),
+    "simplified": (0, (6, 1.5, 1, 1.5)),
+    "at-rest": (0, (5, 2)),
+    "full": "-",
+    "flux": (0, (2, 1, 1, 1)),
+    "fused": (0, (8, 1)),
+}
+_WIDTH_DIGITS, _MEAN_DIGITS, _PLACES = 2, 4, 3
+MOST_POINTS = 1200
+"""Points of a curve in a figure at most."""
+
+
+def line_of(variant: MethodName) -> dict[str, Any]:
+    """Return how the line of a variant is drawn."""
+    width = 1.6 if variant == "full" else 1.2
+    return {"color": COLOURS[variant], "ls": DASHES[variant], "lw": width}
+
+
+def ordered(variants: Iterable[str]) -> list[MethodName]:
+    """Return variants in the order in which every figure and table has them."""
+    present = set(variants)
+    return [name for name in COLOURS if name in present]
+
+
+def thinned(*rows: FloatArray) -> tuple[FloatArray, ...]:
+    """Return rows of equal length with no more points than a figure can show.
+
+    From every stretch the lowest and the highest value of the last row are kept: peaks stay.
+    """
+    shape = rows[-1]
+    every = math.ceil(2 * shape.size / MOST_POINTS)
+    if every <= 2:
+        return rows
+    kept = {
+        start + int(extreme(shape[start : start + every]))
+        for start in range(0, shape.size, every)
+        for extreme in (np.argmin, np.argmax)
+    }
+    index = np.array(sorted({0, *kept, shape.size - 1}))
+    return tuple(row[index] for row in rows)
+
+
+def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0) -> str:
+    """Write a mean with the half width of its confidence interval, rounded up.
+
+    An infinite time is "never"; where levitation was lost, how often.
+
+    >>> interval_text(Interval(8.1234, 0.213, 20), "%").replace(NBSP, " ")
+    '8.12 ± 0.22 %'
+    >>> interval_text(Interval(math.nan, math.nan, 20, lost=7))
+    '7 of 20 lost'
+    >>> interval_text(Interval(3.6157, 0.00098, 20)), interval_text(Interval(2e-4, 0.01, 20))
+    ('3.616 ± 0.001', '0.000 ± 0.010')
+    """
+    if interval is None:
+        return NOT_KNOWN
+    if interval.lost:
+        return f"{interval.lost} of {interval.count} lost"
+    mean, width = factor * interval.mean, abs(factor) * interval.half_width
+    if not math.isfinite(mean):
+        return NOT_KNOWN if math.isnan(mean) else "never"
+    if not math.isfinite(width) or width <= 1e-9 * abs(mean):
+        text = number(mean, 4, short=True)
+    else:
+        digits = _WIDTH_DIGITS - 1 - math.floor(math.log10(width))
+        if mean != 0.0:
+            digits = min(digits, _MEAN_DIGITS - 1 - math.floor(math.log10(abs(mean))))
+        places = min(max(digits, 0), _PLACES)
+        unsure = math.ceil(width * 10.0**places - 1e-9) / 10.0**places
+        rounded = round(mean, places) + 0.0  # a negative zero becomes a plain one
+        text = f"{rounded:.{places}f} ± {unsure:.{places}f}".replace("-", MINUS)
+    return f"{text}{NBSP}{unit}".rstrip()
+
+
+def legend_below(figure: Figure, *axes: Axes, columns: int = 4) -> None:
+    """Put one legend for several panels below them, each label once."""
+    labels: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            labels.setdefault(str(label), handle)
+    figure.legend(list(labels.values()), list(labels), loc="outside lower center", ncols=columns)
+
+
+_TONES: Mapping[Level, Tone] = {"yes": "good", "mixed": "warn", "no": "warn", "unknown": "info"}
+
+
+def verdict_note(judgement: Judgement) -> Note:
+    """Return it as a box."""
+    text = f"{judgement.text[:1].upper()}{judgement.text[1:]}."
+    return Note(_TONES[judgement.level], TITLES[judgement.level], text)
+
+
+WIDE, HIGH = 2.02, 1.28
+SOFTWARE, PLANT = "#EAF3FA", "#F4F6F8"
+_INK = "#333333"
+_TITLE, _TEXT = 8.5, 7.5  # points
+_LINE = 0.155  # inches from line to line
+_FILL = 0.86  # of the width of a box that a text may take up
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class DiagramBlock:
+    """A block of the diagram."""
+
+    title: str  # what it is
+    lines: tuple[str, ...]  # its numbers
+
+
+def new_diagram(width: float, height: float) -> tuple[Figure, Axes]:
+    """Start a diagram: text and boxes keep their proportion."""
+    figure = new_figure(height, width=width)
+    figure.set_layout_engine("none")
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set_axis_off()
+    ax.grid(visible=False)
+    ax.set_xlim(0.0, width)
+    ax.set_ylim(0.0, height)
+    return figure, ax
+
+
+def draw_box(
+    ax: Axes, centre: Place, name: str, block: DiagramBlock, fill: str, high: float = HIGH
+) -> None:
+    """Draw a box with its title and the lines below it."""
+    x, y = centre
+    shape = FancyBboxPatch(
+        (x - 0.5 * WIDE, y - 0.5 * high),
+        WIDE,
+        high,
+        boxstyle="round,pad=0,rounding_size=0.06",
+        fc=fill,
+        ec=_INK,
+        lw=0.9,
+    )
+    shape.set_gid(f"box-{name}")
+    ax.add_patch(shape)
+    top = y + 0.5 * high - 0.14
+    text = ax.text(x, top, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE)
+    text.set_gid(f"title-{name}")
+    _fit(text)
+    spare = high - 0.28 - _LINE * len(block.lines)
+    first = top - 0.14 - 0.5 * max(spare, 0.0) - 0.5 * _LINE
+    for row, line in enumerate(block.lines):
+        text = ax.text(x, first - row * _LINE, line, ha="center", va="center", fontsize=_TEXT)
+        text.set_gid(f"line{row}-{name}")
+        _fit(text)
+
+
+def _fit(text: Text) -> None:
+    """Make a text smaller until it keeps within its box, with room for a wider typeface."""
+    figure = text.get_figure(root=True)
+    assert figure is not None
+    width = text.get_window_extent(FigureCanvasAgg(figure).get_renderer()).width  # type: ignore[no-untyped-call]
+    room = _FILL * WIDE * figure.dpi
+    if width > room:
+        text.set_fontsize(float(text.get_fontsize()) * room / width)
+
+
+def draw_arrow(ax: Axes, corners: Sequence[Place], colour: str = RISING, **style: Any) -> None:
+    """Go along corners, with a head at the last one."""
+    xs, ys = zip(*corners, strict=True)
+    if len(corners) > 2:
+        ax.plot(xs[:-1], ys[:-1], color=colour, lw=1.3, solid_joinstyle="round")
+    head = {"arrowstyle": "-|>", "color": colour, "lw": 1.3, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", corners[-1], corners[-2], arrowprops=head | style)
+
+
+def draw_label(ax: Axes, at: Place, text: str, across: str = "center", up: str = "bottom") -> None:
+    """Write a label at a place."""
+    ax.text(*at, text, ha=across, va=up, fontsize=_TEXT)
+
+
+REPORT = "report.html"
+"""The page, beside what a study writes."""
+_REMARKS: Mapping[MethodName, str] = {
+    "ratio": "the paper's case without compensation; nothing cancels the negative stiffness",
+    "secant": "the same, read as a line through the origin",
+    "linearised": "cancels the negative stiffness at the operating point: standard practice",
+    "single-valued": "the honest baseline of hysteresis: all that a curve without memory can do",
+    "play": "the least that knows hysteresis: width of the loops and one state, no law of iron",
+    "simplified": "inverse of the simplified law",
+    "at-rest": "the same as full, but for iron that answers late: taken as if it did not",
+    "full": "inverse of the identified law, its state advanced with what was applied",
+    "flux": "needs a Hall probe in the gap, and measures instead of modelling",
+    "fused": "full, corrected by a Hall probe in the gap",
+}
+
+
+class Printed(NamedTuple):
+    """What a terminal shows of a study, beside losses and verdict."""
+
+    tables: Sequence[PageTable]
+    lines: Sequence[str]
+
+
+def page_text(
+    kind: str,
+    head: Headline,
+    sections: Sequence[Section | None],
+    source: str = "a simulation",
+) -> str:
+    """Return the page of a study; sections with nothing in them are left out."""
+    kept = [section for section in sections if section is not None and section.blocks]
+    return render_page(head, kept, running_version(), kind=kind, source=source)
+
+
+def write_page(path: PathLike, text: str) -> None:
+    """Write a page: one HTML file that needs nothing else."""
+    with atomic_writer(path) as stream:
+        stream.write(text)
+
+
+def origin(files: Mapping[str, str], command: str = "", seed: int | None = None) -> Section:
+    """Return the section that says of which files a page is, with their SHA-256, and how it is made."""
+    rows: list[list[str | Cell]] = [
+        [name, Cell(f"{digest[:16]}…", code=True)] for name, digest in files.items()
+    ]
+    again = [] if seed is None else [f"Seed {seed}; the same seed gives the same figures."]
+    again += [f"Made by: {command}"] if command else []
+    blocks = [table("Files", ["file", "SHA-256"], rows, texts=2)] if rows else []
+    items = [Items("How to make it again", tuple(again))] if again else []
+    return Section("origin", "Origin", (*blocks, *items))
+
+
+def hashes(files: Sequence[Path]) -> dict[str, str]:
+    """Return the SHA-256 of files by name."""
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
+    """Return a figure with what it shows in words, and its caption."""
+    return Picture(svg_text(figure, key), alt, caption)
+
+
+def tile(metric: Metric, mine: float, other: float, name: str) -> Tile:
+    """Return one large figure, beside that of what it is compared with."""
+    texts = [f"{number(metric.factor * one, 2)}{NBSP}{metric.unit}" for one in (mine, other)]
+    return Tile(texts[0], metric.title, f"{name}: {texts[1]}")
+
+
+def method_table(
+    title: str,
+    metrics: Sequence[Metric],
+    methods: Mapping[str, Callable[[str], Interval | None]],
+    caption: str = "",
+) -> PageTable:
+    """Return a table of one case: a row a method, which gives its figures by key, a column a metric."""
+
+    def cell(of: Callable[[str], Interval | None], metric: Metric) -> str:
+        return interval_text(of(metric.key), factor=metric.factor).replace(" ", NBSP)
+
+    rows = [[name, *(cell(of, metric) for metric in metrics)] for name, of in methods.items()]
+    return table(title, ["variant", *(metric.head for metric in metrics)], rows, caption)
+
+
+def case_table(
+    metric: Metric,
+    cases: Cases,
+    caption: str = "",
+    remark: Callable[[CaseFigures], str] | None = None,
+) -> PageTable:
+    """Return a table of one metric: a row a case, a column a method."""
+    methods = ordered(name for row in cases.values() for name in row)
+
+    def cell(case: str, name: MethodName) -> str:
+        """Write a figure and its remark, between which alone a line may end."""
+        if name not in cases[case]:
+            return interval_text(None)
+        figures = cases[case][name]
+        text = interval_text(figures.of(metric.key), factor=metric.factor)
+        parts = (text, "" if remark is None else remark(figures))
+        return " ".join(part.replace(" ", NBSP) for part in parts if part)
+
+    rows = [[case, *(cell(case, name) for name in methods)] for case in cases]
+    counts = [one.of(metric.key).count for row in cases.values() for one in row.values()]
+    ends = " to ".join(str(end) for end in sorted({min(counts), max(counts)}))
+    interval = f"Mean and 95 % confidence interval over {ends} noise seeds."
+    return table(metric.head, ["", *methods], rows, f"{caption} {interval}".strip())
+
+
+def legend_table(methods: Sequence[MethodName]) -> PageTable:
+    """Say what the variants are."""
+    rows: list[list[str | Cell]] = [
+        [Cell(name, code=True), METHOD_TITLES[name], _REMARKS[name]] for name in methods
+    ]
+    return table(
+        "Variants",
+        ["name", "from wanted force to current", "remark"],
+        rows,
+        "All are fitted to the same measured loops, except flux, which has a static series of its "
+        "probe.",
+        texts=3,
+    )

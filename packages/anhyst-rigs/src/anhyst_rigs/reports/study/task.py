@@ -1,0 +1,76 @@
+"""The task of simulating a rig file: where its study goes, and what is written of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from anhyst.data.table import check_recording
+from anhyst_rigs.reports.study.page import REPORT, write_page
+from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
+from anhyst_rigs.study.engine.table import FIGURES, StudyResult
+from anhyst.support.atomic import PathLike, check_writable
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress
+
+MONTE_CARLO = "montecarlo.json"
+"""Figures of drifted plants, beside their results."""
+Result = TypeVar("Result", bound=StudyResult)
+
+
+@dataclass(frozen=True)
+class SimulationTask:
+    """A rig file, and where its study goes."""
+
+    rig: PathLike
+    controller: PathLike | None
+    out: Path
+    written: bool
+    progress: Progress | None
+
+    @property
+    def report(self) -> Path:
+        """The page beside the recording."""
+        return self.out.parent / REPORT
+
+    def command(self, option: str = "") -> str:
+        """Return what makes the study again."""
+        chosen = "" if self.controller is None else f" --controller {self.controller}"
+        return f"anhyst simulate {self.rig}{chosen} --out {self.out}{option}"
+
+    def study(
+        self,
+        explore: Callable[[], Result],
+        render: Callable[[Result, str], str],
+        reads: Sequence[PathLike],
+    ) -> Result:
+        """Explore a rig, and write recording, figures and page if that is asked for."""
+        if not self.written:
+            return explore()
+        check_recording(self.out, reads)
+        for path in (self.out.parent / FIGURES, self.report):
+            check_writable(path, reads)
+        try:
+            result = explore()
+            text = render(result, self.command())
+        except NegativeResult:
+            self.report.unlink(missing_ok=True)  # of another recording
+            raise
+        result.save(self.out)
+        write_page(self.report, text)
+        return result
+
+    def must_end(self, suffix: str, what: str) -> None:
+        """Refuse a file to write with another ending."""
+        if self.out.suffix != suffix:
+            raise InputError(
+                f"{self.out}: {what} written as {suffix}; name it so", code="wrong-ending"
+            )
+
+
+def files_written(result: StudyResult, out: Path) -> str:
+    """Say what was written of a study: recording, figures and page."""
+    figures = MONTE_CARLO if isinstance(result, MonteCarlo) else FIGURES
+    return ", ".join(map(str, (out, out.parent / figures, out.parent / REPORT)))

@@ -1,0 +1,114 @@
+"""The picture of what tuning could choose from, and chose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from anhyst_rigs.reports.study.page import COLOURS, INK, legend_below, line_of, ordered
+from anhyst_rigs.study.engine.table import Metric
+from anhyst_rigs.study.tuning.aims import TITLES, Aims, GainFigures
+from anhyst_rigs.study.tuning.result import RESULTS, Tuning, keeps_others
+from anhyst.support.figures import ALARM, new_figure, styled, write_png
+from anhyst.support.kinds import MethodName
+
+
+@dataclass(frozen=True)
+class GainsPoint:
+    """A set of gains that tuning looked at."""
+
+    variant: MethodName  # what it was tried with
+    reached: float  # longest settling, s, or what else was made small; infinite if it has none
+    peak: float  # of the sensitivity
+    kept: bool  # whether it keeps the other aims (overshoot, noise, effort)
+
+
+@styled
+def figure_pareto(
+    candidates: Sequence[GainsPoint],
+    chosen: Mapping[MethodName, GainsPoint],
+    metric: Metric,
+    limits: tuple[float | None, float | None],
+) -> Figure:
+    """Draw what was made small against peak sensitivity, and the aims of both, where there are any."""
+    figure = new_figure(4.6)
+    ax = figure.add_subplot()
+    settled = [candidate for candidate in candidates if math.isfinite(candidate.reached)]
+    for name in ordered(trial.variant for trial in settled):
+        mine = [trial for trial in settled if trial.variant == name]
+        for kept, alpha in ((False, 0.25), (True, 0.8)):
+            some = [trial for trial in mine if trial.kept is kept]
+            ax.scatter(
+                [metric.factor * trial.reached for trial in some],
+                [trial.peak for trial in some],
+                s=9.0,
+                marker="o" if kept else "x",
+                color=COLOURS[name],
+                alpha=alpha,
+                lw=0.8,
+            )
+        front = pareto_front([trial for trial in mine if trial.kept])
+        ax.plot(
+            [metric.factor * trial.reached for trial in front],
+            [trial.peak for trial in front],
+            **line_of(name),
+            drawstyle="steps-post",
+            label=f"front, {name}",
+        )
+        if (best := chosen.get(name)) is not None:
+            reached = metric.factor * best.reached
+            label = f"chosen, {name}: {reached:.2f} {metric.unit}, peak {best.peak:.2f}"
+            star: dict[str, Any] = {"ms": 13.0, "mfc": COLOURS[name], "mec": INK, "mew": 0.7}
+            ax.plot([reached], [best.peak], "*", **star, label=label)
+    limit, peak_limit = limits
+    if limit is not None:
+        ax.axvline(metric.factor * limit, color=ALARM, lw=0.9, ls="--", label="aims")
+    if peak_limit is not None:
+        ax.axhline(peak_limit, color=ALARM, lw=0.9, ls="--", label="aims")
+    peaks = [trial.peak for trial in settled]
+    ax.set_ylim(min(0.9, *peaks), min(max(peaks), 8.0) + 0.3)
+    ax.set_xlabel(metric.head)
+    ax.set_ylabel("peak sensitivity")
+    legend_below(figure, ax, columns=2)
+    return figure
+
+
+def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
+    """Return those that no other one beats in both settling and peak, the fastest first."""
+    front: list[GainsPoint] = []
+    for candidate in sorted(candidates, key=lambda each: (each.reached, each.peak)):
+        if not front or candidate.peak < front[-1].peak:
+            front.append(candidate)
+    return front
+
+
+def write_pareto(tuning: Tuning, folder: Path) -> None:
+    """Write ``pareto.png`` into a folder."""
+    write_png(pareto(tuning), folder / RESULTS[2])
+
+
+def pareto(tuning: Tuning) -> Figure:
+    """Draw what was made small against peak sensitivity of everything that was tried."""
+
+    def candidate(variant: MethodName, aims: Aims, figures: GainFigures) -> GainsPoint:
+        kept = keeps_others(aims, figures)
+        return GainsPoint(variant, figures.cost, figures.peak_sensitivity, kept)
+
+    candidates = [
+        candidate(name, tuned.aims, trial.outcome.worst)
+        for name, tuned in tuning.tuned.items()
+        for trial in tuned.found.candidates
+    ]
+    chosen = {
+        name: candidate(name, tuned.aims, tuned.figures)
+        for name, tuned in tuning.tuned.items()
+        if math.isfinite(tuned.figures.cost)
+    }
+    least = tuning.first.figures.least
+    limits = tuning.aims.limits.get(least), tuning.aims.peak_sensitivity
+    return figure_pareto(candidates, chosen, TITLES[least], limits)

@@ -1,0 +1,327 @@
+"""The virtual bench of a bearing: its plant, and the firmware that levitates it."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import fields, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import POSITION_MAGNETS, BusController, Plant
+from anhyst_rigs.link.client import ControllerLink
+from anhyst_rigs.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
+from anhyst_rigs.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, Exchange, LibraryBoard, Reading
+from anhyst_rigs.link.wire import LinkPort
+from anhyst_rigs.rig.bearing.loop import BearingSetup, position_control
+from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
+from anhyst_rigs.rig.bench.protocol import Aim, Knobs, Parameter, Signal, currents_of
+from anhyst_rigs.rig.bench.settings import (
+    ControllerSettings,
+    check_values,
+    expect_amplifier,
+    position_settings,
+)
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.loop import ClosedLoop, Scenario
+from anhyst_rigs.rig.plant import current_loops, make_plant
+from anhyst_rigs.rig.recording import Recording, column
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
+from anhyst.support.numeric import FloatArray, sine
+from anhyst.support.states import Command, Fault, State
+
+
+class LoadDrive:
+    """What pulls at the armature: force, damping, stiffness, a disturbance."""
+
+    def __init__(self, rig: BodyRig, bearing: Plant) -> None:
+        load, mass = rig.settings.load, rig.settings.body.mass_kg
+        self.force = load.force_N
+        self._bearing = bearing
+        self._dt = rig.dt
+        self._since = 0  # tick of the disturbance's phase zero
+        # Rendered by a drive that is late: beyond a part of its bandwidth it would shake by itself.
+        damping = mass * 2.0 * math.pi * load.velocity_bandwidth_Hz / 4.0
+        stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
+        most = rig.settings.timing.rate_Hz / 4.0
+        force = max(abs(load.force_N), mass * 9.81)
+        self._knobs = Knobs(
+            Parameter(
+                "load_damping",
+                "N s/m",
+                -damping,
+                damping,
+                "damping that the load drive renders",
+                load.damping_N_s_per_m,
+            ),
+            Parameter(
+                "load_stiffness",
+                "N/m",
+                -stiffness,
+                stiffness,
+                "stiffness that it renders about the operating gap",
+                load.stiffness_N_per_m,
+            ),
+            Parameter(
+                "disturbance_force", "N", 0.0, force, "amplitude of a sine on its force", 0.0
+            ),
+            Parameter("disturbance_frequency", "Hz", 0.0, most, "of this sine", 10.0),
+        )
+        self.parameters = self._knobs.parameters
+
+    def apply(self, values: Mapping[str, float], tick: int) -> None:
+        """Put values in force from a tick on; what is no parameter of it is left alone."""
+        self._knobs.apply(values)
+        if "disturbance_frequency" in values:
+            self._since = tick
+        self._bearing.set_load(self._knobs["load_damping"], self._knobs["load_stiffness"])
+
+    def forces(self, first: int, ticks: int) -> FloatArray:
+        """Return what is commanded at some ticks from one on, N, shape (ticks,)."""
+        amplitude = self._knobs["disturbance_force"]
+        if amplitude == 0.0:
+            return np.full(ticks, self.force)
+        numbers = np.arange(first - self._since, first - self._since + ticks)
+        turns = self._knobs["disturbance_frequency"] * self._dt * numbers
+        wave: FloatArray = self.force + amplitude * sine(turns)
+        return wave
+
+
+_OF_PLANT = {
+    "gap_m": Signal("gap", "m", "true gap"),
+    "gap_read_m": Signal("gap_read", "m", "gap as its sensor says"),
+    "velocity_m_per_s": Signal("velocity", "m/s", "true, of the gap"),
+    "reference_m": Signal("reference", "m", "gap controlled to"),
+    "demand_N": Signal("demand", "N", "net force that the controller wants"),
+    "force_N": Signal("force", "N", "true net force of the magnets"),
+    "load_N": Signal("load", "N", "true force of the load drive"),
+    **currents_of(1, 1),
+    "current_read_A": Signal("current_read", "A", "the same as its sensor says"),
+    "voltage_V": Signal("voltage", "V", "at the first winding"),
+    "flux_Wb": Signal("flux", "Wb", "linked with the first winding"),
+    "flux_density_T": Signal("flux_density", "T", "in the gap of the first magnet"),
+    **currents_of(2, POSITION_MAGNETS),
+}
+"""Columns of a simulated loop, and what they are called here."""
+_OF_FIRMWARE = (
+    Signal("expected", "N", "force that the first magnet's model expects after the tick"),
+    Signal("model_flux", "", "flux of this model, as a fraction of its full scale"),
+    Signal("state", "", "of the controller: State of anhyst.support.states"),
+    Signal("phase", "", "what its currents do: Phase"),
+    Signal("fault", "", "its latched reason: Fault"),
+    Signal("flags", "", "what was in the way: Flag"),
+)
+"""Signals that the controller alone knows."""
+BEARING_COMMANDS = (
+    Command.CONDITION,
+    Command.DEMAGNETISED,
+    Command.LIFT,
+    Command.LAND,
+    Command.STOP,
+    Command.CLEAR,
+    Command.IDLE,
+    Command.ARM,
+)
+"""Of a controller of position."""
+_FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_full", "flux_full")
+_STATE = 1 + len(_OF_PLANT) + [signal.name for signal in _OF_FIRMWARE].index("state")
+"""In rows of a bench; the fault stands two places behind the state."""
+_WORD = {field.name: at for at, field in enumerate(fields(PlantDrive))}
+_Tick = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
+
+
+class BusTap:
+    """A firmware on any board, whose samples may be changed or kept from it."""
+
+    def __init__(self, exchange: Exchange) -> None:
+        self.shown: Callable[[PlantSample], PlantSample] | None = None  # what sensors say instead
+        self.missed = 0  # ticks that the firmware does not see from now on
+        self.exchange, self._call = exchange, _Tick(self._pass)
+        self._last = PlantDrive(*(0 for _ in fields(PlantDrive)))
+
+    @property
+    def tick(self) -> tuple[int, int]:
+        """Addresses of a function of a tick and of no memory, for `anhyst._core.BusController`."""
+        return ctypes.cast(self._call, ctypes.c_void_p).value or 0, 0
+
+    def _pass(self, memory: int | None, sample: int, drive: int) -> None:
+        del memory  # the firmware's own is behind the exchange
+        ctypes.memset(drive, 0, PlantDrive.FIXED.size)  # no answer
+        words = ctypes.string_at(sample, PlantSample.FIXED.size)
+        seen = PlantSample(*PlantSample.FIXED.unpack(words))
+        if self.missed:
+            self.missed -= 1
+            self._last = replace(self._last, tick=seen.tick)
+        else:
+            shown = seen if self.shown is None else self.shown(seen)
+            try:
+                self._last = self.exchange(shown)
+            except (OSError, ValueError):
+                return  # the loop sees that none came
+        answer = self._last.FIXED.pack(*vars(self._last).values())
+        ctypes.memmove(drive, answer, len(answer))
+
+
+class _Unplugged:
+    """What the bus of a board leads to whose plant is computed in a loop."""
+
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
+        raise NotImplementedError
+
+
+class BearingBench(LockStepBench[BusController]):
+    """A bearing and the firmware that levitates it, in lock-step.
+
+    The firmware runs in this process, or behind a tap on one of
+    :data:`anhyst_rigs.link.virtual_boards.VIRTUAL_BOARDS`; its heartbeat counts ticks.
+    """
+
+    signals = (*_OF_PLANT.values(), *_OF_FIRMWARE)
+    commands = BEARING_COMMANDS
+    state, fault = State.INIT, Fault.NONE  # of the controller after the last tick
+    gap = math.nan  # m, at the last tick
+    beats = True  # whether its operator says that he is there
+
+    def __init__(
+        self,
+        setup: BearingSetup,
+        firmware: Path,
+        seed: int = 0,
+        board: str = "",
+        bearing: Plant | None = None,
+    ) -> None:
+        rig = setup.rig
+        self.rate = float(rig.settings.timing.rate_Hz)
+        self._scales = position_control(setup).settings("fixed")
+        self.bearing = bearing or make_plant(rig, seed)
+        self.load_drive = LoadDrive(rig, self.bearing)
+        limits, gap = setup.controller.limits, rig.settings.gap_m
+        self.aim = Aim("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)
+        self.load_most, self.rest_load = limits.force_high_N, rig.settings.load.force_N
+        self._target: int | None = None
+        self._open = ExitStack()
+        try:
+            source: LibraryBoard | BusTap
+            port: str | LinkPort
+            if board:
+                running = self._open.enter_context(VIRTUAL_BOARDS[board](firmware, _Unplugged()))
+                self.tap = source = BusTap(running.bus.exchange)
+                port = running.link
+            else:
+                port = source = LibraryBoard(firmware)
+                self._open.callback(source.switch_off)
+            self.link = self._open.enter_context(ControllerLink(port))
+            self._heartbeat = Heartbeat(self.link)
+            slew = rig.settings.amplifier.supply / rig.settings.magnet.poles.inductance(gap)
+            expect_amplifier(self.link, rig.settings, slew, self._scales["current_full"])
+            pidd2 = setup.controller.pidd2()
+            gains = pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd
+            self._settings = ControllerSettings(self.link, position_settings(gains))
+            self._bus = BusController(*source.tick, {name: self._scales[name] for name in _FULL})
+            self._open.callback(self._bus.end)
+            self._loop = ClosedLoop(self.bearing, self._bus, current_loops(rig), tuple(_OF_PLANT))
+            self.demand(gap)
+        except BaseException:
+            self._open.close()
+            raise
+
+    def advance(self, ticks: int) -> FloatArray:
+        """Compute some ticks, one after the other."""
+        load = self.load_drive.forces(self.tick + 1, ticks)
+        return self._pass(Scenario(np.zeros(ticks), load))
+
+    def step(self) -> dict[str, float]:
+        """Go on by one tick, and return what is measured, by the names of signals."""
+        names = (signal.name for signal in self.signals)
+        return dict(zip(names, self.advance(1)[0, 1:].tolist(), strict=True))
+
+    def run(self, scenario: Scenario, progress: Progress | None = None) -> Recording:
+        """Go through a scenario, its targets and commands over the link.
+
+        The columns of the plant are those of a simulated loop.
+        """
+        same = np.diff(scenario.target, prepend=np.nan) == 0.0
+        begins = np.flatnonzero(~same | (scenario.command & 0xFF > 0)).tolist()
+        rows = []
+        for begin, end in pairwise([*begins, scenario.ticks]):
+            command = Command(int(scenario.command[begin]) & 0xFF)
+            if command is not Command.NONE:
+                self.command(command)
+            self.demand(float(scenario.target[begin]))
+            rows.append(self._pass(scenario.part(begin, end)))
+            if progress is not None:
+                progress(end, scenario.ticks)
+        own = [column(signal.name, signal.unit) for signal in _OF_FIRMWARE]
+        return Recording.of_table(np.concatenate(rows), ["tick", *_OF_PLANT, *own])
+
+    def _pass(self, scenario: Scenario) -> FloatArray:
+        """Let a scenario happen without its targets and commands, with the signs of life it needs."""
+        parts, begin = [], 0
+        while begin < scenario.ticks:
+            left = scenario.ticks - begin
+            count = self._heartbeat.let_pass(left) if self.beats else left
+            parts.append(self._run(scenario.part(begin, begin + count)))
+            begin += count
+        return np.concatenate(parts)
+
+    def _run(self, scenario: Scenario) -> FloatArray:
+        first = self.tick + 1
+        run = self._loop.run(scenario)
+        if len(run) < scenario.ticks:
+            raise InputError(f"the controller did not answer tick {self.tick}", code="no-answer")
+        numbers = np.arange(first, first + len(run), dtype=np.float64)
+        rows = np.column_stack((numbers, run.table, self._of_firmware(self._bus.take())))
+        self.gap = float(run["gap_m"][-1])
+        self.state, self.fault = State(int(rows[-1, _STATE])), Fault(int(rows[-1, _STATE + 2]))
+        return rows
+
+    def _of_firmware(self, words: NDArray[np.uint32]) -> FloatArray:
+        """Return what answers of the firmware say, column by column as the signals name them."""
+        signed = words.view(np.int32).astype(np.float64)
+        state, mode = words[:, _WORD["state"]], words[:, _WORD["mode"]]
+        return np.column_stack(
+            (
+                signed[:, _WORD["expected"]] / Q31 * self._scales["demand_full"],
+                signed[:, _WORD["flux"]] / Q30,
+                state & 0xFF,
+                mode >> 16,
+                state >> 8 & 0xFF,
+                mode & 0xFFFF,
+            )
+        )
+
+    def command(self, command: Command) -> None:
+        """Give a command over the link."""
+        self.link.command(command)
+        self._heartbeat.restart()
+
+    def demand(self, value: float) -> None:
+        """Demand a gap, m."""
+        part = (self._scales["gap_middle"] - value) / self._scales["position_full"]
+        code = max(-(1 << 31), min((1 << 31) - 1, math.floor(part * Q31 + 0.5)))
+        if code != self._target:
+            self.link.request(TargetRequest(code), StatusAnswer)
+            self._target = code
+            self._heartbeat.restart()
+
+    def load(self, force: float) -> None:
+        """Command a force to the load drive, N; positive pulls the gap open."""
+        self.load_drive.force = force
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return those of the controller and of the load drive."""
+        return (*self._settings.parameters(), *self.load_drive.parameters())
+
+    def apply(self, values: Mapping[str, float]) -> int:
+        """Put parameters in force together, from the next tick on."""
+        check_values(values, self.parameters())
+        self._settings.write(values, runs=True)
+        self._heartbeat.restart()
+        self.load_drive.apply(values, self.tick + 1)
+        return self.tick + 1

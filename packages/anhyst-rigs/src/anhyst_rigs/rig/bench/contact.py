@@ -1,0 +1,274 @@
+"""One contact with a controller on a board: open a line, see that it is the right one, read."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst_rigs.link.frames import Body, Setting
+from anhyst_rigs.link.virtual_boards import Q30, Q31
+from anhyst_rigs.rig.bench.protocol import Aim, Signal
+from anhyst_rigs.rig.bench.settings import (
+    ControllerSettings,
+    KnownSetting,
+    force_settings,
+    heartbeat_setting,
+    position_settings,
+)
+from anhyst_rigs.rig.recording import column
+from anhyst.support.block_layout import PLACES
+from anhyst.support.block_words import CRC_AT
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
+
+_RESERVED = -(1 << 31)
+"""Code of a sensor that had no value."""
+
+
+class _Column(NamedTuple):
+    """A signal of the bench, and of which of the controller's it is made: slope*code + offset."""
+
+    signal: Signal
+    source: str
+    slope: float
+    offset: float = 0.0
+
+
+class BoardColumns:
+    """Signals, demand and settings of a controller in SI units."""
+
+    def __init__(self, body: Body, sources: Sequence[str], manifest: Mapping[str, Any]) -> None:
+        force, rate = body is Body.FORCE, float(manifest["rate_Hz"])
+        columns = _force_columns(manifest) if force else _position_columns(manifest)
+        known = [one for one in columns if one.source in sources]
+        self._code: float
+        self._zero: float
+        self.signals = tuple(one.signal for one in known)
+        self._from = [1 + sources.index(one.source) for one in known]
+        self._slopes = np.array([one.slope for one in known])
+        self._offsets = np.array([one.offset for one in known])
+        signals = manifest["signals"]
+        if force:
+            demand = signals["demand"]["scale"]
+            low, high = manifest["limits"]["demand"]
+            self._aim = Aim("force", "demand", "N", low, high, 0.0)
+            self._code, self._zero = float(Q31 / demand), 0.0
+            own = force_settings(demand, signals["current"]["scale"], rate)
+        else:
+            position = manifest["controller"]["signals"]["position"]
+            low, high = position["low_gap"], position["high_gap"]
+            self._aim = Aim("gap", "reference", "m", low, high, 0.0)
+            self._code, self._zero = float(-Q31 / position["scale"]), position["zero_gap"]
+            own = position_settings(tuple(manifest["controller"]["gains"].values()))
+        self.settings: tuple[KnownSetting, ...] = (*own, heartbeat_setting(rate))
+
+    def values(self, codes: NDArray[np.int64]) -> FloatArray:
+        """Return rows of tick and signals for rows of tick and codes."""
+        mine = codes[:, self._from]
+        values = np.where(mine == _RESERVED, np.nan, mine * self._slopes + self._offsets)
+        return np.column_stack((codes[:, 0].astype(np.float64), values))
+
+    def aim(self, code: int) -> Aim:
+        """Return what may be demanded, with what is: q31 of full scale."""
+        return self._aim._replace(value=float(code / self._code + self._zero))
+
+    def code(self, value: float) -> int:
+        """Return a force, N, or a gap, m, as a controller takes it: q31 of full scale."""
+        code = round((value - self._zero) * self._code)
+        return max(-int(Q31), min(int(Q31) - 1, code))
+
+
+def _force_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
+    signals = manifest["signals"]
+    force, current = signals["demand"]["scale"], signals["current"]["scale"]
+    gap = signals["gap"] or {"low": 0.0, "high": 1.0}
+    span = gap["high"] - gap["low"]
+    return (
+        _Column(Signal("gap", "m", "as its sensor says"), "gap", span / Q30, gap["low"]),
+        _Column(Signal("demand", "N", "force demanded, in force"), "demand", force / Q31),
+        _Column(Signal("force", "N", "as its sensor says"), "force", force / Q30),
+        *_currents(current),
+        *_of_any(force),
+    )
+
+
+def _position_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
+    controller = manifest["controller"]
+    position, force = controller["signals"]["position"], controller["signals"]["demand"]["scale"]
+    current = controller["signals"]["current"]["scale"]
+    slope, zero = -position["scale"] / Q31, position["zero_gap"]
+    return (
+        _Column(Signal("gap", "m", "as its sensor says"), "position", slope, zero),
+        _Column(Signal("reference", "m", "gap controlled to"), "reference", slope, zero),
+        _Column(Signal("demand", "N", "force that the controller wants"), "demand", force / Q31),
+        *(one for number in range(controller["magnets"]) for one in _currents(current, number + 1)),
+        *_of_any(manifest["signals"]["demand"]["scale"]),
+        _Column(Signal("phase", "", "what the currents do: Phase"), "phase", 1.0),
+    )
+
+
+def _currents(full: float, number: int = 1) -> tuple[_Column, ...]:
+    of = f", of magnet {number}" if number > 1 else ""
+    read, asked, driven = (column(name, "", number) for name in ("current", "command", "drive"))
+    return (
+        _Column(Signal(read, "A", f"as its sensor says{of}"), read, full / Q30),
+        _Column(Signal(asked, "A", f"current asked for{of}"), driven, full / Q31),
+    )
+
+
+def _of_any(force: float) -> tuple[_Column, ...]:
+    return (
+        _Column(Signal("expected", "N", "force that the model expects"), "expected", force / Q31),
+        _Column(Signal("model_flux", "", "of the model, of full scale"), "flux", 1.0 / Q30),
+        _Column(Signal("state", "", "of the controller: State"), "state", 1.0),
+        _Column(Signal("fault", "", "its latched reason: Fault"), "fault", 1.0),
+        _Column(Signal("flags", "", "what was in the way: Flag"), "flags", 1.0),
+    )
+
+
+class BoardLine(Protocol):
+    """An open line to a controller."""
+
+    url: str  # for messages
+    name: str  # what the controller is called
+    body: Body  # what the controller controls
+    signals: tuple[str, ...]  # signals of ``contract/signals.toml`` that :meth:`take` returns
+    every: int  # ticks from one sample to the next
+
+    def take(self, tick: int) -> NDArray[np.int64]:
+        """Wait for the last sample up to a tick, and return all that came: tick, codes."""
+
+    def beat(self) -> None:
+        """Say that the operator is there."""
+
+    def clock(self) -> int:
+        """Return the number of the last tick, modulo 2^32."""
+
+    def goal(self) -> int:
+        """Return what is demanded, q31 of full scale."""
+
+    def aim(self, code: int) -> None:
+        """Demand a force or a position, q31 of full scale."""
+
+    def command(self, command: Command) -> State:
+        """Change the state, and return the one it is in then."""
+
+    def read_words(self, first: int, count: int) -> list[int]:
+        """Return words of the parameter block in force."""
+
+    def read_block(self) -> list[int]:
+        """Return the parameter block in force."""
+
+    def swap_block(self, words: Sequence[int]) -> None:
+        """Download another parameter block and put it in force between two ticks."""
+
+    def read_setting(self, setting: Setting) -> int:
+        """Ask for a setting."""
+
+    def write_setting(self, setting: Setting, value: int) -> int:
+        """Set a setting from the next tick on."""
+
+    def close(self) -> None:
+        """Hang up."""
+
+
+Reach = Callable[[], BoardLine]
+"""Opens a line; an InputError where nobody answers."""
+
+
+class OtherFirmware(InputError):  # noqa: N818 - it answers well, and is not the one
+    """A controller answers, and it is not the one that the folder was compiled for."""
+
+
+class Contact:
+    """A controller that answers, and what it said at first. Nothing is commanded."""
+
+    def __init__(self, line: BoardLine, manifest: Mapping[str, Any]) -> None:
+        _check(line, manifest)
+        self.line = line
+        self.columns = BoardColumns(line.body, line.signals, manifest)
+        self.settings = ControllerSettings(line, self.columns.settings)
+        self.goal = line.goal()
+        self.block = block_in_force(line)
+        self.rows = line.take(0)
+        self.at = time.monotonic()
+
+    @property
+    def state(self) -> State:
+        """The state of the controller at the last sample."""
+        return State(self._last("state"))
+
+    @property
+    def fault(self) -> Fault:
+        """Its latched reason of a fault."""
+        return Fault(self._last("fault"))
+
+    def _last(self, signal: str) -> int:
+        return int(self.rows[-1, 1 + self.line.signals.index(signal)])
+
+    def check_same(self, before: Contact) -> None:
+        """Refuse another controller than that of a contact before."""
+        mine, other = self.line, before.line
+        if (mine.name, mine.body, mine.signals, mine.every) != (
+            other.name,
+            other.body,
+            other.signals,
+            other.every,
+        ):
+            raise OtherFirmware(
+                f"{mine.url}: '{mine.name}' answers with {len(mine.signals)} signals instead of "
+                f"'{other.name}' with {len(other.signals)}; it is another firmware, start again "
+                "with its folder",
+                code="other-firmware",
+            )
+
+
+def open_contact(
+    reach: Reach, manifest: Mapping[str, Any], before: Contact | None = None
+) -> Contact:
+    """Open a line and return the contact, the same controller as before; closed where it is not."""
+    line = reach()
+    try:
+        found = Contact(line, manifest)
+        if before is not None:
+            found.check_same(before)
+    except BaseException:
+        line.close()
+        raise
+    return found
+
+
+def block_in_force(line: BoardLine) -> list[int]:
+    """Return the checksum of the parameter block in force, which tells one from another."""
+    return line.read_words(CRC_AT, 2)
+
+
+def _check(line: BoardLine, manifest: Mapping[str, Any]) -> None:
+    """Refuse a folder whose numbers would be wrong for the signals of this controller."""
+    signals = manifest["signals"]
+    if (manifest["controller"] is None) is not (line.body is Body.FORCE):
+        raise OtherFirmware(
+            f"{line.url}: controls a {line.body.name.lower()}, the folder does not",
+            code="other-firmware",
+        )
+    wanted = {
+        "SCALE_DEMAND": ("full scale of the demand", signals["demand"]["scale"]),
+        "SCALE_CURRENT": ("full scale of the current", signals["current"]["scale"]),
+        "SCALE_RATE": ("rate", manifest["rate_Hz"]),
+    }
+    for word, (name, value) in wanted.items():
+        words = line.read_words(PLACES[word], 2)
+        (found,) = struct.unpack("<f", struct.pack("<2h", *words))
+        if not abs(found - value) <= 1e-6 * abs(value):
+            raise OtherFirmware(
+                f"{line.url}: the {name} of its block is {found:g}, that of the folder {value:g}; "
+                "name the folder that the firmware is built around",
+                code="other-firmware",
+                key=name,
+            )

@@ -1,0 +1,324 @@
+"""The virtual bench of a force rig: the actuator, and the firmware that drives it.
+
+An operator works at it, or a demand is run through it from power on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack, closing
+from typing import Self
+
+import numpy as np
+
+from anhyst_rigs.link.client import ControllerLink
+from anhyst_rigs.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, PlantBus, Reading
+from anhyst_rigs.link.wire import Status
+from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
+from anhyst_rigs.rig.bench.protocol import Aim, Knobs, Parameter, Signal
+from anhyst_rigs.rig.bench.settings import (
+    ControllerSettings,
+    check_values,
+    expect_amplifier,
+    force_settings,
+)
+from anhyst_rigs.rig.force.bench import (
+    ActuatorStand,
+    Demand,
+    StandTick,
+    bench_recording,
+)
+from anhyst_rigs.rig.force.file import Rig
+from anhyst_rigs.rig.force.programs import ONE, Program, Session
+from anhyst_rigs.rig.recording import Recording
+from anhyst.support.block_words import Scales
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray, sine
+from anhyst.support.states import Command, Fault, State
+
+_SPEED = 0.02
+_SPEED_MOST = 1.0
+_FREQUENCY_MOST = 20.0
+
+
+class Armature(Knobs):
+    """Goes to a gap at a speed, and to and fro about it."""
+
+    def __init__(self, low: float, high: float, rate: float) -> None:
+        self._low, self._high, self._dt = low, high, 1.0 / rate
+        self._at = middle = 0.5 * (low + high)
+        self._turns, swing = 0.0, 0.5 * (high - low)
+        super().__init__(
+            Parameter("gap", "m", low, high, "where the armature is held", middle),
+            Parameter("gap_speed", "m/s", 1e-4, _SPEED_MOST, "at which it goes there", _SPEED),
+            Parameter("gap_swing", "m", 0.0, swing, "amplitude of a sine about it", 0.0),
+            Parameter("gap_frequency", "Hz", 0.0, _FREQUENCY_MOST, "of this sine", 1.0),
+        )
+
+    def move(self) -> float:
+        """Go on by a tick, and return the gap there, m."""
+        step = self["gap_speed"] * self._dt
+        self._at += min(max(self["gap"] - self._at, -step), step)
+        self._turns = (self._turns + self["gap_frequency"] * self._dt) % 1.0
+        gap = self._at
+        if self["gap_swing"] > 0.0:
+            gap += self["gap_swing"] * float(sine(self._turns))
+        return min(max(gap, self._low), self._high)
+
+
+_SIGNALS = (
+    Signal("gap", "m", "true gap"),
+    Signal("gap_read", "m", "gap as its sensor says"),
+    Signal("demand", "N", "force demanded, in force"),
+    Signal("force", "N", "true force"),
+    Signal("force_read", "N", "force as its sensor says"),
+    Signal("command", "A", "current that the controller asks for"),
+    Signal("current", "A", "true current"),
+    Signal("current_read", "A", "current as its sensor says"),
+    Signal("expected", "N", "force that the model expects after the tick"),
+    Signal("model_flux", "", "flux of the model, as a fraction of its full scale"),
+    Signal("state", "", "of the controller: State of anhyst.support.states"),
+    Signal("fault", "", "its latched reason: Fault"),
+    Signal("flags", "", "what was in the way: Flag"),
+)
+
+FORCE_COMMANDS = (
+    Command.CONDITION,
+    Command.DEMAGNETISED,
+    Command.RUN,
+    Command.STOP,
+    Command.CLEAR,
+    Command.IDLE,
+    Command.ARM,
+)
+"""Of a controller of force."""
+
+
+class GivenMotion(Knobs):
+    """Leads the armature from gap to gap, m, once it may begin."""
+
+    def __init__(self, gap: FloatArray) -> None:
+        super().__init__()
+        self._gap, self._next, self.begun = gap.tolist(), 0, False
+
+    def move(self) -> float:
+        """Go on by a tick, and return the gap there, m."""
+        gap: float = self._gap[self._next]
+        if self.begun:
+            self._next = min(self._next + 1, len(self._gap) - 1)
+        return gap
+
+
+class StandPlant:
+    """The actuator as the plant bus knows it."""
+
+    def __init__(
+        self, stand: ActuatorStand, scales: Scales, armature: Armature | GivenMotion
+    ) -> None:
+        self._stand, self._scales = stand, scales
+        self.armature = armature
+        self.gap = 0.0
+        self.at: StandTick
+
+    @classmethod
+    def free(cls, rig: Rig, program: Program, seed: int) -> Self:
+        """Return it with an armature that an operator moves."""
+        low, high = program.scales.gap_low, program.scales.gap_high
+        armature = Armature(low, high, rig.settings.timing.rate_Hz)
+        return cls(ActuatorStand(rig, [2, seed]), program.scales, armature)
+
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
+        """Go on by one tick."""
+        del tick  # it counts for itself
+        self.gap = self.armature.move()
+        self.at = self._stand.step(currents[0] * self._scales.current, self.gap)
+        scales = self._scales
+        return Reading(
+            scales.gap_share(self.at.gap_read),
+            self.at.force_read / scales.demand,
+            self.at.current_read / scales.current,
+        )
+
+
+class ForceBench(LockStepBench[PlantBus]):
+    """An actuator whose armature is moved from outside, and the firmware that controls its force.
+
+    Virtual time passes in :meth:`advance` alone. The motion of the armature is among the parameters.
+    """
+
+    signals = _SIGNALS
+    commands = FORCE_COMMANDS
+
+    def __init__(
+        self,
+        rig: Rig,
+        program: Program,
+        plant: StandPlant | None = None,
+        board: str = "library",
+    ) -> None:
+        self.rate = float(rig.settings.timing.rate_Hz)
+        self._program, self._scales = program, program.scales
+        self._stand = plant or StandPlant.free(rig, program, 0)
+        self.aim = Aim("force", "demand", "N", 0.0, rig.settings.force.force_max_N, 0.0)
+        self._open = ExitStack()
+        try:
+            started = VIRTUAL_BOARDS[board](program.firmware, self._stand)
+            running = self._open.enter_context(started)
+            self._bus = running.bus
+            self.link = self._open.enter_context(ControllerLink(running.link))
+            self._heartbeat = Heartbeat(self.link)
+            slew = rig.settings.amplifier.slew
+            expect_amplifier(self.link, rig.settings, slew, self._scales.current)
+            known = force_settings(self._scales.demand, self._scales.current, self.rate)
+            self._settings = ControllerSettings(self.link, known)
+            self._state = State.INIT
+        except BaseException:
+            self._open.close()
+            raise
+
+    def advance(self, ticks: int) -> FloatArray:
+        """Compute some ticks, one after the other."""
+        rows = np.empty((ticks, 1 + len(self.signals)))
+        done = 0
+        while done < ticks:
+            for _ in range(self._heartbeat.let_pass(ticks - done)):
+                self._bus.step()
+                self._state = self._bus.state
+                rows[done] = self._row()
+                done += 1
+        return rows
+
+    def _row(self) -> tuple[float, ...]:
+        at, answer, scales = self._stand.at, self._bus.answer, self._scales
+        assert answer is not None
+        return (
+            self._bus.tick,
+            self._stand.gap,
+            at.gap_read,
+            answer.demand / Q31 * scales.demand,
+            at.force,
+            at.force_read,
+            answer.drive / Q31 * scales.current,
+            at.current,
+            at.current_read,
+            answer.expected / Q31 * scales.demand,
+            answer.flux / Q30,
+            answer.state & 0xFF,
+            answer.state >> 8 & 0xFF,
+            answer.mode & 0xFFFF,
+        )
+
+    def command(self, command: Command) -> None:
+        """Give a command over the link."""
+        self._state = self.link.command(command)
+        self._heartbeat.restart()
+
+    def demand(self, value: float) -> None:
+        """Demand a force, N, up to the largest one of the rig; a run begins at zero."""
+        check_demand(self.aim, value, self._state)
+        self.link.demand(self._program.demand_code(value))
+        self._heartbeat.restart()
+
+    def load(self, force: float) -> None:
+        """Refuse: the armature is held."""
+        del force
+        raise InputError(
+            "load: a force rig has no load drive; move the armature by its gap",
+            code="no-load-drive",
+            key="load",
+        )
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return the motion of the armature and the settings of the controller."""
+        return (*self._stand.armature.parameters(), *self._settings.parameters())
+
+    def apply(self, values: Mapping[str, float]) -> int:
+        """Put parameters in force together, from the next tick on."""
+        check_values(values, self.parameters())
+        self._settings.write(values, self._state is State.RUN)
+        self._stand.armature.apply(values)
+        self._heartbeat.restart()
+        return self.tick + 1
+
+
+def check_demand(aim: Aim, value: float, state: State) -> None:
+    """Refuse a force that a controller would not take."""
+    aim.check(value)
+    if why := demand_refusal(state):
+        raise InputError(f"demand: {why}", code="wrong-state", key="demand")
+
+
+def demand_refusal(state: State) -> str:
+    """Return why a controller of force takes no demand in a state; empty where it does."""
+    if state is State.RUN:
+        return ""
+    return f"a force is demanded in the state run, not in {state.name.lower()}"
+
+
+_UP = 40
+"""Ticks after power on until the self-test must have passed."""
+_BETWEEN = 40
+"""Ticks from one look at a controller that gets ready to the next."""
+_LONGEST = 200_000
+"""Ticks of a start-up sequence after which something is wrong."""
+_RECORDED = ("command", "current", "force", "gap", "gap_read", "force_read", "current_read")
+"""Signals of the bench that a recording has."""
+
+
+def run_firmware(
+    rig: Rig,
+    program: Program,
+    stand: ActuatorStand,
+    gap: FloatArray,
+    demand: Demand,
+    board: str,
+    demagnetised: bool,
+) -> tuple[Recording, Session]:
+    """Run a demand through a firmware from power on: one command over the link at every tick."""
+    motion = GivenMotion(gap)
+    plant = StandPlant(stand, program.scales, motion)
+    with closing(ForceBench(rig, program, plant, board)) as bench:
+        start_up = _get_ready(bench, demagnetised)
+        bench.command(Command.RUN)
+        motion.begun = True
+        rows = []
+        for force in demand.force.tolist():
+            bench.demand(force)
+            rows.append(bench.advance(1))
+        if (status := bench.link.status()).state is not State.RUN:
+            text = f"the controller left its run for {_state(status)}"
+            raise NegativeResult(text, code="wrong-state")
+    run = np.concatenate(rows)
+    everything = np.concatenate([start_up, run])
+    return bench_recording(_columns(run, *_RECORDED), rig.dt), Session(
+        program.gap_codes(_columns(everything, "gap_read")[:, 0]),
+        np.rint(_columns(everything, "command")[:, 0] / program.scales.current * ONE).astype(
+            np.int64
+        ),
+        np.array([program.demand_code(force) for force in demand.force.tolist()]),
+        len(start_up),
+        demagnetised,
+    )
+
+
+def _columns(rows: FloatArray, *names: str) -> FloatArray:
+    signals = [signal.name for signal in _SIGNALS]
+    return rows[:, [1 + signals.index(name) for name in names]]
+
+
+def _get_ready(bench: ForceBench, demagnetised: bool) -> FloatArray:
+    """Take a controller from power on to ready, and return the rows until there."""
+    rows = [bench.advance(_UP)]
+    bench.command(Command.DEMAGNETISED if demagnetised else Command.CONDITION)
+    end = bench.tick + _LONGEST
+    while (status := bench.link.status()).state is not State.READY:
+        if status.state is State.FAULT or bench.tick > end:
+            text = f"the controller did not get ready: it is in {_state(status)}"
+            raise NegativeResult(text, code="wrong-state")
+        rows.append(bench.advance(_BETWEEN))
+    return np.concatenate(rows)
+
+
+def _state(controller: Status) -> str:
+    reason = "" if controller.fault is Fault.NONE else f", reason {controller.fault.name.lower()}"
+    return f"state {controller.state.name.lower()}{reason}"

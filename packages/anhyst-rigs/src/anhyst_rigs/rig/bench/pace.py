@@ -1,0 +1,353 @@
+"""A bench paced to the clock.
+
+The pacer alone touches the bench, in a thread of its own. Ticks become due by the clock; those of
+about 10 ms are run together once the last of them is due, and handed on as one chunk. What is to be
+done to the bench is done between two chunks, so that all of it acts on one tick.
+
+What virtual benches have in common: a firmware in lock-step with its plant.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+from anhyst_rigs.link.client import ControllerLink
+from anhyst_rigs.rig.bench.protocol import Bench, Subscription
+from anhyst.support.errors import InputError
+
+SLOWEST, FASTEST = 0.01, 1.0
+"""Speeds that can be asked for, in units of the clock's."""
+CHUNK_S = 0.01
+"""Of the clock that the ticks of a chunk take."""
+BEHIND_S = 0.1
+"""Of the clock: a bench that is later gives up the time it lost instead of running after it."""
+_BEFORE_HELPERS = 2
+"""The pacer's order among threads that go first."""
+_REST = 0.05
+"""Sleep after each chunk where the bench goes before all other work, of the time it took."""
+_WINDOW_S = 1.0
+"""Over which speed and lateness are stated, s of the clock."""
+
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True, slots=True)
+class Pacing:
+    """How a bench keeps up with the clock."""
+
+    tick: int  # number of the last tick
+    paused: bool
+    speed: float  # asked for, in units of the clock's
+    factor: float  # run in the last second, likewise; 0 while it is paused
+    # mean and largest lateness of the chunks of the last second, s: from when the last tick of a
+    # chunk was due until the chunk was handed on
+    late: float
+    late_most: float
+    # how often time was given up since the start, because the bench was late by :data:`BEHIND_S`
+    slips: int
+    lost: float  # all the time given up, s of the clock
+    # recorder that has no room for the next chunk, so that time stands; empty where none
+    waits_for: str
+
+
+class PacedBench:
+    """Runs a bench by the clock, or as its own ticks come, until it is closed."""
+
+    def __init__(self, bench: Bench, speed: float = 1.0, paused: bool = False) -> None:
+        self.error: InputError | None = None
+        self._bench = bench
+        self._speed = _checked(speed)
+        self._paused = paused
+        self._steps = 0
+        self._closing = False
+        self._wake = threading.Condition()
+        self._todo: deque[Callable[[], None]] = deque()
+        self._subscriptions: list[Subscription] = []
+        self._window: deque[tuple[float, int, float]] = deque()
+        self._slips, self._lost, self._waits_for = 0, 0.0, ""
+        self._origin = (time.monotonic(), bench.tick)
+        self._tick = bench.tick
+        self._thread = threading.Thread(target=self._run, name="pacer", daemon=True)
+        self._thread.start()
+
+    def subscribe(self, name: str, most: int = 100, complete: bool = False) -> Subscription:
+        """Let somebody look on, from the next chunk on."""
+        subscription = Subscription(name, most, complete)
+        with self._wake:
+            if self._closing:
+                subscription.close()
+            self._subscriptions.append(subscription)
+        return subscription
+
+    def do(self, act: Callable[[Bench], _Result]) -> _Result:
+        """Do something to the bench between two chunks, and return what it returned.
+
+        Whatever it does acts from one tick on, also while time stands. What it raises is raised here.
+        """
+        done: Future[_Result] = Future()
+
+        def work() -> None:
+            try:
+                done.set_result(act(self._bench))
+            except BaseException as error:
+                done.set_exception(error)
+
+        with self._wake:
+            if self._closing:
+                raise self.error or InputError("the bench is closed", code="bench-closed")
+            self._todo.append(work)
+            self._wake.notify_all()
+        return done.result()
+
+    def set_speed(self, speed: float) -> None:
+        """Run at another speed from now on."""
+        with self._wake:
+            self._speed = _checked(speed)
+            self._begin()
+
+    def pause(self) -> None:
+        """Let time stand, after the chunk that is under way."""
+        with self._wake:
+            self._paused = True
+            self._window.clear()
+
+    def resume(self) -> None:
+        """Let time go on."""
+        with self._wake:
+            self._paused, self._steps = False, 0
+            self._begin()
+
+    def step(self, ticks: int = 1) -> None:
+        """Go on by some ticks and stand again; without effect unless paused."""
+        with self._wake:
+            if self._paused:
+                self._steps += ticks
+                self._wake.notify_all()
+
+    def pace(self) -> Pacing:
+        """Say how it keeps up with the clock."""
+        with self._wake:
+            late = [one[2] for one in self._window]
+            return Pacing(
+                tick=self._tick,
+                paused=self._paused,
+                speed=self._speed,
+                factor=self._factor(),
+                late=sum(late) / len(late) if late else 0.0,
+                late_most=max(late, default=0.0),
+                slips=self._slips,
+                lost=self._lost,
+                waits_for=self._waits_for,
+            )
+
+    def close(self) -> None:
+        """End it: the chunk under way is handed on, then all queues end. The bench stays open."""
+        with self._wake:
+            self._closing = True
+            self._wake.notify_all()
+        self._thread.join()
+
+    def _factor(self) -> float:
+        if len(self._window) < 2:
+            return 0.0
+        (begin, first, _), (end, last, _) = self._window[0], self._window[-1]
+        return (last - first) / self._bench.rate / (end - begin)
+
+    def _begin(self) -> None:
+        """Count time from here; under the lock."""
+        self._origin = (time.monotonic(), self._tick)
+        self._window.clear()
+        self._wake.notify_all()
+
+    def _due(self, tick: int) -> float:
+        """Return when a tick is due, by the clock."""
+        begin, first = self._origin
+        return begin + (tick - first) / (self._bench.rate * self._speed)
+
+    def _run(self) -> None:
+        try:
+            with going_first(_BEFORE_HELPERS) as first:
+                while (ticks := self._next_ticks()) is not None:
+                    began = time.monotonic()
+                    self._advance(ticks)
+                    if first:
+                        time.sleep(_REST * (time.monotonic() - began))
+        except InputError as error:
+            self.error = error
+        finally:
+            self._end()
+
+    def _next_ticks(self) -> int | None:
+        """Do what is asked for until ticks are due; return how many, or None at the end."""
+        while True:
+            with self._wake:
+                if not self._todo:
+                    if self._closing:
+                        return None
+                    ticks, patience = self._next()
+                    if ticks:
+                        return ticks
+                    self._wake.wait(patience)
+                    continue
+                work = self._todo.popleft()
+            work()
+
+    def _next(self) -> tuple[int, float | None]:
+        """Return the ticks to run now, or none and how long to wait; under the lock."""
+        slow = [one.name for one in self._subscriptions if one.is_waited_for()]
+        self._waits_for = slow[0] if slow else ""
+        if slow:
+            return 0, CHUNK_S
+        chunk = max(1, math.floor(CHUNK_S * self._bench.rate * self._speed))
+        if self._paused:
+            ticks = min(self._steps, chunk)
+            self._steps -= ticks
+            return ticks, None
+        if self._bench.keeps_time:
+            return chunk, None  # it waits for them
+        left = self._due(self._tick + chunk) - time.monotonic()
+        return (0, left) if left > 0.0 else (chunk, None)
+
+    def _advance(self, ticks: int) -> None:
+        rows = self._bench.advance(ticks)
+        with self._wake:
+            self._tick = self._bench.tick
+            self._subscriptions = [one for one in self._subscriptions if not one.ended]
+            subscriptions = list(self._subscriptions)
+        for one in subscriptions if len(rows) else ():
+            one.give(rows)
+        with self._wake:
+            if not self._paused:
+                self._note()
+
+    def _note(self) -> None:
+        """Note how late the chunk was; give up the time where that is too much."""
+        now = time.monotonic()
+        late = 0.0 if self._bench.keeps_time else now - self._due(self._tick)
+        self._window.append((now, self._tick, late))
+        while self._window[0][0] < now - _WINDOW_S and len(self._window) > 2:
+            self._window.popleft()
+        if late > BEHIND_S:
+            self._slips += 1
+            self._lost += late
+            self._origin = (now, self._tick)
+
+    def _end(self) -> None:
+        with self._wake:
+            self._closing = True
+            left, self._todo = self._todo, deque()
+            subscriptions = list(self._subscriptions)
+        for one in subscriptions:
+            one.close()
+        for work in left:
+            work()
+
+
+@contextmanager
+def going_first(order: int = 1) -> Iterator[bool]:
+    """Let the calling thread go before all usual work meanwhile; gives whether the system allows it.
+
+    The threads beside the pacer that run all the time need it too: one that is put aside while it
+    holds the interpreter's lock holds the pacer up.
+    """
+    if sys.platform != "linux":
+        yield False
+        return
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK  # what it starts does not
+        os.sched_setscheduler(0, policy, os.sched_param(order))
+    except OSError:  # mostly not allowed
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        os.sched_setscheduler(0, *before)
+
+
+def _checked(speed: float) -> float:
+    if not SLOWEST <= speed <= FASTEST:
+        raise InputError(
+            f"speed {speed:g}: choose one from {SLOWEST:g} to {FASTEST:g}",
+            code="out-of-range",
+            key="speed",
+        )
+    return speed
+
+
+_BEAT_S = 0.04
+"""Between two heartbeats while nothing else is said, s of virtual time; a controller waits 0.1 s."""
+
+
+class Heartbeat:
+    """Says to a controller that its operator is there, as often as it must."""
+
+    def __init__(self, link: ControllerLink) -> None:
+        self._link = link
+        self._beat = max(1, int(_BEAT_S * link.info.rate))
+        self._silent = 0
+
+    def let_pass(self, ticks: int) -> int:
+        """Return how many of so many ticks may pass before the next beat; beats where it is due."""
+        if self._silent >= self._beat:
+            self._link.status()
+            self._silent = 0
+        count = min(ticks, self._beat - self._silent)
+        self._silent += count
+        return count
+
+    def restart(self) -> None:
+        """Begin to count again: something else was said."""
+        self._silent = 0
+
+
+class _Bus(Protocol):
+    @property
+    def tick(self) -> int: ...
+
+
+_BusT = TypeVar("_BusT", bound=_Bus)
+
+
+class LockStepBench(Bench, Generic[_BusT]):
+    """Virtual time passes while a bench advances, and stands still for the firmware too otherwise.
+
+    Holds a parameter block (:class:`anhyst_rigs.dashboard.improver.BlockHolder`); what a bench is made
+    of stands in its ``_open``, which ends with it.
+    """
+
+    _open: ExitStack
+    _bus: _BusT
+    link: ControllerLink  # its session; all its commands go over it
+    _heartbeat: Heartbeat
+
+    @property
+    def tick(self) -> int:
+        """Number of the last tick."""
+        return self._bus.tick
+
+    def read_block(self) -> list[int]:
+        """Return the parameter block in force."""
+        self._heartbeat.restart()
+        return self.link.read_block()
+
+    def swap_block(self, words: Sequence[int]) -> int:
+        """Put another parameter block in force, from the next tick on."""
+        self.link.write_block(words)
+        self._heartbeat.restart()
+        return self.tick + 1
+
+    def close(self) -> None:
+        """End the firmware."""
+        self._open.close()

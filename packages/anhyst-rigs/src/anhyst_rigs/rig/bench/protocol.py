@@ -1,0 +1,345 @@
+"""What every bench is to whoever operates it, virtual or of hardware.
+
+Which commands its controller takes now, and what leads to run: asked of the core's state machine.
+"""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from anhyst._core import POSITION_MAGNETS, obstacle
+from anhyst_rigs.rig.recording import column
+from anhyst_rigs.rig.stage.loop import WRENCH
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Flag, Phase, State
+
+
+class Signal(NamedTuple):
+    """A column of what a bench measures."""
+
+    name: str  # in lower case, without its unit: ``gap``, ``current_read``
+    unit: str  # SI; empty for what is counted or named
+    doc: str  # what it is
+
+
+def currents_of(first: int, last: int) -> dict[str, Signal]:
+    """Return what is measured of the currents of some magnets, by the columns of a simulated loop."""
+    texts = {"command": "current asked for, of magnet", "current": "true current of magnet"}
+    return {
+        column(name, "A", number): Signal(column(name, "", number), "A", f"{text} {number}")
+        for number in range(first, last + 1)
+        for name, text in texts.items()
+    }
+
+
+STAGE_READ = {
+    "demand_N": Signal("demand", "N", "net force that the controller wants; against the position"),
+    "force_N": Signal("force", "N", "true net force of the magnets; against the position"),
+    "load_N": Signal("load", "N", "true force of the load drive"),
+    "gap_m": Signal("gap", "m", "true gap of the first magnet"),
+    "gap_read_m": Signal("gap_read", "m", "the same as its sensor says"),
+    **currents_of(1, POSITION_MAGNETS),
+}
+"""Columns of a simulated loop, and what they are called here."""
+STAGE_OWN = (
+    Signal("reference", "m", "position wanted: the set-point and the target beside it"),
+    Signal("position", "m", "true position in space"),
+    Signal("position_read", "m", "the same as the controller sees it"),
+    Signal("error", "m", "reference less true position"),
+    Signal("state", "", "ready: held at rest; run: follows its set-point; fault: lost, no current"),
+    Signal("fault", "", "its reason: Fault of anhyst.support.states"),
+    Signal("lap", "", "number of the set-point that is followed; 0 while none is"),
+)
+
+STAGE_COMMANDS = (Command.RUN, Command.STOP, Command.CLEAR)
+"""Of a stage."""
+AXES_COMMANDS = (*STAGE_COMMANDS[:2], Command.LIFT, Command.LAND, Command.IDLE, Command.CLEAR)
+"""Of one of several coordinates."""
+_OF_AXIS = (
+    ("error", ("m", "rad"), "error along {}, or about it"),
+    ("demand", WRENCH, "force that the controller wants along {}, or moment about it"),
+    ("wrench", WRENCH, "true force of the magnets along {}, or moment about it"),
+    ("pose_read", ("m", "rad"), "pose along {}, or about it, as the heads say"),
+)
+_OF_MAGNET = (
+    ("gap", "m", "true gap of magnet {}"),
+    ("gap_read", "m", "the same as its sensor says, of magnet {}"),
+    ("pull", "N", "true pull of magnet {}"),
+    ("command", "A", "current asked for, of magnet {}"),
+    ("current", "A", "true current of magnet {}"),
+)
+
+
+def of_axes_and_magnets(free: Sequence[str], magnets: Sequence[str]) -> list[Signal]:
+    """Return what is measured of coordinates and of magnets, by their names."""
+    axes = [
+        Signal(f"{name}_{axis}", units[axis.startswith("r")], text.format(axis))
+        for name, units, text in _OF_AXIS
+        for axis in free
+    ]
+    each = [
+        Signal(column(name, "", number), unit, text.format(magnet))
+        for number, magnet in enumerate(magnets, 1)
+        for name, unit, text in _OF_MAGNET
+    ]
+    return axes + each
+
+
+class Aim(NamedTuple):
+    """What is demanded of a bench."""
+
+    signal: str  # signals: what is controlled, and to what
+    reference: str
+    unit: str  # m or N
+    low: float  # the range of what may be demanded
+    high: float
+    value: float  # with which the bench was opened
+
+    def check(self, value: float) -> None:
+        """Refuse a demand beyond the range."""
+        if not self.low <= value <= self.high:
+            raise InputError(
+                f"demand: is {value:g} {self.unit}; choose one from {self.low:g} to {self.high:g} "
+                f"{self.unit}",
+                code="out-of-range",
+                key="demand",
+            )
+
+
+class Parameter(NamedTuple):
+    """What may be changed while a bench runs."""
+
+    name: str  # in lower case: ``load_damping``
+    unit: str  # SI; empty for what is counted or switched
+    low: float  # the range of its values, both ends in it
+    high: float
+    doc: str  # what it does
+    value: float  # in force now
+
+
+class Knobs:
+    """What may be changed of a rig beside the settings of its controller."""
+
+    def __init__(self, *known: Parameter) -> None:
+        self._known = {one.name: one for one in known}
+
+    def __getitem__(self, name: str) -> float:
+        return self._known[name].value
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return them, with the values in force."""
+        return tuple(self._known.values())
+
+    def apply(self, values: Mapping[str, float]) -> None:
+        """Put values in force; what is none of them is left alone."""
+        for name in values.keys() & self._known.keys():
+            self._known[name] = self._known[name]._replace(value=values[name])
+
+
+class Bench(ABC):
+    """A rig and its controller. One thread at a time."""
+
+    rate: float  # ticks a second
+    signals: tuple[Signal, ...]  # columns of what is measured, after the number of the tick
+    aim: Aim  # what is demanded
+    commands: tuple[Command, ...]  # of this kind of controller, in any state
+    load_most = 0.0  # largest force of the load drive either way, N; 0: there is none
+    keeps_time = False  # whether its ticks come by themselves
+    every = 1  # ticks from one row to the next
+    lost = ""  # why the controller is looked for; empty while it answers
+
+    @property
+    @abstractmethod
+    def tick(self) -> int:
+        """Number of the last tick."""
+
+    @abstractmethod
+    def advance(self, ticks: int) -> FloatArray:
+        """Go on by some ticks."""
+
+    def news(self) -> Sequence[str]:
+        """Return what happened to the controller since this was last asked.
+
+        It was lost, or is back: what was demanded, :attr:`aim` and parameters are to be read anew.
+        """
+        return ()
+
+    @abstractmethod
+    def command(self, command: Command) -> None:
+        """Give a command, which acts from the next tick on."""
+
+    @abstractmethod
+    def demand(self, value: float) -> None:
+        """Demand a gap, m, of a bearing, or a force, N, of a magnet, from the next tick on."""
+
+    @abstractmethod
+    def load(self, force: float) -> None:
+        """Command a force, N, to the load drive, from the next tick on."""
+
+    @abstractmethod
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return all that may be changed, with the values in force."""
+
+    @abstractmethod
+    def apply(self, values: Mapping[str, float]) -> int:
+        """Put some parameters in force together, or none of them; returns the first tick with them."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the rig."""
+
+
+class Subscription:
+    """A bounded queue of chunks, in order, to one that looks on."""
+
+    def __init__(self, name: str, most: int, complete: bool) -> None:
+        self.name = name
+        self.complete = complete
+        self.missed = 0
+        self._most = most
+        self._chunks: deque[FloatArray] = deque()
+        self._changed = threading.Condition()
+        self._ended = False
+
+    def get(self, timeout: float | None = None) -> FloatArray | None:
+        """Take the next chunk: a row a tick, as :meth:`Bench.advance` gives them."""
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._chunks or self._ended, timeout):
+                raise TimeoutError(f"{self.name}: no chunk in {timeout:g} s")
+            return self._chunks.popleft() if self._chunks else None
+
+    def close(self) -> None:
+        """Take no more; what has come can still be taken."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing comes any more."""
+        return self._ended
+
+    def is_waited_for(self) -> bool:
+        """Whether the bench has to wait, because every tick is wanted and there is no room."""
+        with self._changed:
+            return self.complete and not self._ended and len(self._chunks) >= self._most
+
+    def give(self, chunk: FloatArray) -> None:
+        """Hand on a chunk; where there is no room, the oldest ones are lost if not all are wanted."""
+        with self._changed:
+            if self._ended:
+                return
+            while not self.complete and len(self._chunks) >= self._most:
+                self.missed += len(self._chunks.popleft())
+            self._chunks.append(chunk)
+            self._changed.notify_all()
+
+
+_WAY = (
+    (Command.CLEAR,),
+    (Command.CONDITION, Command.DEMAGNETISED),
+    (Command.LIFT,),
+    (Command.RUN,),
+)
+"""From a fault to run, a step after the other; one command of each."""
+_OF_STAGE = {Command.LIFT: State.IDLE, Command.LAND: State.READY}
+"""Of a stage of several coordinates, which goes from rest to ready and back: where it takes them."""
+
+
+class Standing(NamedTuple):
+    """State of a controller at a tick; ``levitates``: it is a position controller."""
+
+    state: State
+    conditioning: bool
+    plausible: bool
+    levitates: bool
+    resting: bool
+    at_zero: bool
+
+    @property
+    def name(self) -> str:
+        """Its state in words."""
+        return "conditioning" if self.conditioning else self.state.name.lower()
+
+
+def standing(values: Mapping[str, float]) -> Standing:
+    """Return the state of a controller at a tick, from its signals; only position has a phase.
+
+    One without flags, as of a stage, is held by its magnets while it stands.
+    """
+    flags = Flag(int(values.get("flags", Flag.CURRENT_ZERO)))
+    phase = values.get("phase")
+    return Standing(
+        State(int(values["state"])),
+        Flag.CONDITIONING in flags,
+        Flag.SAMPLE_IMPLAUSIBLE not in flags,
+        phase is not None,
+        phase is None or Phase(int(phase)) in {Phase.REST, Phase.CONDITION},
+        Flag.CURRENT_ZERO in flags,
+    )
+
+
+def refusal(command: Command, now: Standing) -> str:
+    """Return why a controller would refuse a command; empty where it would do it."""
+    states = _states_for(command, now.levitates)
+    if command in _OF_STAGE and not now.levitates:
+        return "" if now.name in states else f"only in the state {states[0]}, not in {now.name}"
+    hindered = obstacle(command, **now._asdict())
+    if hindered == "current":
+        return "only once the current is zero"
+    if hindered != "state":
+        return hindered and "this controller has no such command"
+    if now.name not in states:
+        return f"only in the state {' or '.join(states)}, not in {now.name}"
+    return "only once the armature is down" if now.plausible else "only with a plausible sample"
+
+
+def permit_stage(command: Command, commands: Sequence[Command], state: State) -> None:
+    """Refuse a command that a stage in a state does not take."""
+    name, why = (
+        command.name.lower(),
+        refusal(command, Standing(state, False, True, False, True, True)),
+    )
+    if command not in commands:
+        why = "a stage has no such command"
+    if why:
+        raise InputError(f"{name}: {why}", code="wrong-state", key=name)
+
+
+def next_step(commands: Sequence[Command], now: Standing) -> str:
+    """Return what leads to run, in words; empty in run."""
+    if now.state is State.RUN:
+        return ""
+    if Command.RUN in commands and now.state is not State.IDLE:
+        # It is up, or cleared so.
+        commands = [command for command in commands if command is not Command.LIFT]
+    known = [[command for command in step if command in commands] for step in _WAY]
+    path = [step for step in known if step]
+    begins = [n for n, step in enumerate(path) if any(_may(command, now) for command in step)]
+    begin = begins[-1] if begins else 1 + now.conditioning
+    steps = ", then ".join(_words(step) for step in path[begin:])
+    why = refusal(path[begin][0], now) if begins else f"after {now.name}"
+    return f"{why}: press {steps}" if why else f"press {steps}"
+
+
+def _words(step: Sequence[Command]) -> str:
+    first, *others = (command.name.lower() for command in step)
+    return f"{first} (or {others[0]}, if the iron is)" if others else first
+
+
+def _may(command: Command, now: Standing) -> bool:
+    return now.name in _states_for(command, now.levitates)
+
+
+def _states_for(command: Command, levitates: bool) -> list[str]:
+    """Return the states in which a command is done, once nothing moves and no current flows."""
+    if command in _OF_STAGE and not levitates:
+        return [_OF_STAGE[command].name.lower()]
+    still = [Standing(state, False, True, levitates, True, True) for state in State]
+    still.append(Standing(State.IDLE, True, True, levitates, True, True))
+    return [stand.name for stand in still if not obstacle(command, **stand._asdict())]

@@ -1,0 +1,350 @@
+"""A body between magnets, from its rig file: bearings, and stages seen from what they ride on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anhyst._core import Coil, Magnet
+from anhyst.model.actuator import Model, read_model
+from anhyst_rigs.rig.calibration import (
+    CENTRE,
+    OF_ONE_AXIS,
+    CalibratedMethod,
+    CalibrationFile,
+    ParameterName,
+    read_calibration,
+)
+from anhyst_rigs.rig.case_table import DisplacementCase, TrajectoryCase
+from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.rig.from_loops import FittedPlant
+from anhyst_rigs.rig.kind_rules import read_rig_file
+from anhyst_rigs.rig.magnet_table import LAW
+from anhyst_rigs.rig.measurement_table import Measured
+from anhyst_rigs.rig.parts.magnet import (
+    FluxTable,
+    check_flux_range,
+    flux_table_of,
+    iron_magnet,
+    law_magnet,
+    read_flux_table,
+)
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
+from anhyst.support.toml_file import FileFault, Table, faults_error
+from anhyst.support.toml_text import Path as KeyPath
+
+LEAST_HOLD = 8
+"""Ticks for which a step is held, to judge it by."""
+LONGEST_PERIOD_S = 60.0
+"""Of a trajectory, s."""
+TICKS_PER_PERIOD = 10.0
+"""More than so many ticks make a period of a trajectory."""
+MOST_DELAY = 128
+"""Sub-steps between sample and output, or by which a sensor may be late."""
+ROWS = 129
+"""Places over the gap at which a law's gap map is looked at."""
+
+
+@dataclass(frozen=True)
+class BodyRig:
+    """A body between magnets as its file describes it."""
+
+    path: Path  # the rig file
+    settings: RigFile  # what it says
+    # magnet that was fitted to the loops; `settings` holds its numbers then
+    fitted: FittedPlant | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is made of the files when it is first asked for: no other process takes it."""
+        return {name: self.__dict__[name] for name in self.__dataclass_fields__}
+
+    @property
+    def gap(self) -> float:
+        """Of the first magnet with the body where it works, m."""
+        return self.settings.gap_m
+
+    @property
+    def idle(self) -> float:
+        """What either magnet of a pair pulls with where no net force is wanted, N."""
+        return self.settings.bias_N or 0.0
+
+    @property
+    def dt(self) -> float:
+        """Time between ticks, s."""
+        return 1.0 / self.settings.timing.rate_Hz
+
+    @property
+    def late(self) -> float:
+        """Time from a sample to the middle of the tick in which its current flows, s."""
+        return (self.settings.timing.delay_ticks + 0.5) * self.dt
+
+    @property
+    def step(self) -> float:
+        """Time between sub-steps, s."""
+        return self.dt / self.settings.timing.substeps
+
+    @property
+    def measured(self) -> Measured:
+        """The loops that its file names."""
+        return Measured(self.path, self.settings.loops, self.settings.magnet.output)
+
+    def gaps_at(self, gap: FloatArray) -> list[FloatArray]:
+        """Return the gaps of one magnet or of both of a pair, m, where the first one has these."""
+        total = self.settings.gap_total_m
+        return [gap] if total is None else [gap, total - gap]
+
+    @property
+    def numbers(self) -> tuple[ParameterName, ...]:
+        """All that its motion may teach."""
+        magnets = len(self.settings.placed)
+        if self.settings.several:
+            kinds, count = ("scale_{}", "gap_zero_{}_m", "width_{}"), range(1, magnets + 1)
+            return (*(kind.format(one) for kind in kinds for one in count), "payload", *CENTRE)
+        return OF_ONE_AXIS[self.settings.control.kind, magnets]
+
+    def learnt(self, method: MethodName) -> CalibratedMethod | None:
+        """Return what the calibration that it names says of a method; None where it says nothing."""
+        return None if self._taught is None else self._taught.of(method)
+
+    @cached_property
+    def _taught(self) -> CalibrationFile | None:
+        """What motion taught; feedforward and force scale must believe in the same mass."""
+        if self.calibration is None:
+            return None
+        if getattr(self.settings.control, "calibrate", False):
+            raise InputError(
+                f"{self.path}: control.calibration: calibrate = true begins without one; leave "
+                "one of both out",
+                code="not-both",
+                key="control.calibration",
+            )
+        return read_calibration(self.calibration, self.path, self.settings, self.numbers)
+
+    @property
+    def calibration(self) -> Path | None:
+        """File of what motion taught of its magnets."""
+        named = self.settings.calibration
+        return None if named is None else self.path.parent / named
+
+    @property
+    def model(self) -> Path | None:
+        """Model file of a magnet whose force an identified law makes."""
+        model = self.settings.magnet.model
+        return None if model is None else self.path.parent / model
+
+    @property
+    def flux_table(self) -> Path | None:
+        """Flux table of such a magnet, if it has one."""
+        table = self.settings.magnet.flux_table
+        return None if table is None else self.path.parent / table
+
+    @cached_property
+    def law(self) -> Model | None:
+        """The identified law that makes its force; None where an iron does."""
+        if self.model is None:
+            return None
+        law = read_model(self.model)
+        if law.layers is not None:
+            raise InputError(
+                f"{self.model}: a virtual magnet of a law has no layers; take out its [layers]",
+                code="layers-not-in-plant",
+                key="model",
+            )
+        if law.fixed_gap_only or not law.needs_schedule or law.power != 2:
+            raise InputError(
+                f"{self.model}: a bearing needs a model of force over current whose gap may move; "
+                "identify one from loops at several gaps",
+                code="not-current-to-force",
+            )
+        return law
+
+    @cached_property
+    def flux(self) -> FluxTable:
+        """Flux linkage of the winding of such a magnet, as measured or made from poles and iron."""
+        file, body = self.settings, self.settings.body
+        high = file.amplifier.current_high_A
+        if self.flux_table is None:
+            ends = (0.8 * body.stop_low_m, 1.2 * body.stop_high_m)
+            return flux_table_of(file.magnet.poles, file.steel, 1.5 * high, ends)
+        table = read_flux_table(self.flux_table)
+        check_flux_range(self.flux_table, table, body.stop_low_m, body.stop_high_m, high)
+        return table
+
+    @cached_property
+    def magnet(self) -> Magnet:
+        """The magnet that plants step: of an iron in its circuit, or of an identified law."""
+        file, table = self.settings, self.settings.magnet
+        if table.kind == LAW:
+            return self.magnet_of()
+        return iron_magnet(table.poles, file.steel, table.eddy_time_s, file.gap_m, table.solid_iron)
+
+    def magnet_of(self, law: Model | None = None) -> Magnet:
+        """Return its magnet of an identified law: its own, or another one instead."""
+        gaps, middle = self.flux.gap, self.settings.gap_m
+        law = law or self.law
+        assert law is not None
+        at = np.linspace(float(gaps[0]), float(gaps[-1]), ROWS)
+        names = ("c_H", "rho", "c_out", "out_0", "in_0")
+        rows = np.column_stack([law.over_schedule(name, at) for name in names])
+        eddy = float(law.over_schedule("gamma", np.array([middle]))[0])
+        return law_magnet(self.settings.magnet.poles, law.iron_at(middle), rows, eddy, self.flux)
+
+    def static_map(
+        self, current: FloatArray, gap: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return force, flux linkage and flux density of a path so slow that nothing is induced."""
+        path = np.ascontiguousarray(current), np.ascontiguousarray(gap)
+        force, linkage, density = Coil(self.magnet).run(*path).T.copy()
+        return force, linkage, density
+
+    @property
+    def load(self) -> float:
+        """Force that pulls the gap open all the time, N: load drive and weight."""
+        return self.settings.load.force_N + self.settings.body.weight_N
+
+
+def step_ends(gap: float, height: float) -> tuple[float, float]:
+    """Return the gaps between which a step goes: half its height to either side.
+
+    High steps have room between the end stops then, up and down steps see the same magnet, and
+    the plant linearised at the gap is that of the middle of every step.
+    """
+    return gap + height / 2.0, gap - height / 2.0
+
+
+def read_bearing(path: PathLike) -> BodyRig:
+    """Read the rig file of a bearing."""
+    file = Path(path)
+    settings = read_rig_file(file, "levitation")
+    faults = [*plant_faults(settings), *_case_faults(settings)]
+    if faults:
+        raise faults_error(file, faults)
+    return BodyRig(file, settings)
+
+
+def plant_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find what does not fit together in the plant and its instruments."""
+    yield from _delay_faults(file)
+    body, low, high = file.body, file.body.stop_low_m, file.body.stop_high_m
+    opposite, total = file.opposite, file.gap_total_m
+    if file.several:
+        yield from _reach_faults(file)
+    elif opposite is not None and total is not None and not high < total:
+        text = f"both gaps make {total:g} m, not above stop_high_m, {high:g} m, where the second "
+        text += "magnet is touched; raise it"
+        yield FileFault(file.place(opposite, "gap_m"), text, code="range-too-narrow")
+    sensor = file.gap_sensor
+    if not (sensor.low_m <= body.stop_low_m and high <= sensor.high_m):
+        text = f"its range must hold the travel, {low:g} to {high:g} m; widen low_m or high_m"
+        yield FileFault(file.place(sensor), text, code="range-too-narrow")
+    amplifier, shunt = file.amplifier, file.current_sensor
+    if not (shunt.low_A <= amplifier.current_low_A and amplifier.current_high_A <= shunt.high_A):
+        text = "its range must hold that of the amplifier; widen low_A or high_A"
+        yield FileFault(file.place(shunt), text, code="range-too-narrow")
+    lowest = min(turn for record in file.measurement.records for turn in record.turns)
+    if min(lowest, 0.0) * file.measurement.current_max_A < min(amplifier.current_low_A, 0.0):
+        text = f"the amplifier begins at {amplifier.current_low_A:g} A; raise the turning points"
+        yield FileFault(("measurement", "records"), text, code="beyond-amplifier")
+    if file.measurement.current_max_A > amplifier.current_high_A:
+        text = f"the amplifier ends at {amplifier.current_high_A:g} A; lower it"
+        yield FileFault(("measurement", "current_max_A"), text, code="beyond-amplifier")
+    if not low < file.gap_m < high:
+        text = f"the body works at {file.gap_m:g} m, outside the travel of {low:g} to {high:g} m"
+        key = file.place(file.magnet, "gap_m")
+        yield FileFault(key, f"{text}; lower it or move the stops", code="outside-travel")
+
+
+def _reach_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find magnets that a body of several coordinates would touch before its end stops."""
+    body, travel = file.body, travel_m(file)
+    for magnet in file.placed:
+        if magnet.gap_m is not None and not travel < magnet.gap_m:
+            text = f"the body travels {travel:g} m, from {body.stop_low_m:g} to "
+            text += (
+                f"{body.stop_high_m:g} m at the first magnet, and would touch this one; raise it"
+            )
+            yield FileFault(file.place(magnet, "gap_m"), text, code="range-too-narrow")
+
+
+def travel_m(file: RigFile) -> float:
+    """Return how far a body of several coordinates moves either way before an end stop, m."""
+    return min(file.gap_m - file.body.stop_low_m, file.body.stop_high_m - file.gap_m)
+
+
+def _delay_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find delays that the plant has no memory for."""
+    timing, amplifier, sensor = file.timing, file.amplifier, file.gap_sensor
+    per_second = timing.rate_Hz * timing.substeps
+    output = timing.delay_ticks * timing.substeps + amplifier.delay_s * per_second
+    for table, steps in ((amplifier, output), (sensor, sensor.delay_s * per_second)):
+        if steps > MOST_DELAY:
+            text = (
+                f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}; shorten it "
+            )
+            yield FileFault(
+                file.place(table, "delay_s"), f"{text}or lower substeps", code="delay-too-long"
+            )
+
+
+def _case_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find references outside the travel."""
+    low, high, step = file.body.stop_low_m, file.body.stop_high_m, file.step
+
+    def outside(
+        table: Table, key: KeyPath, what: str, lowest: float, highest: float
+    ) -> Iterator[FileFault]:
+        if not (low < lowest and highest < high):
+            goes = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
+            text = f"{what} is at {goes} m, outside the travel of {low:g} to {high:g} m"
+            text += "; lower it or move the stops"
+            yield FileFault(file.place(table, *key), text, code="outside-travel")
+
+    for number, gap in enumerate(step.also_gaps_m):
+        yield from outside(step, ("also_gaps_m", number), "the reference", gap, gap)
+    for number, height in enumerate(step.heights_m):
+        for gap in (gap for gap in file.step_gaps_m if low < gap < high):
+            upper, lower = step_ends(gap, height)
+            what = f"the step around {gap:g} m"
+            faults = list(outside(step, ("heights_m", number), what, lower, upper))
+            yield from faults
+            if faults:
+                break
+    for trajectory in file.trajectories:
+        away = trajectory.amplitude_m
+        ends = file.gap_m - away, file.gap_m + away
+        yield from outside(trajectory, ("amplitude_m",), "the reference", *ends)
+    yield from _time_faults(file)
+
+
+def _time_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find what is too short or too long for the rate."""
+    hold, rate = file.step.hold_s, file.timing.rate_Hz
+    if round(hold * rate) < LEAST_HOLD:
+        text = f"holds a step for {hold * rate:.3g} ticks of 1/{rate:g} s"
+        text += f"; {LEAST_HOLD} at least, {LEAST_HOLD / rate:.4g} s"
+        yield FileFault(file.place(file.step, "hold_s"), text, code="too-short")
+    yield from frequency_faults(file, file.trajectories)
+
+
+def frequency_faults(
+    file: RigFile, cases: Iterable[TrajectoryCase | DisplacementCase]
+) -> Iterator[FileFault]:
+    """Find references that move too fast for the rate, or too slowly."""
+    most, least = file.timing.rate_Hz / TICKS_PER_PERIOD, 1.0 / LONGEST_PERIOD_S
+    for case in cases:
+        frequency, text = case.frequency_Hz, ""
+        if frequency >= most:
+            text = f"{frequency:g} Hz is not below a tenth of rate_Hz, {most:g} Hz; lower it"
+        elif frequency < least:
+            text = f"a period of {1.0 / frequency:.4g} s is longer than {LONGEST_PERIOD_S:g} s"
+            text += "; raise it"
+        if text:
+            yield FileFault(file.place(case, "frequency_Hz"), text, code="out-of-range")

@@ -1,0 +1,170 @@
+"""``[[case]]`` of a rig file: what is tried on it."""
+
+# ruff: noqa: N815 - keys of the file carry units
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from anhyst_rigs.rig.magnet_table import OPENS, Direction
+from anhyst.support.errors import InputError
+from anhyst.support.toml_file import (
+    BRANCH,
+    Name,
+    NotNegative,
+    Number,
+    Positive,
+    Share,
+    Table,
+    ordered,
+    tag_by,
+)
+
+Peaks = Annotated[list[Positive], Field(min_length=2)]
+
+
+class StepCase(Table):
+    """``kind = "step"``: steps of the reference, half of each to either side of the gap."""
+
+    kind: Literal["step"]
+    heights_m: Annotated[list[Positive], Field(min_length=1)]
+    hold_s: Positive
+    also_gaps_m: list[Positive] = Field(default_factory=list)
+
+
+class LoadCase(Table):
+    """``kind = "load"``: steps of the load."""
+
+    kind: Literal["load"]
+    forces_N: Annotated[list[Number], Field(min_length=1)]
+
+
+class TrajectoryCase(Table):
+    """``kind = "triangle"`` or ``"sine"``: a reference that moves all the time."""
+
+    kind: Literal["triangle", "sine"]
+    amplitude_m: Positive
+    frequency_Hz: Positive
+
+
+class ScanCase(Table):
+    """``kind = "scan"``: moves at constant speed with turnarounds whose snap is limited."""
+
+    kind: Literal["scan"]
+    speed_m_per_s: Positive
+    cruise_s: Positive
+    jerk_phase_s: Positive
+    snap_phase_s: Positive
+    train_m_per_s2: Peaks
+    test_m_per_s2: Peaks
+    slit_s: Positive
+    # of the moving average beside the rms error, in what the search of feedforward gains minimises
+    average_weight: NotNegative = 0.0
+    direction: Direction = OPENS  # of a body of several coordinates
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if not 2.0 * self.snap_phase_s <= self.jerk_phase_s:
+            raise InputError(
+                "snap_phase_s must be at most half of jerk_phase_s; correct them",
+                code="phases-too-long",
+            )
+        for peak in (*self.train_m_per_s2, *self.test_m_per_s2):
+            if self.speed_m_per_s / peak < self.jerk_phase_s:
+                raise InputError(
+                    f"{peak:g} m/s2 are not reached before speed_m_per_s is; lower them or "
+                    "shorten jerk_phase_s",
+                    code="not-reached",
+                )
+        if self.slit_s >= self.cruise_s:
+            raise InputError("slit_s must be shorter than cruise_s; correct them", code="too-long")
+        return self
+
+
+HeadFault = Literal["missing", "frozen", "jumps"]
+"""How a head fails: it says no number, or what it said last, or too much."""
+
+
+class LossCase(Table):
+    """``kind = "loss"``: amplifiers of magnets and heads fail, one in each run of the test set-point."""
+
+    kind: Literal["loss"]
+    circuit: Literal["open", "short"]  # as which the winding is left
+    magnets: Annotated[list[Name], Field(min_length=1)] | None = None  # all if left out
+    heads: Annotated[list[HeadFault], Field(min_length=1)] | None = None  # each head in these ways
+    lift: bool = False  # and a run from rest to rest without a fault
+    # when a magnet pulls most, the set-point accelerates most if left out
+    at_s: NotNegative | None = None
+
+
+class ForceCase(Table):
+    """``kind = "force"``: a triangle of force between two shares of the largest one."""
+
+    kind: Literal["force"]
+    name: Name
+    low: Share
+    high: Share
+    period_s: Positive
+    cycles: Annotated[int, Field(ge=1, le=100)]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        ordered("low", self.low, "high", self.high)
+        return self
+
+
+class HeldCase(Table):
+    """``kind = "held"``: gaps at which the armature is held while the force is controlled."""
+
+    kind: Literal["held"]
+    gaps_m: Annotated[list[Positive], Field(min_length=1)]
+
+
+class MovingCase(Table):
+    """``kind = "moving"``: the armature moves to and fro while the force is controlled."""
+
+    kind: Literal["moving"]
+    low_m: Positive
+    high_m: Positive
+    period_s: Positive
+
+
+class DisplacementCase(Table):
+    """``kind = "displacement"``: a triangle of displacement with rounded corners."""
+
+    kind: Literal["displacement"]
+    stroke_m: Positive
+    frequency_Hz: Positive
+    low_m: NotNegative
+    corner_s: Positive
+    cycles: Annotated[float, Field(ge=3.0)]  # the first two are not judged
+
+    @model_validator(mode="after")
+    def _has_flanks(self) -> Self:
+        if self.corner_s * self.frequency_Hz > 0.5:
+            raise InputError(
+                "corner_s must be at most half a period of the triangle; shorten it",
+                code="too-long",
+            )
+        return self
+
+
+CaseEntry = Annotated[
+    Annotated[StepCase, Tag(f"{BRANCH}step")]
+    | Annotated[LoadCase, Tag(f"{BRANCH}load")]
+    | Annotated[TrajectoryCase, Tag(f"{BRANCH}triangle")]
+    | Annotated[ScanCase, Tag(f"{BRANCH}scan")]
+    | Annotated[LossCase, Tag(f"{BRANCH}loss")]
+    | Annotated[ForceCase, Tag(f"{BRANCH}force")]
+    | Annotated[HeldCase, Tag(f"{BRANCH}held")]
+    | Annotated[MovingCase, Tag(f"{BRANCH}moving")]
+    | Annotated[DisplacementCase, Tag(f"{BRANCH}displacement")],
+    Discriminator(
+        tag_by("kind", sine="triangle"),
+        custom_error_type="unknown_choice",
+        custom_error_message='kind must be "step", "load", "triangle", "sine", "scan", "loss", '
+        '"force", "held", "moving" or "displacement"; correct it',
+    ),
+]

@@ -1,0 +1,191 @@
+"""What is known of a magnet: identified from its loops, corrected by its motion, fitted, checked."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anhyst.compensate.current_map import PlayMap
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.methods import make_compensator
+from anhyst.compensate.sources import FluxCalibration, Operating, Sources
+from anhyst.data import Loops
+from anhyst.data.speeds import slow_loops
+from anhyst.identification.run import IdentifyTable
+from anhyst.model.actuator import Model
+from anhyst.model.parameters import Parameter
+from anhyst.model.schema import LawName
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.distance import PlantCheck, along, distance, follower, model_distance
+from anhyst_rigs.rig.drift import Drift, drifted_law
+from anhyst_rigs.rig.measurement_table import identify_loops, misclosures
+from anhyst.support.errors import CreepWarning
+from anhyst.support.kinds import PROBED, MethodName, NumberFormat
+
+
+@dataclass(frozen=True)
+class IdentifiedMagnet:
+    """What a controller knows of its magnet: measured loops, and the model identified from them."""
+
+    loops: Loops  # force over current at several gaps
+    model: Model  # identified from them
+    # part by which the loop of a map with one play is wider; that of the model is so already
+    wider: float = 0.0
+
+
+def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
+    """Identify the model of a bearing's magnet from its loops; the armature may move under it."""
+    return IdentifiedMagnet(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
+
+
+_FORGETS: LawName = "effective-field"
+_NOISE, _OPEN = 1.0, 2.0
+"""Mean square of what play cells leave of the closings of small loops, in squares of its error: of
+noise, and from where on nobody takes it for noise."""
+_CERTAIN = 2.0
+"""Standard errors by which a law that forgets must be nearer to them."""
+
+
+def identify_rippling(
+    loops: Loops, options: IdentifyTable, usable: Callable[[IdentifiedMagnet], bool]
+) -> IdentifiedMagnet:
+    """Identify a magnet whose current ripples, by the law as which its small loops close.
+
+    Cells keep every turning point, and lead astray on iron that forgets them with every ripple.
+    """
+    known = identify_magnet(loops, options)
+    model = known.model
+    if options.law != "auto" or model.operator_law.cells is None or model.has_eddy_currents:
+        return known
+    alone = misclosures(loops, [model])
+    if alone.size == 0 or alone.mean() <= _NOISE:
+        return known
+    other = identify_magnet(loops, options.model_copy(update={"law": _FORGETS}))
+    left = misclosures(loops, [model, other.model])
+    own, its = left.mean(axis=0).tolist()
+    nearer = len(left) * (own - its) / max(its, 1.0) > _CERTAIN**2
+    if nearer and other.model.acceptance().passed is not False and usable(other):
+        text = f"law {_FORGETS} is taken, which forgets them too; with a probe, 'fused' leaves less"
+    elif nearer or own > _OPEN:
+        other = known
+        text = "no law follows that, 'single-valued' may be better than 'full', and a probe is"
+    else:
+        return known
+    text = f"small loops do not close: this iron does not keep its turning points; {text}"
+    warnings.warn(text, CreepWarning, stacklevel=3)
+    return other
+
+
+def fit_at(
+    rig: BodyRig,
+    where: Operating,
+    magnets: Sequence[IdentifiedMagnet],
+    variant: MethodName,
+    number_format: NumberFormat,
+) -> list[ForceController]:
+    """Fit one variant to what is known of each magnet, where it works."""
+    probe = calibrate_probe(rig) if variant in PROBED else None
+    fitted = []
+    for magnet in magnets:
+        sources = Sources(where, magnet.loops, magnet.model, probe)
+        compensator = make_compensator(variant, sources, number_format)
+        if magnet.wider and isinstance(compensator.parameters, PlayMap):
+            wider = compensator.parameters.widened(magnet.wider)
+            compensator = replace(compensator, parameters=wider)
+        fitted.append(compensator)
+    return fitted
+
+
+def calibrated(
+    magnet: IdentifiedMagnet,
+    scale: float = 0.0,
+    zero: float = 0.0,
+    wider: float = 0.0,
+    over: float = 0.0,
+) -> IdentifiedMagnet:
+    """Return what is known of a magnet in the currents and gaps of its controller.
+
+    The loops and the model are those that would have been measured there: every format, block and
+    firmware that is made of them is calibrated. Scale and width are parts, the gap zero is in m, as
+    is how far over the gaps that were seen the model is believed.
+    """
+    more, known = 1.0 + scale, magnet.loops
+    loops = [
+        replace(loop, input=loop.input / more, schedule=loop.schedule + zero)
+        for loop in known.loops
+        if loop.schedule is not None
+    ]
+    model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
+    parameters, valid = model.parameters, model.valid
+    moved = {"c_H": _times(parameters["c_H"], more), "in_0": _times(parameters["in_0"], 1.0 / more)}
+    if valid is not None and valid.schedule is not None:
+        (low, high), (near, far) = valid.input, valid.schedule
+        ends = near + zero - over, far + zero + over
+        valid = replace(valid, input=(low / more, high / more), schedule=ends)
+    nodes = tuple(node + zero for node in model.nodes)
+    model = replace(model, nodes=nodes, parameters={**parameters, **moved}, valid=valid)
+    return IdentifiedMagnet(replace(known, loops=tuple(loops)), model, wider)
+
+
+def _times(value: Parameter, factor: float) -> Parameter:
+    return (
+        tuple(factor * coefficient for coefficient in value)
+        if isinstance(value, tuple)
+        else factor * value
+    )
+
+
+def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
+    """Measure flux density over force at several gaps, as a user would with a weight.
+
+    The series is taken on the way up from a demagnetised iron; force and flux density belong to one
+    gap flux, so that the direction does not matter.
+    """
+    hall = rig.settings.hall_probe
+    if hall is None:
+        return None
+    high = rig.settings.measurement.current_max_A
+    current = np.linspace(-rig.settings.magnet.both_ways * high, high, 60)
+    gaps = np.asarray(rig.settings.measurement.gaps_m)
+    forces, densities = [], []
+    for gap in gaps:
+        force, _, density = rig.static_map(current, np.full(current.size, gap))
+        forces.append(force)
+        densities.append((1.0 + hall.gain_error) * density)
+    timing, amplifier = rig.settings.timing, rig.settings.amplifier
+    corners = (amplifier.bandwidth_Hz, hall.bandwidth_Hz)
+    return FluxCalibration(
+        gap=np.repeat(gaps, current.size),
+        force=np.concatenate(forces),
+        flux_density=np.concatenate(densities),
+        delay=timing.delay_ticks * rig.dt + amplifier.delay_s,
+        lag=sum(1.0 / (2.0 * math.pi * corner) for corner in corners)
+        + rig.settings.magnet.eddy_time_s,
+    )
+
+
+def check_plant(rig: BodyRig, knowledge: IdentifiedMagnet) -> PlantCheck:
+    """Hold the plant of a rig, and what its controller knows, against the loops, of the slow ones."""
+    fitted, loops = rig.fitted, slow_loops(knowledge.loops)
+    zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
+    return PlantCheck(
+        plant=distance(loops, lambda loop: along(follower(rig.magnet), loop, zeros[0]) + zeros[1]),
+        model=model_distance(loops, knowledge.model),
+        same=rig.law is not None and _same(rig.law, knowledge.model),
+        fitted=fitted is not None,
+        guessed=() if fitted is None else fitted.guessed,
+    )
+
+
+def _same(law: Model, model: Model) -> bool:
+    """Whether two models are one, or of the same law and the same measurements."""
+    if law.law != model.law:
+        return False
+    sources = {source.sha256 for source in law.provenance.sources}
+    common = sources & {source.sha256 for source in model.provenance.sources}
+    alike = dict(law.parameters) == dict(model.parameters) and law.cells == model.cells
+    return alike or bool(common)

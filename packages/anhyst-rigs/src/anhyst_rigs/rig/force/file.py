@@ -1,0 +1,198 @@
+"""A held actuator whose force is controlled, from its rig file; and the file of a solenoid.
+
+Everything is SI and the unit stands in the key. Every key is described in docs/force-control.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Tag
+
+from anhyst._core import Coil, HeldPlant, Magnet
+from anhyst.data import Loop, Loops
+from anhyst.data.speeds import slow_loops
+from anhyst.model.actuator import Model
+from anhyst_rigs.rig.distance import (
+    PlantCheck,
+    along,
+    along_in_time,
+    distance,
+    follower,
+    model_distance,
+)
+from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.rig.from_loops import FittedPlant
+from anhyst_rigs.rig.kind_rules import read_rig_file
+from anhyst_rigs.rig.measurement_table import Measured, MeasurementTable
+from anhyst_rigs.rig.parts.iron import BY_FAMILY, CellSteel, DuhemSteel, PreisachSteel
+from anhyst_rigs.rig.parts.magnet import CircuitTable, FluxPath, iron_magnet, solenoid_magnet
+from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
+from anhyst.support.atomic import PathLike
+from anhyst.support.numeric import FloatArray, passed
+from anhyst.support.toml_file import BRANCH, FileFault, Table, faults_error, read_toml
+
+READ = ("gap", "force", "current")
+"""What sensors of the plant read, in the order of ``anhyst_plant/held.h``."""
+
+
+class CellPathTable(CellSteel, FluxPath):
+    """``[iron]``: a flux path of cells."""
+
+
+class PreisachPathTable(PreisachSteel, FluxPath):
+    """``[iron]``: a flux path of Preisach iron."""
+
+
+class DuhemPathTable(DuhemSteel, FluxPath):
+    """``[iron]``: a flux path of Duhem iron."""
+
+
+IronEntry = Annotated[
+    Annotated[CellPathTable, Tag(f"{BRANCH}cells")]
+    | Annotated[PreisachPathTable, Tag(f"{BRANCH}preisach")]
+    | Annotated[DuhemPathTable, Tag(f"{BRANCH}duhem")],
+    BY_FAMILY,
+]
+
+
+class SolenoidFile(Table):
+    """A file that describes a solenoid, and perhaps how its loops were measured."""
+
+    iron: IronEntry
+    circuit: CircuitTable
+    measurement: MeasurementTable | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """A rig as its file describes it."""
+
+    path: Path  # the rig file
+    settings: RigFile  # what it says
+    solenoid_file: SolenoidFile | None  # where it names one
+    # magnet that was fitted to the loops; `settings` holds its numbers then
+    fitted: FittedPlant | None = None
+
+    @property
+    def dt(self) -> float:
+        """Time between ticks, s."""
+        return 1.0 / self.settings.timing.rate_Hz
+
+    @property
+    def measured(self) -> Measured:
+        """The loops that its file names."""
+        return Measured(self.path, self.settings.loops)
+
+    def magnet(self) -> Coil:
+        """Return what pulls, demagnetised."""
+        return Coil(self._magnet)
+
+    @property
+    def _magnet(self) -> Magnet:
+        if (file := self.solenoid_file) is not None:
+            return solenoid_magnet(file.iron, file.iron, file.circuit)
+        table = self.settings.magnet
+        return iron_magnet(table.poles, self.settings.steel, solid=table.solid_iron)
+
+    @property
+    def solid(self) -> bool:
+        """Whether its iron answers late."""
+        return self.solenoid_file is None and self.settings.magnet.solid is not None
+
+    def check(self, loops: Loops, model: Model) -> PlantCheck:
+        """Hold its actuator and a model against loops, of thin iron against the slow ones."""
+        fitted = self.fitted
+        zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
+        timed = self.solid and all(loop.time is not None for loop in loops.loops)
+        loops = loops if timed else slow_loops(loops)
+
+        def force(loop: Loop) -> FloatArray:
+            if timed:
+                return along_in_time(self._magnet, loop, zeros[0]) + zeros[1]
+            return along(follower(self._magnet), loop, zeros[0]) + zeros[1]
+
+        return PlantCheck(
+            plant=distance(loops, force),
+            model=model_distance(loops, model),
+            fitted=fitted is not None,
+            guessed=() if fitted is None else fitted.guessed,
+        )
+
+    @property
+    def actuator_text(self) -> tuple[str, float]:
+        """What the actuator is called, and its turns."""
+        if self.solenoid_file is not None:
+            return "proportional solenoid", self.solenoid_file.circuit.turns
+        return "electromagnet", self.settings.magnet.poles.turns
+
+    def held_numbers(self) -> dict[str, float]:
+        """Return its amplifier by the names of ``anhyst_plant/held.h``."""
+        table = self.settings.amplifier
+        return {
+            "seconds": self.dt if self.solid else 0.0,
+            "low": 0.0,
+            "high": table.current_high_A,
+            "step": table.current_high_A / ((1 << table.dac_bits) - 1),
+            "share": passed(2.0 * math.pi * table.bandwidth_Hz * self.dt),
+            "most": table.slew * self.dt,
+            "zero": self.settings.current_sensor.offset_A,
+        }
+
+    def plant(self) -> HeldPlant:
+        """Return its actuator with amplifier and sensors, demagnetised."""
+        sensors = self.sensor_numbers(self.dt)
+        return HeldPlant(self.held_numbers(), [sensors[name] for name in READ], self._magnet)
+
+    def sensor_numbers(self, seconds: float) -> dict[str, dict[str, float]]:
+        """Return its sensors in samples of so many seconds."""
+        file = self.settings
+        tables = (file.current_sensor, file.gap_sensor, file.force_sensor)
+        return {table.of: table.numbers(seconds) for table in tables}
+
+    def instruments(self, seed: list[int], sample: float | None = None) -> Sensors:
+        """Return the sensors, with noise of their own; a sample is so many seconds, or a tick."""
+        own, numbers = [self.settings.seed, *seed], self.sensor_numbers(sample or self.dt)
+        return {name: NoisySensor(one, [*own, n]) for n, (name, one) in enumerate(numbers.items())}
+
+    def sensors(self, seed: list[int], sample: float) -> Sensors:
+        """Return what measures loops; the seed of the rig file is added."""
+        return self.instruments([0, *seed], sample)
+
+
+def _gap_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find gaps of cases that the gap sensor does not read: a controller ends in a fault there."""
+    sensor, held, moving = file.gap_sensor, file.held, file.moving
+    for case, keys, gap in (
+        *((held, ("gaps_m", number), gap) for number, gap in enumerate(held.gaps_m)),
+        (moving, ("low_m",), moving.low_m),
+        (moving, ("high_m",), moving.high_m),
+    ):
+        if not sensor.low_m <= gap <= sensor.high_m:
+            text = f"the gap sensor reads {sensor.low_m:g} to {sensor.high_m:g} m, not {gap:g} m; "
+            text += "move it or widen that"
+            yield FileFault(file.place(case, *keys), text, code="beyond-sensor")
+
+
+def read_rig(path: PathLike) -> Rig:
+    """Read a rig file and the solenoid file it names."""
+    file = Path(path)
+    settings = read_rig_file(file, "force")
+    if faults := [*_gap_faults(settings)]:
+        raise faults_error(file, faults)
+    if settings.solenoid is None:
+        return Rig(file, settings, None)
+    return Rig(file, settings, read_toml(file.parent / settings.solenoid.file, SolenoidFile))
+
+
+def files_of_rig(path: PathLike, controller: PathLike | None) -> list[Path]:
+    """Return the rig file and all files that it names."""
+    del controller
+    rig = read_rig(path)
+    solenoid = rig.settings.solenoid
+    named = [] if solenoid is None else [rig.path.parent / solenoid.file]
+    return [rig.path, *named, *rig.measured.files]

@@ -1,0 +1,323 @@
+"""The plant's iron, winding and poles, fitted to the loops that somebody measured.
+
+Cells that are pinned (:class:`anhyst_rigs.rig.parts.iron.CellSteel`) in the circuit of a two-pole magnet:
+never the law that a compensator is made of. What a rig file says is held. Loops of force over
+current leave two things open: where the iron does not saturate, what belongs to the turns and what
+to the size of a pole; and always what belongs to the length of the iron and what to its fields.
+Expectations of ordinary magnets, wide ones, decide there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import Field, dataclass, replace
+from typing import Any, ClassVar, Protocol, TypeVar
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from anhyst._core import Magnet
+from anhyst.data import Loops
+from anhyst.data.speeds import slow_loops, speeds_of
+from anhyst.data.verdict import largest_output
+from anhyst_rigs.rig.distance import along, along_in_time, follower, thinned
+from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.rig.magnet_table import FROM_LOOPS, POLES, MagnetTable, SolidTable
+from anhyst_rigs.rig.parts.iron import NamedCells
+from anhyst_rigs.rig.parts.magnet import Poles, iron_magnet
+from anhyst.support.errors import InputError
+from anhyst.support.kept import kept
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import MU_0
+
+CELLS = 24
+"""Pinned cells."""
+
+SIDES = 11.0
+"""Length of the flux path in the iron, in sides of a pole."""
+
+COPPER = 1.75e-8 / 0.5
+"""Ohm metres, of a window that is half filled and as large as a pole."""
+
+MEAN_TURN = 5.0
+"""Of the winding, in sides of a pole."""
+
+FLUX_DENSITY = 1.2
+"""That the largest force stands for at first, T."""
+
+WEIGHT = 0.003 * 0.1
+"""Deviation of all samples, over the largest force, that counts like one expectation missed."""
+
+COARSE, FINE = 600, 2400
+"""Samples on which starts are tried, and on which the fit runs."""
+
+STARTS = (-1.0, 0.5, 1.5)
+"""Of the pinning, in spreads of its expectation."""
+
+IN_TIME = 100
+"""Samples of a fast loop, on which solid iron is fitted."""
+
+STEEL, CONDUCTIVITIES, _WIDE = 5e6, (-4.0, -2.0, 0.0, 2.0), 3.0
+"""Conductivity of plain steel, S/m; logarithms of parts of it that are tried; how widely the
+logarithm, and that of the odds of the path, are expected about zero."""
+
+TRIES = 60
+"""Steps of a fit at most."""
+
+
+@dataclass(frozen=True)
+class FittedPlant:
+    """A magnet that makes the loops."""
+
+    poles: Poles
+    steel: NamedCells
+    zero_current: float  # what the sensors of the loops read where there is nothing, A and N
+    zero_force: float
+    guessed: tuple[str, ...]  # keys of the rig file that the loops leave open and nobody gave
+    solid: SolidTable | None = None  # whole
+
+    @property
+    def magnet(self) -> Magnet:
+        """What the core steps."""
+        return iron_magnet(self.poles, self.steel)
+
+    @property
+    def keys(self) -> Mapping[str, Any]:
+        """What ``[[magnet]]`` of a rig file would say beside its iron."""
+        poles = {key: getattr(self.poles, name) for name, key in POLES.items()}
+        return {**poles, "solid": self.solid}
+
+
+def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
+    """Fit what a rig file leaves out of its magnet; solid iron to loops of several speeds."""
+    return kept("plants", lambda: _fit(loops, table), loops, table)
+
+
+def _fit(loops: Loops, table: MagnetTable) -> FittedPlant:
+    fitted = _fit_at_rest(slow_loops(loops), table)
+    return replace(fitted, solid=table.solid and _fit_solid(loops, fitted, table.solid))
+
+
+def _fit_at_rest(loops: Loops, table: MagnetTable) -> FittedPlant:
+    fit = _AtRest(thinned(loops, COARSE), table)
+    best = min((fit.run(fit.start(pinning)) for pinning in STARTS), key=lambda trial: trial[0])
+    fit = _AtRest(thinned(loops, FINE), table)
+    _, at = fit.run(best[1])
+    turns = round(fit.turns(at))
+    if table.turns is None:
+        fit = _AtRest(fit.loops, table.model_copy(update={"turns": turns}))
+        _, at = fit.run(fit.start(0.0))
+    return fit.fitted(at, table)
+
+
+class RigWithMagnet(Protocol):
+    """A rig file of either kind, as a record."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def settings(self) -> RigFile:
+        """What it says."""
+
+
+AnyRig = TypeVar("AnyRig", bound=RigWithMagnet)
+
+
+def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
+    """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted."""
+    file = rig.settings
+    if file.solenoid is not None or not file.magnet.from_loops or file.iron is not None:
+        return rig
+    fitted = fit_magnet(loops, file.magnet)
+    whole = file.replaced(file.magnet, file.magnet.model_copy(update=fitted.keys))
+    irons = [*file.irons, fitted.steel]
+    return replace(rig, settings=whole.model_copy(update={"irons": irons}), fitted=fitted)
+
+
+def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTable:
+    """Fit what a rig file leaves out of solid iron, conductivity and length of the path in it."""
+    if (given.path_m or 0.0) > fitted.poles.iron_length:
+        raise InputError(
+            f"magnet.solid.path_m is longer than the {fitted.poles.iron_length:.3g} m of the path in "
+            "the iron; lower it, or give iron_length_m",
+            code="too-long",
+            key="magnet.solid.path_m",
+        )
+    if given.conductivity_S_per_m is not None and given.path_m is not None:
+        return given
+    speeds = speeds_of(loops)
+    if speeds is None:
+        raise InputError(
+            "magnet.solid: loops at one speed do not say how late solid iron answers; give "
+            "conductivity_S_per_m and path_m, or loops of several speeds with times (t_s)",
+            code="one-speed",
+            key="magnet.solid",
+        )
+    some = [loop for group in speeds.fast for loop in group]
+    fast = thinned(loops.with_loops(some), IN_TIME * len(some))
+    top = largest_output(loops)
+    weight = 1.0 / (WEIGHT * top * math.sqrt(sum(loop.n for loop in fast.loops)))
+
+    def table(at: FloatArray) -> SolidTable:
+        conductivity, path = STEEL * math.exp(at[0]), fitted.poles.iron_length * _share(at[1])
+        return given.model_copy(
+            update={
+                "conductivity_S_per_m": given.conductivity_S_per_m or conductivity,
+                "path_m": given.path_m or path,
+            }
+        )
+
+    def misses(at: FloatArray) -> FloatArray:
+        solid = table(at).solid(fitted.poles.iron_length)
+        magnet = iron_magnet(fitted.poles, fitted.steel, solid=solid)
+        off = [
+            along_in_time(magnet, loop, fitted.zero_current) + fitted.zero_force - loop.output
+            for loop in fast.loops
+        ]
+        return np.concatenate([weight * np.concatenate(off), at / _WIDE])
+
+    starts = (np.array([one, 0.0]) for one in CONDUCTIVITIES)
+    start = min(starts, key=lambda at: float(np.sum(misses(at) ** 2)))
+    return table(least_squares(misses, start, max_nfev=TRIES, diff_step=1e-3, xtol=1e-4).x)
+
+
+class _AtRest:
+    """Least squares of the force, with expectations of what the loops leave open."""
+
+    def __init__(self, loops: Loops, table: MagnetTable) -> None:
+        self.loops = loops
+        self._table = table
+        self._top = max(float(np.max(loop.output)) for loop in loops.loops)
+        self._high = max(float(np.max(np.abs(loop.input))) for loop in loops.loops)
+        expected = _expected(loops, table, self._top)
+        self._names = tuple(expected)
+        self._middle = np.array([middle for middle, _ in expected.values()])
+        self._spread = np.array([spread for _, spread in expected.values()])
+        samples = sum(loop.n for loop in loops.loops)
+        self._weight = 1.0 / (WEIGHT * self._top * math.sqrt(samples))
+
+    def start(self, pinning: float) -> FloatArray:
+        """Return a place to begin, in spreads from what is expected."""
+        at = np.zeros(len(self._names))
+        at[self._names.index("pinning")] = pinning
+        return at
+
+    def run(self, start: FloatArray) -> tuple[float, FloatArray]:
+        """Return the least cost that is reached from a place, and where."""
+        best = least_squares(self._misses, start, max_nfev=TRIES, diff_step=1e-4)
+        return float(best.cost), best.x
+
+    def turns(self, at: FloatArray) -> float:
+        """Return the turns there, not rounded yet."""
+        return self._poles(self._values(at))[0].turns
+
+    def fitted(self, at: FloatArray, table: MagnetTable) -> FittedPlant:
+        """Return the magnet there."""
+        values = self._values(at)
+        poles, steel = self._poles(values)
+        resistance = COPPER * MEAN_TURN * poles.turns**2 / math.sqrt(poles.width * poles.depth)
+        guessed = [
+            key for key in ("resistance_ohm", "iron_length_m") if getattr(table, key) is None
+        ]
+        return FittedPlant(
+            replace(poles, resistance=table.resistance_ohm or resistance),
+            steel,
+            values["zero_current"] * self._high,
+            values["zero_force"] * self._top,
+            tuple(guessed),
+        )
+
+    def _values(self, at: FloatArray) -> dict[str, float]:
+        return dict(zip(self._names, (self._middle + self._spread * at).tolist(), strict=True))
+
+    def _poles(self, values: Mapping[str, float]) -> tuple[Poles, NamedCells]:
+        table = self._table
+        width, depth = table.pole_width_m, table.pole_depth_m
+        side = (
+            math.exp(values["side"]) if "side" in values else math.sqrt((width or 0) * (depth or 0))
+        )
+        width = width or (side * side / depth if depth else side)
+        depth = depth or side * side / width
+        poles = Poles(
+            turns=table.turns or math.exp(values["turns"]),
+            resistance=1.0,
+            width=width,
+            depth=depth,
+            leakage=math.exp(values["leakage"]) if table.leakage_H is None else table.leakage_H,
+            iron_length=table.iron_length_m or SIDES * side,
+            joints=math.exp(values["joints"]) if table.joints_m is None else table.joints_m,
+        )
+        saturation, knee = math.exp(values["saturation"]), math.exp(values["knee"])
+        sharp = _share(values["sharp"])
+        steel = NamedCells.model_construct(
+            name=FROM_LOOPS,
+            cells=CELLS,
+            reversible_fraction=_share(values["reversible"]),
+            pinning_scale_A_per_m=math.exp(values["pinning"]),
+            pinning_shape=math.exp(values["shape"]),
+            saturation_sharp_T=saturation * sharp,
+            knee_sharp_A_per_m=knee,
+            saturation_slow_T=saturation * (1.0 - sharp),
+            knee_slow_A_per_m=knee * math.exp(values["knee_ratio"]),
+        )
+        return poles, steel
+
+    def _misses(self, at: FloatArray) -> FloatArray:
+        values = self._values(at)
+        poles, steel = self._poles(values)
+        magnet = iron_magnet(poles, steel)
+        zero_current = values["zero_current"] * self._high
+        zero_force = values["zero_force"] * self._top
+        misses = [
+            along(follower(magnet), loop, zero_current) + zero_force - loop.output
+            for loop in self.loops.loops
+        ]
+        return np.concatenate([self._weight * np.concatenate(misses), at])
+
+
+def _expected(loops: Loops, table: MagnetTable, top: float) -> dict[str, tuple[float, float]]:
+    """Return middle and spread of everything that is sought; logarithms, and odds of shares."""
+    area, turns = MU_0 * top / FLUX_DENSITY**2, 0.0
+    width, depth = table.pole_width_m, table.pole_depth_m
+    if width and depth:
+        area = width * depth
+    turns = table.turns or math.sqrt(_turns_squared_by_area(loops) / area)
+    side = math.sqrt(area)
+    expected = {
+        "side": (math.log(side), 1.0),
+        "turns": (math.log(turns), 2.0),
+        "leakage": (math.log(MU_0 * side), 1.0),
+        "joints": (math.log(1e-3 * side), 1.0),
+        "knee": (math.log(250.0), 1.0),
+        "pinning": (math.log(150.0), 1.5),
+        "saturation": (math.log(1.9), 0.15),
+        "sharp": (0.6, 0.5),
+        "knee_ratio": (math.log(20.0), 0.7),
+        "shape": (math.log(2.0), 0.5),
+        "reversible": (math.log(0.2 / 0.8), 0.7),
+        "zero_current": (0.0, 0.02),
+        "zero_force": (0.0, 0.02),
+    }
+    held = {
+        "side": bool(width and depth),
+        "turns": table.turns is not None,
+        "leakage": table.leakage_H is not None,
+        "joints": table.joints_m is not None,
+    }
+    return {name: value for name, value in expected.items() if not held.get(name, False)}
+
+
+def _turns_squared_by_area(loops: Loops) -> float:
+    """Return turns^2 times the area of a pole, m^2, as if the iron needed nothing."""
+    estimates = []
+    for loop in loops.loops:
+        assert loop.schedule is not None
+        high = float(np.max(loop.output))
+        some = (loop.output > 0.05 * high) & (loop.output < 0.4 * high) & (loop.input != 0.0)
+        estimates += (loop.output * (2.0 * loop.schedule / loop.input) ** 2 / MU_0)[some].tolist()
+    return float(np.median(estimates)) if estimates else 1.0
+
+
+def _share(odds: float) -> float:
+    return 1.0 / (1.0 + math.exp(-odds))

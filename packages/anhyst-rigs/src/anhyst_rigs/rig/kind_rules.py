@@ -1,0 +1,279 @@
+"""What each kind of rig has in its file, and how the tables of a file refer to each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from anhyst_rigs.rig.case_table import (
+    DisplacementCase,
+    ForceCase,
+    HeldCase,
+    LoadCase,
+    LossCase,
+    MovingCase,
+    ScanCase,
+    StepCase,
+    TrajectoryCase,
+)
+from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.rig.magnet_table import CLOSES, FROM_LOOPS, OPENS, LikeTable, MagnetTable, SolenoidTable
+from anhyst_rigs.rig.measurement_table import identify_faults
+from anhyst_rigs.rig.sensor_table import (
+    CurrentSensorTable,
+    FluxSensorTable,
+    ForceSensorTable,
+    GapSensorTable,
+    PositionSensorTable,
+)
+from anhyst_rigs.rig.tables import (
+    SPREADS,
+    SPREADS_OF_AXES,
+    AmplifierTable,
+    BodyTable,
+    FlexureTable,
+    StackAmplifierTable,
+    StackTable,
+    TimingTable,
+    TrackingTable,
+)
+from anhyst.support.atomic import PathLike
+from anhyst.support.kinds import rig_kinds
+from anhyst.support.toml_file import FileFault, Table, faults_error, read_toml
+from anhyst.support.toml_text import Path as KeyPath
+
+KINDS = ("levitation", "tracking", "axes", "force", "displacement")
+"""Columns of the grids below: the words of ``control.kind``, and a stage of several coordinates."""
+_NUMBERS = {"1": (1, 1), "?": (0, 1), "*": (0, math.inf), "+": (1, math.inf), ".": (0, 0)}
+"""Least and largest number of tables that a sign of a grid allows."""
+
+_TABLES: Mapping[type[Table], tuple[str, str, str]] = {
+    MagnetTable: ("1 1 1 ? .", "magnet", "a [[magnet]] with winding and poles"),
+    LikeTable: ("? 1 + . .", "magnet", "a second [[magnet]], with like and direction"),
+    SolenoidTable: (". . . ? .", "magnet", 'a [[magnet]] of kind "solenoid"'),
+    StackTable: (". . . . 1", "stack", "a [[stack]]"),
+    AmplifierTable: ("1 1 1 1 .", "amplifier", 'an [[amplifier]] with mode "current" or "voltage"'),
+    StackAmplifierTable: (". . . . 1", "amplifier", 'an [[amplifier]] with mode "stack"'),
+    BodyTable: ("1 1 1 . .", "body", "a [[body]] with mass_kg and stops"),
+    FlexureTable: (". . . . 1", "body", "a [[body]] with resonance_Hz"),
+    GapSensorTable: ("1 1 1 1 .", "sensor", 'a [[sensor]] of = "gap"'),
+    CurrentSensorTable: ("1 1 1 1 .", "sensor", 'a [[sensor]] of = "current"'),
+    ForceSensorTable: ("1 1 1 1 .", "sensor", 'a [[sensor]] of = "force"'),
+    FluxSensorTable: ("? ? ? . .", "sensor", 'a [[sensor]] of = "flux"'),
+    PositionSensorTable: (". 1 + . 1", "sensor", 'a [[sensor]] of = "position"'),
+    StepCase: ("1 . . . .", "case", 'a [[case]] of kind "step"'),
+    LoadCase: ("? . . . .", "case", 'a [[case]] of kind "load"'),
+    TrajectoryCase: ("* . . . .", "case", 'a [[case]] of kind "triangle" or "sine"'),
+    ScanCase: (". 1 1 . .", "case", 'a [[case]] of kind "scan"'),
+    LossCase: (". . ? . .", "case", 'a [[case]] of kind "loss"'),
+    ForceCase: (". . . + .", "case", 'a [[case]] of kind "force"'),
+    HeldCase: (". . . 1 .", "case", 'a [[case]] of kind "held"'),
+    MovingCase: (". . . 1 .", "case", 'a [[case]] of kind "moving"'),
+    DisplacementCase: (". . . . 1", "case", 'a [[case]] of kind "displacement"'),
+}
+"""How many tables of each type a kind of rig has; the key of their list, and their name in messages."""
+
+_SINGLE = {
+    "loops": "1 1 1 1 .",
+    "load": "1 . . . .",
+    "frame": ". ? ? . .",
+    "measurement": "1 1 1 . .",
+    "excite": "? ? ? ? .",
+    "spread": "? ? ? ? ?",
+    "seed": "? ? ? ? ?",
+    "noise_seeds": "? ? ? . .",
+}
+"""Other tables and keys of the file: whether a kind of rig must, may or must not have them."""
+
+_KEYS: Mapping[type[Table], Mapping[str, str]] = {
+    TimingTable: dict.fromkeys(("substeps", "delay_ticks"), "? ? ? . ."),
+    MagnetTable: {
+        "gap_m": "1 1 1 . .",
+        "direction": "? ? 1 . .",
+        "position_m": ". . 1 . .",
+        **dict.fromkeys(("eddy_time_s", "model", "flux_table"), "? ? ? . ."),
+    },
+    LikeTable: {"position_m": ". . 1 . ."},
+    AmplifierTable: {
+        "supply_V": "1 1 1 . .",
+        "slew_A_per_s": ". . . 1 .",
+        **dict.fromkeys(("mode", "current_low_A", "delay_s"), "? ? ? . ."),
+    },
+    BodyTable: {
+        "free": ". ? ? . .",
+        **dict.fromkeys(("centre_m", "inertia_kg_m2", "tilt_rad"), ". . ? . ."),
+        **dict.fromkeys(("cable_N_per_m", "cable_N_s_per_m", "cable_m"), ". . ? . ."),
+    },
+    GapSensorTable: dict.fromkeys(("delay_s", "gain_error", "offset_m"), "? ? ? . ."),
+    CurrentSensorTable: {"offset_A": ". . . ? .", "gain_error": "? ? ? . ."},
+    PositionSensorTable: {
+        "step_m": ". . . . 1",
+        **dict.fromkeys(("direction", "position_m"), ". . 1 . ."),
+        **dict.fromkeys(("stands", "dead_path_m", "refraction_ppm"), ". . ? . ."),
+    },
+    ScanCase: {"direction": ". . ? . ."},
+    TrackingTable: dict.fromkeys(
+        (
+            *("force_min_N", "lost_A", "lost_s", "head_m_per_s", "head_s"),
+            *("land_m_per_s", "lift_m_per_s"),
+        ),
+        ". . ? . .",
+    ),
+}
+"""Keys of a table that a kind of rig must have, or has no use for; it may have all others."""
+
+
+def _number(file: RigFile, row: str) -> tuple[float, float]:
+    """Return the least and the largest number that a row of a grid allows the kind of a file."""
+    return _NUMBERS[row.split()[KINDS.index("axes" if file.several else file.control.kind)]]
+
+
+def takes_key(file: RigFile, key: str) -> bool:
+    """Whether a file of its kind may have a table or key that stands alone."""
+    return _number(file, _SINGLE[key])[1] > 0
+
+
+def spread_keys(file: RigFile) -> set[str]:
+    """Return the keys of ``[spread]`` that plants of a file are drawn from."""
+    if file.several:
+        return {key for part in SPREADS_OF_AXES for key in part.values()}
+    return {*SPREADS[file.control.kind].values()}
+
+
+def _count_faults(file: RigFile) -> Iterator[FileFault]:
+    whose = file.kind.title
+    for table, (row, key, title) in _TABLES.items():
+        places = [path for path, one in file.tables() if type(one) is table]
+        least, most = _number(file, row)
+        if len(places) < least:
+            yield FileFault((key,), f"{whose} needs {title}; add one", code="missing")
+        elif len(places) > most:
+            text = f"{whose} has no use for {title}" if not most else f"{whose} has one of them"
+            yield FileFault(places[int(most)], f"{text}; remove it", code="not-for-this-kind")
+    if _number(file, _TABLES[SolenoidTable][0])[1] and len(file.magnets) != 1:
+        text = "needs one magnet: with winding and poles, or a solenoid; correct it"
+        yield FileFault(("magnet",), text, code="one-of-two")
+
+
+def _single_faults(file: RigFile) -> Iterator[FileFault]:
+    for key, row in _SINGLE.items():
+        is_given = bool({key, f"given_{key}"} & file.model_fields_set)
+        yield from _presence_fault(file, (key,), row, is_given, "needs it; add it")
+
+
+def _key_faults(file: RigFile) -> Iterator[FileFault]:
+    single: list[tuple[Any, Table]] = [(("timing",), file.timing), (("control",), file.control)]
+    own = [(path, table) for path, table in file.tables() if _is_of_kind(file, table)]
+    for path, table in [*own, *single]:
+        for key, row in _KEYS.get(type(table), {}).items():
+            is_given = key in table.model_fields_set
+            yield from _presence_fault(file, (*path, key), row, is_given, "")
+    for key in sorted(file.spread.model_fields_set - spread_keys(file)):
+        yield from _presence_fault(file, ("spread", key), ". . . . .", True, "")
+
+
+def _is_of_kind(file: RigFile, table: Table) -> bool:
+    """Whether a kind may have such a table in one of its lists."""
+    row = _TABLES.get(type(table))
+    return row is None or _number(file, row[0])[1] > 0
+
+
+def _presence_fault(
+    file: RigFile, path: KeyPath, row: str, is_given: bool, needed: str
+) -> Iterator[FileFault]:
+    """Find a key that the kind of the file must have and has not, or has no use for."""
+    whose, (least, most) = file.kind.title, _number(file, row)
+    if least and not is_given:
+        text = f"{whose} {needed}" if needed else f"is missing, {whose} needs it; add it"
+        yield FileFault(path, text, code="missing")
+    if not most and is_given:
+        text = f"{whose} has no use for it; remove it"
+        yield FileFault(path, text, code="not-for-this-kind")
+
+
+def _name_faults(file: RigFile) -> Iterator[FileFault]:
+    names = [iron.name for iron in file.irons]
+    named = {
+        magnet_table.iron for magnet_table in file.magnets if isinstance(magnet_table, MagnetTable)
+    }
+    named -= {None, FROM_LOOPS}
+    for number, name in enumerate(names):
+        if name == FROM_LOOPS or name in names[:number]:
+            text = f"'{name}' is taken; choose another name"
+            yield FileFault(("iron", number, "name"), text, code="name-taken")
+        if named <= {*names} and name not in named:
+            text = f"no magnet is made of '{name}'; remove it, or name it in one"
+            yield FileFault(("iron", number), text, code="not-used")
+    called = [magnet.name for magnet in file.magnets]
+    for number, name in enumerate(called):
+        if name in called[:number]:
+            text = f"'{name}' is taken; choose another name"
+            yield FileFault(("magnet", number, "name"), text, code="name-taken")
+    for path, magnet in file.tables():
+        if isinstance(magnet, LossCase) and not set(magnet.magnets or []) <= {*called}:
+            text = f"there is no such [[magnet]]; name one or more of {', '.join(called)}"
+            yield FileFault((*path, "magnets"), text, code="unknown-name")
+        if isinstance(magnet, MagnetTable) and magnet.iron not in (None, FROM_LOOPS, *names):
+            text = f"there is no [[iron]] '{magnet.iron}'; correct it"
+            yield FileFault((*path, "iron"), text, code="unknown-name")
+        if isinstance(magnet, LikeTable):
+            yield from _opposite_faults(file, path, magnet)
+        elif isinstance(magnet, MagnetTable) and magnet.direction != CLOSES and not file.several:
+            text = f"the first magnet pulls along {CLOSES}, towards smaller gaps; write that"
+            yield FileFault((*path, "direction"), text, code="wrong-direction")
+    yield from _pair_faults(file)
+
+
+def _pair_faults(file: RigFile) -> Iterator[FileFault]:
+    first = next((magnet for magnet in file.magnets if isinstance(magnet, MagnetTable)), None)
+    pushes = first is not None and first.both_ways
+    if first is not None and pushes and not file.several:
+        text = "pushes as well as it pulls; it is for a stage of several coordinates"
+        yield FileFault(file.place(first, "kind"), text, code="not-for-this-kind")
+    if not hasattr(file.control, "bias_N"):
+        return
+    needs_opposite = _number(file, _TABLES[LikeTable][0])[0] > 0
+    pairs = not pushes and (file.opposite is not None or needs_opposite)
+    if pairs != (file.bias_N is not None):
+        text = "a pair of magnets needs it; add it"
+        if not pairs:
+            text = "belongs to a pair of magnets; remove it"
+        yield FileFault(("control", "bias_N"), text, code="pair-only")
+    if first is not None and pushes:
+        yield from _push_faults(file, first)
+
+
+def _push_faults(file: RigFile, first: MagnetTable) -> Iterator[FileFault]:
+    """Find what magnets that push as well as they pull have no use for."""
+    if "force_min_N" in file.control.model_fields_set:
+        text = "is of magnets that only pull; remove it"
+        yield FileFault(("control", "force_min_N"), text, code="not-for-this-kind")
+    if getattr(file.control, "format", "f64") == "fixed":
+        text = 'magnets that push as well as they pull have none; write "f64" or "f32"'
+        yield FileFault(("control", "format"), text, code="not-for-this-kind")
+    for magnet in file.magnets:
+        if isinstance(magnet, LikeTable) and magnet.gap_m != first.gap_m:
+            text = f"'{first.name}' is made for {first.gap_m:g} m; write that"
+            yield FileFault(file.place(magnet, "gap_m"), text, code="option-differs")
+
+
+def _opposite_faults(file: RigFile, path: Any, magnet: LikeTable) -> Iterator[FileFault]:
+    first = next((table for table in file.magnets if isinstance(table, MagnetTable)), None)
+    if first is not None and magnet.like != first.name:
+        text = f"names no magnet; write '{first.name}'"
+        yield FileFault((*path, "like"), text, code="unknown-name")
+    if magnet.direction != OPENS and not file.several:
+        text = f"a second magnet pulls against the first, along {OPENS}; write that"
+        yield FileFault((*path, "direction"), text, code="wrong-direction")
+
+
+def read_rig_file(path: PathLike, word: str) -> RigFile:
+    """Read the rig file of one kind of rig, named by its ``control.kind``."""
+    file = read_toml(path, RigFile, kinds=[rig_kinds()[word]])
+    faults = [*_count_faults(file), *_single_faults(file), *_key_faults(file), *_name_faults(file)]
+    if file.given_loops is not None:
+        faults += identify_faults(file.loops)
+    if faults:
+        raise faults_error(path, faults)
+    return file

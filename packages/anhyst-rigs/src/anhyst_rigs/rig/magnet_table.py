@@ -1,0 +1,232 @@
+"""``[[magnet]]`` of a rig file: typed by hand, fitted to measured loops, or in a file of its own."""
+
+# ruff: noqa: N815 - keys of the file carry units
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+
+from anhyst.data.output_map import output_map
+from anhyst_rigs.rig.parts.magnet import ACTUATORS, Poles, Solid
+from anhyst.support.errors import InputError
+from anhyst.support.toml_file import BRANCH, Name, NotNegative, Number, Positive, Table
+from anhyst.support.units import QUANTITIES
+
+FROM_LOOPS = "from loops"
+
+
+Place = Annotated[list[Number], Field(min_length=3, max_length=3)]
+"""On the body, along x, y, z, m."""
+ORIGIN = [0.0, 0.0, 0.0]
+
+
+DIRECTION_ROUNDING = 1e-6
+"""By which the length of a unit vector may be off."""
+
+
+def _unit(value: list[float]) -> list[float]:
+    if abs(math.hypot(*value) - 1.0) > DIRECTION_ROUNDING:
+        text = f"has a length of {math.hypot(*value):.6g}; write a unit vector"
+        raise InputError(text, code="no-unit-vector")
+    return value
+
+
+Direction = Annotated[Place, AfterValidator(_unit)]
+"""Unit vector along x, y, z."""
+CLOSES, OPENS = [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
+"""Directions on one coordinate: a magnet that pulls towards a smaller x, and one opposite to it."""
+
+
+class SolidTable(Table):
+    """``magnet.solid``: what of the iron is no stack of sheets. A fit finds what is left out."""
+
+    depth_m: Annotated[float, Field(gt=0.0, le=1.0)]  # from the surface to the middle
+    conductivity_S_per_m: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
+    # length of the flux path in it; none: all of iron_length_m, or what the loops say
+    path_m: Annotated[float, Field(ge=1e-6)] | None = None
+    volumes: Annotated[int, Field(ge=8, le=16)] = 12  # into which the depth is cut
+
+    def solid(self, iron_length: float) -> Solid | None:
+        """Return it in a path of so many metres, once it is known."""
+        if self.conductivity_S_per_m is None:
+            return None
+        length = iron_length if self.path_m is None else self.path_m
+        return Solid(length, self.depth_m, self.conductivity_S_per_m, self.volumes)
+
+
+LAW = "law"
+"""Kind of a magnet whose force an identified law makes."""
+
+
+def _known(kind: str) -> str:
+    if kind not in (LAW, *ACTUATORS):
+        names = ", ".join(f'"{name}"' for name in (*ACTUATORS, LAW))
+        raise InputError(f"must be one of {names}; correct it", code="unknown-choice")
+    return kind
+
+
+class MagnetTable(Table):
+    """Winding, poles and iron of one magnet. What a fit finds or guesses may be left out."""
+
+    name: Name
+    kind: Annotated[str, AfterValidator(_known)] = "electromagnet"
+    iron: str | None = None  # name of an iron, or "from loops"
+    direction: Direction = CLOSES
+    position_m: Place = ORIGIN  # of the middle of its poles, on the body
+    gap_m: Positive | None = None  # where the body works
+    turns: Annotated[int, Field(ge=1)] | None = None
+    resistance_ohm: Positive | None = None
+    pole_width_m: Positive | None = None
+    pole_depth_m: Positive | None = None
+    leakage_H: NotNegative | None = None
+    iron_length_m: Positive | None = None
+    joints_m: NotNegative | None = None
+    eddy_time_s: NotNegative = 0.0
+    solid: SolidTable | None = None
+    numbers: dict[str, Positive] = Field(default_factory=dict)  # of its kind
+    model: str | None = None
+    flux_table: str | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if self.kind == LAW and self.model is None:
+            raise InputError('a magnet of kind "law" needs model; add it', code="missing")
+        if self.kind != LAW and (self.model or self.flux_table):
+            raise InputError(
+                'model and flux_table belong to kind "law"; write that, or remove them',
+                code="not-for-this-kind",
+            )
+        if self.iron is None and (self.kind != LAW or self.flux_table is None):
+            raise InputError(
+                f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing"
+            )
+        if self.solid is not None and self.kind == LAW:
+            raise InputError(
+                'solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind"
+            )
+        self._check_numbers()
+        if self.from_loops:
+            return self
+        if self.solid is not None and self.solid.conductivity_S_per_m is None:
+            raise InputError(
+                f'needs solid.conductivity_S_per_m; add it, or write iron = "{FROM_LOOPS}"',
+                code="missing",
+            )
+        for name, key in POLES.items():
+            if name != "joints" and getattr(self, key) is None:
+                raise InputError(
+                    f'needs {key}; add it, or write iron = "{FROM_LOOPS}"', code="missing"
+                )
+        if self.solid_iron is not None and self.solid_iron.length > (self.iron_length_m or 0.0):
+            raise InputError("solid.path_m is longer than iron_length_m; lower it", code="too-long")
+        if not self._has_circuit():
+            text = f'numbers make no circuit of a magnet of kind "{self.kind}"; correct them'
+            raise InputError(text, code="no-circuit")
+        return self
+
+    def _has_circuit(self) -> bool:
+        """Whether its kind makes a circuit of its numbers, with a bias where it goes both ways."""
+        try:
+            poles = self.poles
+        except ArithmeticError:
+            return False
+        if poles.outer is None:
+            return not self.both_ways
+        late = poles.turns**2 / poles.outer / poles.resistance if poles.outer > 0.0 else math.inf
+        known = math.isfinite(poles.bias) and math.isfinite(poles.spring)
+        return known and 0.0 < late <= SLOWEST_S and self.both_ways == (poles.bias != 0.0)
+
+    def _check_numbers(self) -> None:
+        known = {} if self.kind == LAW else ACTUATORS[self.kind].numbers
+        for key in sorted(known.keys() - self.numbers):
+            text = f"needs numbers.{key}, {known[key]}; add it"
+            raise InputError(text, code="missing")
+        for key in sorted(self.numbers.keys() - known):
+            text = f'numbers.{key} is none of kind "{self.kind}"; remove it'
+            raise InputError(text, code="not-for-this-kind")
+
+    @property
+    def output(self) -> str:
+        """Quantity of its loops."""
+        return "force" if self.kind == LAW else ACTUATORS[self.kind].output
+
+    @property
+    def both_ways(self) -> bool:
+        """Whether it pushes as well as it pulls."""
+        return not output_map(QUANTITIES[self.output]).even
+
+    @property
+    def from_loops(self) -> bool:
+        """Whether the loops still have to say what is left out."""
+        return self.iron == FROM_LOOPS
+
+    @property
+    def solid_iron(self) -> Solid | None:
+        """What of the iron is solid, once it is known."""
+        if self.solid is None or self.iron_length_m is None:
+            return None
+        return self.solid.solid(self.iron_length_m)
+
+    @property
+    def poles(self) -> Poles:
+        """Winding and poles, once they are known."""
+        numbers = {name: getattr(self, key) for name, key in POLES.items()}
+        poles = Poles(**{**numbers, "joints": self.joints_m or 0.0})
+        return poles if self.kind == LAW else ACTUATORS[self.kind].circuit(poles, self.numbers)
+
+
+SLOWEST_S = 1e3
+"""Inductance over resistance of a winding, beyond which nothing moves."""
+POLES = {
+    "turns": "turns",
+    "resistance": "resistance_ohm",
+    "width": "pole_width_m",
+    "depth": "pole_depth_m",
+    "leakage": "leakage_H",
+    "iron_length": "iron_length_m",
+    "joints": "joints_m",
+}
+"""Keys of the numbers of winding and poles."""
+
+
+class LikeTable(Table):
+    """A magnet that is built as another one, in another place."""
+
+    name: Name
+    like: Name
+    direction: Direction
+    position_m: Place = ORIGIN
+    gap_m: Positive
+
+
+class SolenoidTable(Table):
+    """A solenoid, which a file of its own describes."""
+
+    name: Name
+    kind: Literal["solenoid"]
+    file: str
+
+
+def _tag(value: Any) -> str:
+    """Return which of the tables a magnet is."""
+    if isinstance(value, Table):
+        return f"{BRANCH}{_TAGS[type(value)]}"
+    if not isinstance(value, dict) or value.get("kind") != "solenoid":
+        return f"{BRANCH}{'like' if isinstance(value, dict) and 'like' in value else 'magnet'}"
+    return f"{BRANCH}solenoid"
+
+
+_TAGS: dict[type[Table], str] = {
+    MagnetTable: "magnet",
+    LikeTable: "like",
+    SolenoidTable: "solenoid",
+}
+MagnetEntry = Annotated[
+    Annotated[MagnetTable, Tag(f"{BRANCH}magnet")]
+    | Annotated[LikeTable, Tag(f"{BRANCH}like")]
+    | Annotated[SolenoidTable, Tag(f"{BRANCH}solenoid")],
+    Discriminator(_tag),
+]

@@ -1,0 +1,348 @@
+"""Magnets of a virtual rig: an iron in a circuit, or an identified law.
+
+The equations stand in ``plant/include/anhyst_plant/magnet.h``; here are their numbers.
+"""
+
+# ruff: noqa: N815 - keys of a solenoid file carry units
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy.interpolate import PchipInterpolator
+
+from anhyst._core import AnyIron, Coil, Magnet
+from anhyst.data.table import DataTable, read_columns
+from anhyst.laws.law import IronOperator
+from anhyst_rigs.rig.parts.iron import AnySteel
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.toml_file import NotNegative, Positive, Table
+from anhyst.support.units import MU_0
+
+_CURRENTS, _GAPS = 257, 129
+
+
+@dataclass(frozen=True, slots=True)
+class Poles:
+    """A two-pole magnet in front of a flat armature."""
+
+    turns: float  # of the winding
+    resistance: float  # of the winding, ohm
+    width: float  # of a pole face, m
+    depth: float
+    leakage: float  # permeance between the legs, parallel to the gaps, H
+    iron_length: float  # mean length of the flux path in the iron, m
+    joints: float = 0.0  # air in the joints of the core, all of them together, m
+    # of an actuator that goes both ways: what its flux passes outside the iron, which no gap changes,
+    # 1/H; magnetomotive force for each m that it moves, A/m; and a spring that no flux makes, N/m
+    outer: float | None = None
+    bias: float = 0.0
+    spring: float = 0.0
+
+    def density(self, gain: FloatArray, gap: FloatArray) -> FloatArray:
+        """Return the flux density in the gap, T, that pulls with a force of `gain`, N."""
+        return np.sqrt(MU_0 * gain / ((self.width + gap) * (self.depth + gap)))
+
+    def pull(self, density: FloatArray, gap: FloatArray, middle: float) -> FloatArray:
+        """Return the force, N, that a flux density, T, makes at a gap, m, as the plant does.
+
+        What goes both ways has no force of its own in the middle.
+        """
+        if self.outer is not None:
+            return self.bias * self.area * density - self.spring * (middle - gap)
+        return density**2 * (self.area - gap**2) / MU_0
+
+    @property
+    def area(self) -> float:
+        """Cross-section of the core, m^2."""
+        return self.width * self.depth
+
+    def reluctance(self, gap: float) -> float:
+        """Return what the flux of the iron passes outside it, leakage and joints included, 1/H.
+
+        Fringing widens the pole by half a gap on each side.
+        """
+        if self.outer is not None:
+            return self.outer
+        gaps = 2.0 * gap / (MU_0 * (self.width + gap) * (self.depth + gap))
+        return 1.0 / (1.0 / gaps + self.leakage) + self.joints / (MU_0 * self.area)
+
+    def inductance(self, gap: float) -> float:
+        """Return that of the winding with an iron that needs no ampere-turns, H."""
+        return self.turns**2 / self.reluctance(gap)
+
+
+@dataclass(frozen=True)
+class ActuatorKind:
+    """What makes a force of a flux: one record a ``kind`` of ``[[magnet]]``."""
+
+    output: (
+        str  # quantity of its loops: "force" where it only pulls, "thrust" where it goes both ways
+    )
+    numbers: Mapping[str, str]  # keys of ``magnet.numbers``, all above 0, and what they are
+    circuit: Callable[[Poles, Mapping[str, float]], Poles]  # the circuit, with these numbers in it
+
+
+ACTUATORS: dict[str, ActuatorKind] = {
+    "electromagnet": ActuatorKind("force", {}, lambda poles, _: poles)
+}
+"""By the name of the kind; a further one is a record here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """Solid iron in the path of a magnet: a slab that the field enters at its surface."""
+
+    length: float  # of the path, m
+    depth: float  # from the surface to the middle, m
+    conductivity: float  # S/m
+    volumes: int = 12  # into which the depth is cut, narrower at the surface
+
+    def numbers(self) -> tuple[FloatArray, FloatArray]:
+        """Return the share of each volume in the section, and its drag, A s/(m T)."""
+        width = np.geomspace(1.0, _WIDENS, self.volumes)
+        width /= width.sum()
+        apart = 0.5 * np.append(width[0], width[1:] + width[:-1])
+        return width, self.conductivity * self.depth**2 * apart
+
+
+_WIDENS = 6.0
+"""By which the volume in the middle is wider than that at the surface."""
+
+
+def iron_magnet(
+    poles: Poles,
+    steel: AnySteel,
+    eddy_time: float = 0.0,
+    gap: float = 1e-3,
+    solid: Solid | None = None,
+) -> Magnet:
+    """Return a magnet whose iron is not a Jiles-Atherton material."""
+    numbers = circuit_numbers(poles, eddy_time, gap)
+    if solid is None:
+        return Magnet(numbers, steel.plant())
+    return Magnet(numbers, steel.plant(), solid.length / poles.iron_length, *solid.numbers())
+
+
+def circuit_numbers(poles: Poles, eddy_time: float, gap: float) -> dict[str, float]:
+    """Return winding and circuit of an iron by the names of ``anhyst_plant/magnet.h``."""
+    return {
+        "iron_length": poles.iron_length,
+        "iron_area": poles.area,
+        "pole_width": poles.width,
+        "pole_depth": poles.depth,
+        "leakage": poles.leakage,
+        "joints": poles.joints / (MU_0 * poles.area) if poles.outer is None else poles.outer,
+        "eddy": eddy_time * poles.reluctance(gap) * poles.area / poles.iron_length,
+        "bias": poles.bias,
+        "middle": gap,
+        "spring": poles.spring,
+        "turns": float(poles.turns),
+        "resistance": poles.resistance,
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class FluxTable:
+    """Flux linkage of a winding over current and gap."""
+
+    current: FloatArray  # A, rising from 0; shape (i,)
+    gap: FloatArray  # m, rising; shape (g,)
+    psi: FloatArray  # Wb; rises with the current, falls as the gap opens; shape (g, i)
+
+
+def read_flux_table(path: PathLike) -> FluxTable:
+    """Read a flux table."""
+    table = read_columns(path)
+    current = table.need("current", "I_A")
+    gap = table.need("gap", "gap_m")
+    psi = table.need("flux_linkage", "psi_Wb")
+    currents, column = np.unique(current, return_inverse=True)
+    gaps, row = np.unique(gap, return_inverse=True)
+    for name, values in (("current", currents), ("gap", gaps)):
+        if values.size < 2:
+            raise InputError(
+                f"{table.path}: has a single {name}; measure at least two",
+                code="too-few-values",
+                key=name,
+            )
+    if currents[0] != 0.0:
+        text = f"currents begin at {currents[0]:g} A; begin at 0, the flux is taken as odd in it"
+        raise InputError(
+            f"{table.where(int(np.argmin(current)))}: {text}",
+            code="currents-not-from-zero",
+            key="I_A",
+        )
+    numbers = np.full((gaps.size, currents.size), -1)
+    for number, cell in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
+        if numbers[cell] >= 0:
+            point = _point(gap[number], current[number])
+            raise InputError(
+                f"{table.where(number)}: {point} comes twice; remove one", code="value-again"
+            )
+        numbers[cell] = number
+    _check_full(table.path, gaps, currents, numbers)
+    made = FluxTable(currents, gaps, psi[numbers])
+    _check_monotone(table, made, numbers)
+    return made
+
+
+def check_flux_range(
+    path: PathLike, table: FluxTable, gap_low: float, gap_high: float, current_high: float
+) -> None:
+    """Refuse a flux table that ends before the plant does."""
+    low, high = float(table.gap[0]), float(table.gap[-1])
+    if not (low <= gap_low and gap_high <= high):
+        raise InputError(
+            f"{path}: gap_m runs from {low:g} to {high:g} m and must hold the travel, "
+            f"{gap_low:g} to {gap_high:g} m; add gaps",
+            code="gaps-not-covered",
+            key="gap_m",
+        )
+    if table.current[-1] < current_high:
+        raise InputError(
+            f"{path}: I_A ends at {table.current[-1]:g} A and the amplifier at {current_high:g} A; "
+            "add currents",
+            code="currents-not-covered",
+            key="I_A",
+        )
+
+
+def _check_full(
+    path: str, gaps: FloatArray, currents: FloatArray, numbers: NDArray[np.int_]
+) -> None:
+    holes = np.argwhere(numbers < 0)
+    if len(holes):
+        first = _point(gaps[holes[0, 0]], currents[holes[0, 1]])
+        more = f" and at {len(holes) - 1} other points" if len(holes) > 1 else ""
+        raise InputError(
+            f"{path}: has a hole at {first}{more}; {gaps.size} gaps and {currents.size} currents "
+            "must make a full grid, add what is missing",
+            code="grid-has-holes",
+        )
+
+
+def _check_monotone(table: DataTable, made: FluxTable, numbers: NDArray[np.int_]) -> None:
+    flat = np.add(np.argwhere(np.diff(made.psi, axis=1) <= 0.0), (0, 1))
+    widens = np.add(np.argwhere(np.diff(made.psi[:, 1:], axis=0) >= 0.0), (1, 1))
+    for places, text in (
+        (np.argwhere(made.psi[:, :1] != 0.0), "psi is not 0 without current"),
+        (flat, "psi does not rise with the current"),
+        (widens, "psi does not fall as the gap opens"),
+    ):
+        if len(places):
+            g, i = places[0].tolist()
+            point = _point(made.gap[g], made.current[i])
+            where = table.where(int(numbers[g, i]))
+            raise InputError(f"{where}: {text} at {point}; correct this point", code="not-monotone")
+
+
+def _point(gap: float, current: float) -> str:
+    return f"{gap * 1e3:g} mm, {current:g} A"
+
+
+def flux_table_of(
+    poles: Poles, steel: AnySteel, current_high: float, gaps: tuple[float, float]
+) -> FluxTable:
+    """Make a flux table from a magnet's poles and the anhysteretic curve of its iron."""
+    current = np.linspace(0.0, current_high, _CURRENTS)
+    gap = np.linspace(*gaps, _GAPS)
+    magnet = Magnet(circuit_numbers(poles, 0.0, float(gap[0])), steel.unpinned())
+    psi = [Coil(magnet).run(current, np.full(current.size, at))[:, 1] for at in gap]
+    return FluxTable(current, gap, np.array(psi))
+
+
+def law_magnet(
+    poles: Poles, iron: IronOperator, rows: FloatArray, eddy: float, table: FluxTable
+) -> Magnet:
+    """Return a magnet whose pull an identified law makes and whose flux linkage a table."""
+    if not isinstance(iron, AnyIron):
+        raise InputError(
+            "model: the core does not have its law, and a virtual magnet runs there",
+            code="law-not-in-core",
+            key="model",
+        )
+    numbers = {
+        "eddy": eddy,
+        "current_high": float(table.current[-1]),
+        "gap_low": float(table.gap[0]),
+        "gap_high": float(table.gap[-1]),
+        "turns": float(poles.turns),
+        "resistance": poles.resistance,
+    }
+    gap = np.linspace(float(table.gap[0]), float(table.gap[-1]), len(rows))
+    rows = np.column_stack([rows, poles.density(rows[:, 2], gap)])
+    return Magnet(numbers, iron, rows, _even(table))
+
+
+def _even(table: FluxTable) -> FloatArray:
+    """Return a table on a fine grid of equal steps, by monotone cubics; it rises where the given does."""
+    current = np.linspace(0.0, float(table.current[-1]), _CURRENTS)
+    gap = np.linspace(float(table.gap[0]), float(table.gap[-1]), _GAPS)
+    rows = PchipInterpolator(table.current, table.psi, axis=1)(current)
+    return np.ascontiguousarray(PchipInterpolator(table.gap, rows, axis=0)(gap))
+
+
+class FluxPath(Table):
+    """What ``[iron]`` says of its shape."""
+
+    length_m: Positive  # mean length of the flux path in iron
+    area_m2: Positive
+
+
+class CircuitTable(Table):
+    """``[circuit]``: winding and poles."""
+
+    turns: Annotated[int, Field(ge=1)]
+    slide_reluctance_per_H: NotNegative  # of the sliding clearance
+    leakage_H: NotNegative  # permeance parallel to the working gap
+    face_area_m2: Positive  # flat face of the plunger
+    # how far the face field reaches beyond the edge: it widens the face by ``fringe`` times the gap
+    # all round
+    fringe: NotNegative
+    cone_diameter_m: Positive  # mean diameter of the wall of the cone
+    cone_clearance_m: Positive  # radial clearance between plunger and wall
+    cone_depth_m: Positive  # gap at which the plunger begins to dip into the cone
+    cone_onset_m: Positive  # length over which this beginning is washed out by fringing
+    tip_thickness_m: Positive  # thickness of the wall at its end
+    tip_taper: NotNegative  # how much thicker it is for each metre of depth
+    tip_saturation_T: Positive  # flux density at which the wall saturates
+
+    def cone(self) -> dict[str, float]:
+        """Return its working gap by the names of ``anhyst_plant/magnet.h``."""
+        return {
+            "leakage": self.leakage_H,
+            "side": math.sqrt(self.face_area_m2),
+            "fringe": self.fringe,
+            "around": math.pi * self.cone_diameter_m,
+            "clearance": self.cone_clearance_m,
+            "depth": self.cone_depth_m,
+            "onset": self.cone_onset_m,
+            "thickness": self.tip_thickness_m,
+            "taper": self.tip_taper,
+            "saturation": self.tip_saturation_T,
+        }
+
+    def numbers(self, path: FluxPath) -> dict[str, float]:
+        """Return winding and iron path by the names of ``anhyst_plant/magnet.h``."""
+        zeros = ("pole_width", "pole_depth", "leakage", "eddy", "bias", "middle", "spring")
+        return {
+            **dict.fromkeys((*zeros, "resistance"), 0.0),
+            "iron_length": path.length_m,
+            "iron_area": path.area_m2,
+            "joints": self.slide_reluctance_per_H,
+            "turns": float(self.turns),
+        }
+
+
+def solenoid_magnet(steel: AnySteel, path: FluxPath, circuit: CircuitTable) -> Magnet:
+    """Return the solenoid as the plant computes it."""
+    return Magnet(circuit.numbers(path), steel.plant(), circuit.cone())

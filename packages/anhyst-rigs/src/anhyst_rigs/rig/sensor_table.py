@@ -1,0 +1,212 @@
+"""``[[sensor]]`` of a rig file: what is read of the plant, by whom and how well.
+
+Every reading passes bandwidth, delay, noise and converter, in this order.
+"""
+
+# ruff: noqa: N815 - keys of the file carry units
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from anhyst._core import Sensor
+from anhyst_rigs.rig.magnet_table import Direction, Place
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray, passed
+from anhyst.support.toml_file import (
+    BRANCH,
+    Bits,
+    NotNegative,
+    Number,
+    Positive,
+    Table,
+    ordered,
+    tag_by,
+)
+
+GainError = Annotated[float, Field(gt=-0.5, lt=0.5)]
+
+
+class ConvertedTable(Table):
+    """A sensor with a converter, which the plant computes."""
+
+    adc_bits: Bits | None = None
+
+    def numbers(self, seconds: float) -> dict[str, float]:
+        """Return the fields of ``anhyst_plant_sensor``, in steps of so many seconds.
+
+        A key of the file is that of the record, with its unit.
+        """
+        given = {key.rpartition("_")[0]: value for key, value in self if isinstance(value, float)}
+        if (top := given.pop("range", None)) is not None:
+            given |= {"low": -top, "high": top}
+        if "step" not in given:
+            assert self.adc_bits is not None
+            given["step"] = (given["high"] - given["low"]) / ((1 << self.adc_bits) - 1)
+        low_pass, delay = 2.0 * math.pi * given.pop("bandwidth"), given.pop("delay", 0.0)
+        given["gain"] = 1.0 + given.get("gain", 0.0)
+        return {
+            "offset": 0.0,
+            **given,
+            "share": passed(low_pass * seconds),
+            "delay": round(delay / seconds),
+        }
+
+
+POSITION_SENSORS: Mapping[str, Mapping[str, float]] = {
+    "encoder": {"step_m": 50e-9, "noise_m": 5e-9, "bandwidth_Hz": 20e3, "delay_s": 0.0},
+    "capacitive": {"step_m": 1e-9, "noise_m": 5e-9, "bandwidth_Hz": 5e3, "delay_s": 0.0},
+    "laser": {"step_m": 1.25e-9, "noise_m": 1e-9, "bandwidth_Hz": 50e3, "delay_s": 12.5e-6},
+    "lvdt": {"adc_bits": 16, "noise_m": 50e-9, "bandwidth_Hz": 500.0, "delay_s": 0.0},
+}
+"""What each kind of sensor of the gap has where the file says nothing."""
+_RESOLUTION = {"step_m", "adc_bits"}
+
+
+class GapSensorTable(ConvertedTable):
+    """``of = "gap"``: what is left out, the kind of sensor says."""
+
+    of: Literal["gap"]
+    kind: Literal["encoder", "capacitive", "laser", "lvdt"]
+    low_m: NotNegative
+    high_m: Positive
+    step_m: Positive | None = None
+    noise_m: NotNegative = 0.0
+    bandwidth_Hz: Positive = math.inf
+    delay_s: NotNegative = 0.0
+    gain_error: GainError = 0.0
+    offset_m: Number = 0.0
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        ordered("low_m", self.low_m, "high_m", self.high_m)
+        if self.step_m is not None and self.adc_bits is not None:
+            raise InputError(
+                "step_m and adc_bits both say the resolution; keep one", code="both-given"
+            )
+        left_out = {*POSITION_SENSORS[self.kind]} - self.model_fields_set
+        if self.step_m is not None or self.adc_bits is not None:
+            left_out -= _RESOLUTION
+        # Not as an assignment: the file has not set them.
+        self.__dict__.update({key: POSITION_SENSORS[self.kind][key] for key in left_out})
+        return self
+
+    @property
+    def step(self) -> float:
+        """Its resolution, m."""
+        return self.numbers(1.0)["step"]
+
+
+class CurrentSensorTable(ConvertedTable):
+    """``of = "current"``: the shunts, one for each coil, as the controller reads them."""
+
+    of: Literal["current"]
+    low_A: Number
+    high_A: Number
+    adc_bits: Bits
+    noise_A: NotNegative
+    bandwidth_Hz: Positive = math.inf
+    gain_error: GainError = 0.0
+    offset_A: Number = 0.0  # reads this at no current, and so does the amplifier that follows it
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        ordered("low_A", self.low_A, "high_A", self.high_A)
+        return self
+
+
+class ForceSensorTable(ConvertedTable):
+    """``of = "force"``: measures the loops; a position controller does not see it."""
+
+    of: Literal["force"]
+    low_N: Number
+    high_N: Number
+    adc_bits: Bits
+    noise_N: NotNegative
+    bandwidth_Hz: Positive
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        ordered("low_N", self.low_N, "high_N", self.high_N)
+        return self
+
+
+class FluxSensorTable(ConvertedTable):
+    """``of = "flux"``: Hall probes, which measure the flux density in the gap."""
+
+    of: Literal["flux"]
+    range_T: Positive
+    adc_bits: Bits
+    noise_T: NotNegative
+    bandwidth_Hz: Positive
+    gain_error: GainError = 0.0
+
+
+class PositionSensorTable(Table):
+    """``of = "position"``: place of the body in space, as an interferometer or a stage's gauge."""
+
+    of: Literal["position"]
+    noise_m: NotNegative
+    step_m: NotNegative = 0.0
+    # where it looks at a body of several coordinates, and the way in which its reading rises
+    position_m: Place | None = None
+    direction: Direction | None = None
+    stands: bool = False  # on the ground: as the body goes on, its beam meets another place of it
+    dead_path_m: NotNegative = 0.0  # of that beam, with the body where its motion begins
+    refraction_ppm: Number = 0.0  # by which air has changed since the head was zeroed
+
+    @property
+    def air(self) -> float:
+        """By what part of the length of its beam it reads too much."""
+        return 1e-6 * self.refraction_ppm
+
+    @model_validator(mode="after")
+    def _of_a_beam(self) -> Self:
+        if not self.stands and (self.dead_path_m or self.refraction_ppm):
+            raise InputError(
+                "dead_path_m and refraction_ppm are of a beam from the ground; add stands = true, "
+                "or remove them",
+                code="missing",
+            )
+        return self
+
+
+SensorEntry = Annotated[
+    Annotated[GapSensorTable, Tag(f"{BRANCH}gap")]
+    | Annotated[CurrentSensorTable, Tag(f"{BRANCH}current")]
+    | Annotated[ForceSensorTable, Tag(f"{BRANCH}force")]
+    | Annotated[FluxSensorTable, Tag(f"{BRANCH}flux")]
+    | Annotated[PositionSensorTable, Tag(f"{BRANCH}position")],
+    Discriminator(
+        tag_by("of"),
+        custom_error_type="unknown_choice",
+        custom_error_message='of must be "gap", "current", "force", "flux" or "position"; '
+        "correct it",
+    ),
+]
+
+
+class NoisySensor:
+    """A sensor that is read sample by sample; the seed decides its noise."""
+
+    def __init__(self, numbers: Mapping[str, float], seed: list[int]) -> None:
+        self._sensor, self._sigma = Sensor(numbers), numbers["noise"]
+        self._rng = np.random.default_rng(seed)
+
+    def noise(self, count: int) -> FloatArray:
+        """Return the noise of the next samples, for who computes the sensor itself."""
+        noise: FloatArray = self._sigma * self._rng.standard_normal(count)
+        return noise
+
+    def read(self, values: FloatArray) -> FloatArray:
+        """Return what it says of the next samples of a quantity, shape (n,)."""
+        return self._sensor.run(np.ascontiguousarray(values), self.noise(values.size))
+
+
+Sensors = Mapping[str, NoisySensor]
+"""By what they read: ``current``, ``force`` and perhaps ``gap``."""

@@ -1,0 +1,540 @@
+"""A stage and its controller in lock-step: runs motions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
+
+import numpy as np
+
+from anhyst._core import (
+    POSITION_MAGNETS,
+    FixedAxes,
+    FixedTracking,
+    LoopController,
+    Plant,
+    Tracking,
+    TrackingAxes,
+    TrackingAxesF32,
+    TrackingF32,
+)
+from anhyst.compensate.block import Block
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.methods import HysteresisInverse
+from anhyst.compensate.sources import Operating
+from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_codes
+from anhyst.control.pidd2 import Biquad, FixedPidd2, FullScales, as_pidd2
+from anhyst.control.position import Allocation
+from anhyst.data import Loops
+from anhyst_rigs.rig.body import BodyRig, travel_m
+from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod, ParameterName
+from anhyst_rigs.rig.drift import NO_DRIFT, Drift, drifted_plant
+from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrated, fit_at, identify_rippling
+from anhyst_rigs.rig.loop import Scenario, Setup, SimulatedLoop
+from anhyst_rigs.rig.recording import (
+    CURRENTS,
+    OUT_OF_PROPORTION,
+    Loss,
+    Recording,
+    SignalBound,
+    column,
+    find_loss,
+    of_magnets,
+)
+from anhyst_rigs.rig.stage.file import (
+    axes_of,
+    believed,
+    correction,
+    decoupling,
+    error_columns,
+    head_rows,
+    least_of,
+    mass_matrix,
+    opposed,
+    pull_rows,
+    scan_direction,
+    seen_from,
+    unit_of,
+    usual_allocation,
+    watch_settings,
+    weight,
+    without,
+    wrench_layout,
+    yields,
+)
+from anhyst_rigs.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName, NumberFormat
+from anhyst.support.numeric import FloatArray
+
+AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
+"""Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
+ODD = 2.0
+"""By how much farther off than the end stops let it a reading is not believed."""
+
+
+@dataclass(frozen=True)
+class Feedforward:
+    """Gains of the force that is fed forward: ``mass*(a + jerk*j + snap*s)`` with ``a`` weighted."""
+
+    acceleration: float = 1.0  # 1 for the mass that the file says
+    jerk: float = 0.0  # s
+    snap: float = 0.0  # s2
+
+
+@dataclass(frozen=True)
+class StageSetup(Setup):
+    """All that a run of a stage of one or several coordinates needs."""
+
+    # number format of PID and allocation; f64 goes with any compensator, f32 with f32 and fixed
+    law: NumberFormat = "f64"
+    drift: Drift = NO_DRIFT  # by which the plant is not what was calibrated
+    correction: FloatArray | None = None  # of every magnet, as the core has it; not in fixed point
+    # what was found of the body: what is fed forward is for its mass and centre of mass
+    body: Mapping[ParameterName, float] = field(default_factory=dict)
+    cable: float = 0.0  # N/m, and against such a cable
+
+    @property
+    def believed(self) -> BodyRig:
+        """The stage as its controller believes it to be."""
+        return believed(self.rig, self.body) if self.body else self.rig
+
+    def make_plant(self, seed: int) -> Plant:
+        """Return the plant, drifted, at rest where it works, its iron demagnetised."""
+        plant = drifted_plant(self.rig, self.drift, seed)
+        if not self.rig.settings.several:
+            plant.place([self.rig.gap], [0.0])
+        return plant
+
+    def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
+        """Return PIDs and allocation over force controllers, in their formats."""
+        drives = drives or self.fresh()
+        several = self.rig.settings.several
+        return axes_controller(self, drives) if several else _axis_controller(self, drives)
+
+
+def pid(rig: BodyRig) -> dict[str, float]:
+    """Return the PID as a filter of second order, by the trapezoidal rule.
+
+    Where integral and lead end and begin, the rig file says in parts of the crossover.
+    """
+    table, dt = rig.settings.tracking, rig.dt
+    omega = 2.0 * math.pi * table.crossover_Hz
+    low, lead = omega / table.integral_ratio, omega / table.lead_ratio
+    high = table.rolloff_ratio * omega
+
+    def shape(s: complex) -> complex:
+        return (s + low) / s * (1.0 + s / lead) / (1.0 + s / high)
+
+    jw = 1j * omega
+    gain = rig.settings.body.mass_kg * omega**2 / abs(shape(jw))
+    # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = fast*(z - 1)/(z + 1)
+    fast = 2.0 / dt
+    up = (1.0 / lead, 1.0 + low / lead, low)
+    down = (1.0 / high, 1.0, 0.0)
+
+    def bilinear(p: tuple[float, float, float]) -> tuple[float, float, float]:
+        a, b, c = p[0] * fast**2, p[1] * fast, p[2]
+        return a + b + c, 2.0 * (c - a), a - b + c
+
+    numerator, denominator = bilinear(up), bilinear(down)
+    b0, b1, b2 = (gain * one / denominator[0] for one in numerator)
+    return {
+        "b0": b0,
+        "b1": b1,
+        "b2": b2,
+        "a1": denominator[1] / denominator[0],
+        "a2": denominator[2] / denominator[0],
+    }
+
+
+def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
+    """Return the force fed forward at every tick, N, so much earlier as the loop is late."""
+    rig = setup.rig
+    time = instants(rig, ticks_of(rig, motion)) + rig.late
+    place, acceleration, jerk, snap = motion.at(time)
+    moved = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
+    return np.asarray(setup.believed.settings.body.mass_kg * moved + setup.cable * place)
+
+
+def track(
+    setup: StageSetup,
+    motion: SetPoint,
+    gains: Feedforward,
+    seed: int = 0,
+    learnt: FloatArray | None = None,
+    load: FloatArray | None = None,
+) -> Recording:
+    """Follow a motion from rest, the iron demagnetised; a force may pull at a body of one coordinate.
+
+    `learnt` is added to what is fed forward; the controller does not know `load`, N, which pushes
+    towards larger positions.
+    """
+    rig, n = setup.rig, ticks_of(setup.rig, motion)
+    time = instants(rig, n + 1)
+    place, forward = motion.at(time)[0], feed(setup, motion, gains)
+    if learnt is not None:
+        forward = forward + learnt
+    scenario = scenario_along(
+        rig, place, stray(rig, motion, time), fed_wrench(setup.believed, forward)
+    )
+    if not rig.settings.several:
+        noise = np.random.default_rng([rig.settings.seed, seed])
+        # The body is off its reference by too little for the cable to feel it.
+        pulled = -setup.drift.cable * place[:n] + (0.0 if load is None else load)
+        scenario = replace(scenario, inject=read_noise(rig, n, noise), load=pulled)
+    return follow(setup, scenario, seed)
+
+
+def scenario_along(
+    rig: BodyRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, offset: float = 0.0
+) -> Scenario:
+    """Return the scenario of a stage that moves along its set-point, or an offset beside it, m.
+
+    Places and stray of the long stroke, m, have a value more than the wrench has rows. The magnets
+    ride on the frame, position heads do not.
+    """
+    file, n = rig.settings, len(wrench)
+    along, begin = scan_direction(file), 0.0 if file.several else rig.gap
+    frame = np.outer(place - begin + stray, along)
+    return Scenario(np.outer(place[:n] + offset, along), feed=wrench, frame=frame)
+
+
+def read_noise(rig: BodyRig, ticks: int, rng: np.random.Generator) -> FloatArray:
+    """Return the noise of the position of a body of one coordinate, m."""
+    return rng.normal(0.0, rig.settings.position_sensor.noise_m, ticks)
+
+
+def follow(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
+    """Go through a scenario from rest."""
+    rig, run = setup.rig, SimulatedLoop(setup, seed).run(scenario)
+    return Recording(recorded(rig, run, scenario), stage_loss(rig, run, scenario.ticks))
+
+
+def fed_wrench(rig: BodyRig, forward: FloatArray) -> FloatArray:
+    """Return the wrench of a force along the set-point, a row a tick.
+
+    Of several coordinates it moves the centre of mass, and carries the weight. Of one it has the
+    other sign: the first magnet pulls towards smaller positions.
+    """
+    file = rig.settings
+    if not file.several:
+        return np.asarray(-forward[:, None])
+    moved = mass_matrix(file) @ scan_direction(file)
+    return np.asarray(np.outer(forward / file.body.mass_kg, moved) - weight(file))
+
+
+def recorded(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+    """Return the columns of a recording, of the loop's own record."""
+    return _of_several(rig, run, scenario) if rig.settings.several else _of_one(rig, run, scenario)
+
+
+def _of_one(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+    n, probes = len(run), PROBES if rig.settings.hall_probe is not None else ()
+    reference, frame = scenario.target[:n, 0], scenario.frame[:n, 0]
+    position = run["gap_m"] + frame
+    of_loop = ("gap_m", "demand_N", "force_N", *of_magnets(CURRENTS, 1, POSITION_MAGNETS))
+    return {
+        "t_s": run["t_s"],
+        "reference_m": reference,
+        "position_m": position,
+        "error_m": reference - run["gap_m"] - frame,
+        **{name: run[name] for name in of_loop},
+        "force_error_N": _force_error(rig, run, run["demand_N"]),
+        "position_read_m": position + scenario.inject[:n],
+        "gap_read_m": run["gap_read_m"],
+        **{name: run[name] for name in probes},
+    }
+
+
+def _of_several(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+    """Return the same along the set-point, of every coordinate and of every magnet."""
+    file, n = rig.settings, len(run)
+    reference, along, free = scenario.target[:n], scan_direction(file), file.body.free
+    poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + scenario.frame[:n]
+    errors = reference - poses
+    demand = np.column_stack([run[name] for name in of_axes("demand", free, WRENCH)]) @ along
+    return {
+        "t_s": run["t_s"],
+        "reference_m": reference @ along,
+        "position_m": poses @ along,
+        "error_m": errors @ along,
+        "demand_N": demand,
+        "force_N": run["force_N"],
+        "force_error_N": _force_error(rig, run, demand),
+        **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
+        **{name: run[name] for name in of_magnets([("gap", "m"), *CURRENTS], 1, len(file.placed))},
+        **_axes_read(rig, run, reference),
+    }
+
+
+def _axes_read(rig: BodyRig, run: Recording, target: FloatArray) -> dict[str, FloatArray]:
+    """Return what the controller of several coordinates was given and asked for."""
+    file, count = rig.settings, len(rig.settings.placed)
+    signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
+    behind = range(count + 1, count + len(file.position_sensors) + 1)
+    heads = np.column_stack([run[column("gap_read", "m", number)] for number in behind])
+    poses = seen_from(file, heads @ np.linalg.pinv(head_rows(file)).T, target)
+    free = file.body.free
+    return {
+        **{name: run[name] for name in of_magnets(signals, 1, count)},
+        **dict(zip(pose_columns(free), poses.T, strict=True)),
+        **{
+            name: run[own]
+            for name, own in zip(demand_columns(free), of_axes("demand", free, WRENCH), strict=True)
+        },
+    }
+
+
+def of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")) -> list[str]:
+    """Return the columns of a signal of every coordinate, in the loop's own record."""
+    return [
+        column(signal, units[unit_of(axis) == "rad"], number) for number, axis in enumerate(free, 1)
+    ]
+
+
+def stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
+    """Return where a stage was lost: on an end stop, or its demand out of proportion."""
+    file = rig.settings
+    most, stop = OUT_OF_PROPORTION * file.tracking.force_max_N, "an end stop was reached"
+    if file.several:
+        most *= len(file.placed)
+    bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
+    if not file.several:
+        body = file.body
+        bounds.insert(0, SignalBound(stop, run["gap_m"], body.stop_low_m, body.stop_high_m))
+        return find_loss(bounds, planned)
+    for axis, name in zip(file.body.free, of_axes("pose", file.body.free), strict=True):
+        end = stop_of(file, axis)
+        bounds.append(SignalBound(stop, run[name], -end, end))
+    return find_loss(bounds, planned)
+
+
+def stop_of(file: RigFile, axis: str) -> float:
+    """Return how far a coordinate goes either way before an end stop, m or rad."""
+    return file.body.tilt_rad if unit_of(axis) == "rad" else travel_m(file)
+
+
+WRENCH = ("N", "N_m")
+"""Units of a force along a coordinate and about one."""
+
+
+def pose_columns(free: Sequence[str]) -> list[str]:
+    """Return the columns of a recording that hold the pose as it was read."""
+    return [f"pose_read_{axis}_{unit_of(axis)}" for axis in free]
+
+
+def demand_columns(free: Sequence[str], signal: str = "demand") -> list[str]:
+    """Return the columns of a recording that hold the wrench that was demanded, or another one."""
+    return [f"{signal}_{axis}_{WRENCH[unit_of(axis) == 'rad']}" for axis in free]
+
+
+COMMANDS = of_magnets(CURRENTS[:1], 1, POSITION_MAGNETS)
+READ = ("position_read_m", "gap_read_m")
+PROBES = of_magnets([("flux_read", "T")], 1, POSITION_MAGNETS)
+"""What the controller is given of a body of one coordinate, and of flux probes where there are some."""
+
+
+def _force_error(rig: BodyRig, run: Recording, demand: FloatArray) -> FloatArray:
+    """Return the force less what was demanded a delay earlier, N."""
+    ticks = np.arange(len(run), dtype=float)
+    late = rig.settings.timing.delay_ticks + 0.5
+    return np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand))
+
+
+def bias(rig: BodyRig, method: str) -> float:
+    """Return what either magnet pulls with at rest, N: for constants half of the largest force."""
+    if rig.settings.magnet.both_ways:
+        return 0.0
+    return 0.5 * rig.settings.tracking.force_max_N if method in AT_BIAS else rig.idle
+
+
+def _axis_controller(
+    setup: StageSetup, drives: Sequence[ForceController]
+) -> Tracking | FixedTracking:
+    """Return PID and allocation of one coordinate over force controllers."""
+    rig = setup.rig
+    magnets = [one.native for one in drives]
+    settings = controller_settings(setup)
+    if setup.law == "fixed":
+        return FixedTracking(magnets, fixed_pid(setup).words, in_codes(settings))
+    made = Tracking if setup.law == "f64" else TrackingF32
+    controller = made(magnets, np.array(list(pid(rig).values())), settings)
+    if setup.correction is not None:
+        controller.correct(setup.correction)
+    return controller
+
+
+def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
+    """Return the matrices of a controller of several coordinates, by their names in the core.
+
+    Beside them `at`, what each head reads of a pose.
+    """
+    file, at = setup.rig.settings, head_rows(setup.rig.settings)
+    decouple, weigh = decoupling(setup.believed.settings)
+    b0, b1, b2, a1, a2 = pid(setup.rig).values()
+    mass, speed = file.body.mass_kg, file.tracking.land_m_per_s * setup.rig.dt
+    ends = np.array([[stop_of(file, axis)] for axis in file.body.free])
+    return {
+        "at": at,
+        "see": np.ascontiguousarray(np.linalg.pinv(at)),
+        "without": without(file).reshape(at.size, len(at)),
+        "ground": np.array(axes_of(file) if file.heads_stand else [], dtype=float),
+        "decouple": decouple,
+        "weigh": weigh,
+        "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
+        "reach": ODD * ends,
+        "lift": ends * (file.tracking.lift_m_per_s * setup.rig.dt / travel_m(file)),
+        "land": np.array([[-speed * (axis == "z")] for axis in file.body.free]),
+    }
+
+
+def axes_controller(
+    setup: StageSetup, drives: Sequence[ForceController] = ()
+) -> TrackingAxes | FixedAxes:
+    """Return PIDs, decoupling and allocation of several coordinates over force controllers."""
+    magnets = [one.native for one in drives or setup.fresh()]
+    if setup.law == "fixed":
+        assert setup.correction is None, "in fixed point nothing corrects a force controller"
+        return fixed_words(setup).over(magnets, setup.compensator.parameters.flux_full_scale)
+    settings = controller_settings(setup) | watch_settings(setup.rig)
+    settings.pop("gap_total")
+    kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
+    made = TrackingAxesF32 if setup.law == "f32" else TrackingAxes
+    controller = made(
+        magnets,
+        wrench_layout(setup.rig.settings, kind, idle),
+        axes_rows(setup),
+        settings,
+    )
+    if setup.correction is not None:
+        controller.correct(setup.correction)
+    return controller
+
+
+def fixed_words(setup: StageSetup) -> FixedController:
+    """Return the words of a controller of several coordinates in fixed point."""
+    file, settings = setup.rig.settings, controller_settings(setup)
+    how = int(settings["allocation"]), settings["idle"]
+    bounds = least_of(file), file.tracking.force_max_N
+    drives = Drives(pull_rows(file), opposed(file), yields(file), *how, *bounds)
+    return fixed_axes(axes_rows(setup), drives, settings | watch_settings(setup.rig))
+
+
+def controller_settings(setup: StageSetup) -> dict[str, float]:
+    """Return what a controller is given beside its PID and its magnets, SI."""
+    rig, compensator = setup.rig, setup.compensator
+    amplifier, scales, stops = rig.settings.amplifier, compensator.scales, rig.settings.body
+    low, high = amplifier.current_low_A, amplifier.current_high_A
+    allocation = usual_allocation(rig.settings)
+    if setup.method in AT_BIAS and allocation is Allocation.CLASS_AB:
+        allocation = Allocation.BY_HALVES
+    return {
+        "error_full": 0.5 * (stops.stop_high_m - stops.stop_low_m),
+        "forward_full": scales.demand,
+        "demand_full": scales.demand,
+        "current_full": scales.current,
+        "flux_full": compensator.parameters.flux_full_scale,
+        "gap_low": scales.gap_low,
+        "gap_high": scales.gap_high,
+        "gap_total": rig.settings.gap_total_m or 0.0,
+        "allocation": allocation,
+        "idle": bias(rig, setup.method),
+        "current_low": low,
+        "current_high": high,
+        "current_step": (high - low) / ((1 << amplifier.dac_bits) - 1),
+    }
+
+
+def blocks_of(setup: StageSetup) -> list[Block]:
+    """Return for each magnet the parameter block of its compensator of a law."""
+    return [block_of(compensator) for compensator in setup.each]
+
+
+def block_of(compensator: ForceController) -> Block:
+    """Return the parameter block of a compensator of a law."""
+    assert isinstance(compensator.parameters, HysteresisInverse)
+    return compensator.parameters.block
+
+
+def fixed_pid(setup: StageSetup) -> FixedPidd2:
+    """Return the PID as the words of fixed point."""
+    rig, settings = setup.rig, controller_settings(setup)
+    b0, b1, b2, a1, a2 = pid(rig).values()
+    full = settings["demand_full"]
+    scales = FullScales(settings["error_full"], full, settings["forward_full"])
+    return as_pidd2(Biquad((b0, b1, b2), (a1, a2)), 1.0 / rig.dt, full).fixed(scales)
+
+
+def identify_stage(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
+    """Identify what is known of the magnets of a stage, from its loops or others of them."""
+
+    def usable(known: IdentifiedMagnet) -> bool:
+        try:
+            return bool(fit_method(rig, known, "full"))
+        except InputError:
+            return False
+
+    return identify_rippling(loops or rig.measured.read(), rig.settings.loops, usable)
+
+
+def make_stage(
+    rig: BodyRig,
+    magnet: IdentifiedMagnet,
+    method: MethodName,
+    calibrated: CalibratedMethod | None = None,
+) -> StageSetup:
+    """Fit one variant to what is known and put it behind the controller.
+
+    It is corrected by what was found, here or in the file that the rig names.
+    """
+    learnt = calibrated or rig.learnt(method)
+    if learnt is None:
+        return StageSetup(rig, fit_method(rig, magnet, method))
+    return corrected(rig, cache(partial(fit_method, rig, magnet, method)), learnt)
+
+
+def corrected(
+    rig: BodyRig,
+    fitted: Callable[[float], ForceController],
+    learnt: CalibratedMethod,
+    drift: Drift = NO_DRIFT,
+) -> StageSetup:
+    """Return a stage whose controller is corrected by what was found of its method.
+
+    Fitted is it for a width of the loop.
+    """
+    each = tuple(fitted(width) for width in learnt.widths(len(rig.settings.placed)))
+    return StageSetup(
+        rig,
+        each[0],
+        drift=drift,
+        correction=correction(learnt, each[0], rig),
+        own=each,
+        body={name: learnt.value(name) for name in ("payload", *CENTRE)},
+        cable=learnt.value("cable_N_per_m"),
+    )
+
+
+def fit_method(
+    rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
+) -> ForceController:
+    """Fit one variant to what is known of a magnet whose loops are wider by a part."""
+    table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
+    try:
+        operating = Operating(
+            gap=rig.gap,
+            force=bias(rig, method),
+            rate=table.timing.rate_Hz,
+            gap_range=(min(measured), max(measured)),
+            force_max=table.tracking.force_max_N,
+            current_max=table.amplifier.current_high_A,
+            both_ways=table.magnet.both_ways,
+        )
+        known = calibrated(magnet, wider=wider) if wider else magnet
+        return fit_at(rig, operating, [known], method, table.tracking.format)[0]
+    except InputError as error:
+        raise error.at(rig.measured.text) from error

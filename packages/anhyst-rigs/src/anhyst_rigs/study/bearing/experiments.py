@@ -1,0 +1,453 @@
+"""Test cases beside steps: holding a position, trajectories, loads, and things that go wrong.
+
+Limit cycles at a standstill, distinguished from noise.
+
+Sensor noise through a loop swells around the peak of its sensitivity, so a peak in a spectrum
+proves nothing. A record is cut into pieces of a few periods of the strongest oscillation, so long
+that noise in one says nothing about the next. If it is noise, their complex amplitudes are
+independent normal numbers. A cycle shows in one of two ways:
+
+- it keeps its phase: the mean of the amplitudes is larger than noise would let it be;
+- or it keeps its size while its phase wanders: the powers are more alike than those of noise, which
+  are distributed exponentially (Moran's test).
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import chdtr
+
+from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at
+from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.case_table import TrajectoryCase
+from anhyst_rigs.rig.loop import DROP, ReferenceStep, Scenario, SimulatedLoop
+from anhyst_rigs.rig.recording import RISE, Recording, peak
+from anhyst_rigs.study.bearing.responses import position_resolution, recovery_time
+from anhyst_rigs.study.engine.table import CaseFigures
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray, rms, sine, triangle
+
+_PERIODS = 6  # a piece
+_PIECES = 5  # at least
+_CANDIDATES = 5  # peaks of the spectrum that are looked at
+_DOUBT = 1e-3  # that a record of noise is taken for a cycle
+_LEAST_SHARE = 0.1  # of the variance
+_PADDING = 8
+
+
+@dataclass(frozen=True)
+class LimitCycle:
+    """A lasting oscillation."""
+
+    amplitude: float  # of its fundamental, in the unit of the signal
+    period: float  # s
+    share: float  # of the signal's variance that the fundamental makes up, 0..1
+
+
+def lowest_frequency(duration: float) -> float:
+    """Return below which frequency no cycle can be distinguished from noise."""
+    return _PERIODS * _PIECES / duration
+
+
+def limit_cycle(time: ArrayLike, position: ArrayLike, floor: float = 1e-9) -> LimitCycle | None:
+    """Look for a limit cycle in a record of a standstill."""
+    t = np.asarray(time, dtype=float)
+    y = np.asarray(position, dtype=float)
+    y = y - np.polynomial.Polynomial.fit(t, y, 1)(t)
+    variance = float(np.mean(y**2))
+    if variance <= 0.5 * floor**2:
+        return None
+    tick = float(t[-1] - t[0]) / (len(t) - 1)
+    for frequency in _peaks(y, tick):
+        amplitudes = _amplitudes(y, tick, frequency)
+        power = float(np.mean(np.abs(amplitudes) ** 2))
+        share = 0.5 * power / variance
+        if share < _LEAST_SHARE or math.sqrt(power) < floor:
+            continue
+        if _keeps_phase(amplitudes, len(y)) or _keeps_size(amplitudes):
+            return LimitCycle(math.sqrt(power), 1.0 / frequency, min(1.0, share))
+    return None
+
+
+def _peaks(y: FloatArray, tick: float) -> list[float]:
+    """Return the frequencies of the strongest oscillations, strongest first, Hz."""
+    length = _PADDING * len(y)
+    power = np.abs(np.fft.rfft(y * np.hanning(len(y)), length)) ** 2
+    first = math.ceil(lowest_frequency(len(y) * tick) * length * tick)
+    tops = first + _apart(power[first:], 2 * _PADDING)
+    below, top, above = (np.log(power[tops + i] + np.finfo(float).tiny) for i in (-1, 0, 1))
+    bend = below - 2.0 * top + above
+    shift = np.divide(0.5 * (below - above), bend, out=np.zeros_like(top), where=bend < 0.0)
+    return [float(f) for f in (tops + shift) / (length * tick)]
+
+
+def _apart(power: FloatArray, distance: int) -> NDArray[np.intp]:
+    """Return the places of the highest peaks so far apart, highest first."""
+    inner = power[1:-1]
+    peaks = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]))
+    chosen: list[int] = []
+    for index in peaks[np.argsort(power[peaks])[::-1]].tolist():
+        if all(abs(index - other) >= distance for other in chosen):
+            chosen.append(index)
+        if len(chosen) == _CANDIDATES:
+            break
+    return np.array(chosen, dtype=np.intp)
+
+
+def _amplitudes(y: FloatArray, tick: float, frequency: float) -> NDArray[np.complex128]:
+    """Return the complex amplitude of an oscillation in every piece."""
+    length = round(_PERIODS / (frequency * tick))
+    count = len(y) // length
+    window = np.hanning(length)
+    turn = np.exp(-2j * np.pi * frequency * tick * np.arange(count * length))
+    pieces = (y[: count * length] * turn).reshape(count, length)
+    return np.asarray(2.0 * (pieces @ window) / np.sum(window))
+
+
+def _keeps_phase(amplitudes: NDArray[np.complex128], samples: int) -> bool:
+    """Whether their mean is too large for noise, at the best of all frequencies."""
+    count = len(amplitudes)
+    mean = complex(np.mean(amplitudes))
+    together = abs(mean) ** 2 / float(np.mean(np.abs(amplitudes) ** 2))
+    doubt = max(0.0, 1.0 - together) ** (count - 1)
+    return bool(0.5 * samples * doubt < _DOUBT)
+
+
+def _keeps_size(amplitudes: NDArray[np.complex128]) -> bool:
+    """Whether the powers are too much alike for noise."""
+    count = len(amplitudes)
+    power = np.abs(amplitudes) ** 2
+    if np.any(power <= 0.0):
+        return False
+    unlike = math.log(float(np.mean(power))) - float(np.mean(np.log(power)))
+    moran = 2.0 * count * unlike / (1.0 + (count + 1.0) / (6.0 * count))
+    return bool(2 * _CANDIDATES * chdtr(count - 1, moran) < _DOUBT)
+
+
+Event = Literal["overload", "wrong initial state", "dropped sample"]
+
+EVENTS: tuple[Event, ...] = ("overload", "wrong initial state", "dropped sample")
+
+STANDSTILL_S = 1.0
+RECOVERY_S = 0.3
+OVERLOAD_S = 0.1
+DROP_STEP_M = 50e-6
+BACK_M = 1e-6
+"""An error of the position within this counts as recovered, m."""
+LEAST_BAND_M = 50e-9
+"""A difference within this does not show, however fine the sensor, m."""
+
+
+@dataclass(frozen=True)
+class ExperimentTrial:
+    """One experiment with a noise of its own."""
+
+    setup: BearingSetup
+    seed: int
+    what: TrajectoryCase | Event | float | None = None
+
+
+@dataclass(frozen=True)
+class ExperimentOutcome:
+    """What an experiment gave."""
+
+    figures: dict[str, float]  # Numbers by name
+    # the limit cycle if there was one; None where nobody looked for any
+    cycles: tuple[LimitCycle, ...] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExperimentFigures(CaseFigures):
+    """What one variant gave in an experiment."""
+
+    # of all runs; a mean over runs with and without one would be neither. None: not looked for
+    cycles: tuple[LimitCycle, ...] | None
+
+    def median(self, name: Literal["amplitude", "period"]) -> float | None:
+        """Return the median of the runs that have a limit cycle, m or s."""
+        values = [getattr(cycle, name) for cycle in self.cycles or ()]
+        return statistics.median(values) if values else None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``figures.json`` holds it."""
+        if self.cycles is None:
+            return super().as_dict()
+        return super().as_dict() | {
+            "limit_cycles": len(self.cycles),
+            "limit_cycle_m": self.median("amplitude"),
+            "limit_cycle_s": self.median("period"),
+        }
+
+
+def of_all(
+    work: Callable[[ExperimentTrial], ExperimentOutcome | None],
+    setups: Mapping[MethodName, BearingSetup],
+    seeds: Sequence[int],
+    what: TrajectoryCase | Event | float | None,
+    progress: Progress | None = None,
+) -> dict[MethodName, ExperimentFigures]:
+    """Run an experiment with every setup and every seed; it gives None where levitation was lost."""
+    trials = [ExperimentTrial(setup, seed, what) for setup in setups.values() for seed in seeds]
+    outcomes = all_of(work, trials, progress)
+    return {
+        name: _sum_up(outcomes[index * len(seeds) : (index + 1) * len(seeds)])
+        for index, name in enumerate(setups)
+    }
+
+
+def _sum_up(outcomes: Sequence[ExperimentOutcome | None]) -> ExperimentFigures:
+    held = [one for one in outcomes if one is not None]
+    looked = [one.cycles for one in held if one.cycles is not None]
+    cycles = tuple(cycle for run in looked for cycle in run)
+    return ExperimentFigures.over(
+        [None if one is None else one.figures for one in outcomes],
+        cycles=cycles if looked and len(held) == len(outcomes) else None,
+    )
+
+
+Tried = Mapping[MethodName, ExperimentFigures]
+
+
+@dataclass(frozen=True)
+class Experiments:
+    """All that is tried beside steps, with every variant."""
+
+    standstill: Tried
+    trajectories: tuple[tuple[TrajectoryCase, Tried], ...]
+    load_steps: tuple[tuple[float, Tried], ...]  # N
+    events: Mapping[Event, Tried]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``figures.json`` holds it."""
+
+        def rows(tried: Tried) -> dict[str, Any]:
+            return {name: one.as_dict() for name, one in tried.items()}
+
+        return {
+            "standstill": rows(self.standstill),
+            "trajectories": [
+                {
+                    "kind": shape.kind,
+                    "amplitude_m": shape.amplitude_m,
+                    "frequency_Hz": shape.frequency_Hz,
+                    "variants": rows(tried),
+                }
+                for shape, tried in self.trajectories
+            ],
+            "load_steps": [
+                {"force_N": force, "variants": rows(tried)} for force, tried in self.load_steps
+            ],
+            "events": {event: rows(tried) for event, tried in self.events.items()},
+        }
+
+
+def try_all(
+    rig: BodyRig,
+    setups: Mapping[MethodName, BearingSetup],
+    seeds: Sequence[int],
+    parts: Iterator[Progress],
+) -> Experiments:
+    """Stand still, follow all trajectories of a rig file, step its loads, and let things go wrong."""
+
+    def tried(
+        work: Callable[[ExperimentTrial], ExperimentOutcome | None],
+        what: TrajectoryCase | Event | float | None = None,
+    ) -> Tried:
+        return of_all(work, setups, seeds, what, next(parts))
+
+    return Experiments(
+        tried(stand_still),
+        tuple((shape, tried(follow, shape)) for shape in rig.settings.trajectories),
+        tuple((force, tried(step_load, force)) for force in rig.settings.load_steps_N),
+        {event: tried(recover, event) for event in EVENTS},
+    )
+
+
+def standing(setup: BearingSetup) -> tuple[Scenario, int]:
+    """Return a scenario of hanging still, and the tick from which on that is judged."""
+    script = _lifted(setup)
+    begin = script.ticks
+    return script.hold(STANDSTILL_S).build(), begin
+
+
+def following(setup: BearingSetup, shape: TrajectoryCase) -> tuple[Scenario, int]:
+    """Return a scenario of two periods of a trajectory, and the tick where the second begins."""
+    rig = setup.rig
+    period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
+    phase = np.arange(2 * period) / period
+    wave = triangle(phase) if shape.kind == "triangle" else sine(phase)
+    script = _lifted(setup)
+    script.follow(rig.settings.gap_m - shape.amplitude_m * wave)
+    return script.build(), script.ticks - period
+
+
+def loaded(setup: BearingSetup, force: float) -> tuple[Scenario, int]:
+    """Return a scenario in which the load steps by so many newtons, and at which tick."""
+    script = _lifted(setup)
+    begin = script.ticks
+    script.set_load(setup.rig.settings.load.force_N + force).hold(RECOVERY_S)
+    return script.build(), begin
+
+
+def stand_still(trial: ExperimentTrial) -> ExperimentOutcome | None:
+    """Hold a position: rms of the true gap, its drift, and a limit cycle if there is one."""
+    part = _part(trial, *standing(trial.setup))
+    if part is None:
+        return None
+    gap = part["gap_m"]
+    cycle = limit_cycle(part["t_s"], gap)
+    figures = {
+        "rms_m": float(np.std(gap)),
+        "mean_error_m": float(np.mean(gap)) - trial.setup.rig.settings.gap_m,
+        "current_rms_A": float(np.std(part["current_A"])),
+    }
+    return ExperimentOutcome(figures, () if cycle is None else (cycle,))
+
+
+def follow(trial: ExperimentTrial) -> ExperimentOutcome | None:
+    """Follow a trajectory for two periods; judge the second."""
+    assert isinstance(trial.what, TrajectoryCase)
+    part = _part(trial, *following(trial.setup, trial.what))
+    if part is None:
+        return None
+    off = part["gap_m"] - part["reference_m"]
+    return ExperimentOutcome(
+        {
+            "tracking_rms_m": rms(off),
+            "tracking_peak_m": peak(off),
+            "force_error_rms_N": rms(part["force_N"] - part["demand_N"]),
+        }
+    )
+
+
+def step_load(trial: ExperimentTrial) -> ExperimentOutcome | None:
+    """Step the load by so many newtons: how far the armature gives way, and for how long."""
+    assert isinstance(trial.what, float)
+    part = _part(trial, *loaded(trial.setup, trial.what))
+    if part is None:
+        return None
+    error = part["gap_m"] - part["reference_m"]
+    return ExperimentOutcome(
+        {
+            "peak_m": peak(error),
+            "recovery_s": recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M),
+        }
+    )
+
+
+def recover(trial: ExperimentTrial) -> ExperimentOutcome | None:
+    """Let something go wrong and see how much it shows, and for how long.
+
+    ``overload``: for 100 ms the load is larger than any current carries, so that force and current
+    stay at their limits and the armature rests on its stop; judged is how long it takes to come
+    back. ``wrong initial state``: the iron comes from the largest current, the controller takes it
+    for demagnetised, and lifts; judged from lift-off. ``dropped sample``: one sample of the
+    position is lost in a step of 50 um, where the armature is fastest; judged from there. Of the
+    latter two counts what is different from the same run, with the same noise, without the event.
+    """
+    if trial.what == "overload":
+        return _overload(trial)
+    if trial.what == "wrong initial state":
+        scenario = _lifted(trial.setup).hold(RECOVERY_S).build()
+        usual, unusual = (_run(trial, scenario, largest) for largest in (False, True))
+        return _excess(trial.setup, usual, unusual, _leaves_rest)
+    scenario = _stepped(trial.setup)
+    usual = _run(trial, scenario)
+    if usual[1]:
+        return None
+    begin = _fastest(usual[0], scenario.steps[0])
+    scenario.command[begin] |= DROP
+    return _excess(trial.setup, usual, _run(trial, scenario), lambda _: begin)
+
+
+def _overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
+    rig = trial.setup.rig
+    script = _lifted(trial.setup)
+    script.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
+    script.set_load(rig.settings.load.force_N)
+    begin = script.ticks
+    scenario = script.hold(RECOVERY_S).build()
+    recording = SimulatedLoop(trial.setup, trial.seed).run(scenario)
+    part = recording.part(begin, len(recording))
+    # It lies on its stop when the load goes: what counts is that it levitates again.
+    lost = lost_at(rig, part, 2 * (scenario.ticks - begin) // 3) is not None
+    if lost or len(recording) < scenario.ticks:
+        return None
+    error = part["gap_m"] - part["reference_m"]
+    seconds = recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M)
+    return ExperimentOutcome({"recovery_s": seconds})
+
+
+def excess_band(rig: BodyRig, excess: FloatArray) -> float:
+    """Return the difference of two runs beyond which an event shows, m.
+
+    Three times what one reading is uncertain by, noise and resolution together. Runs that differ
+    by a few readings long ago may stay apart by more than that, as the iron goes other minor loops:
+    four times the standard deviation of the last third, if that is more.
+    """
+    reading = 3.0 * position_resolution(rig)
+    return max(reading, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), LEAST_BAND_M)
+
+
+def _excess(
+    setup: BearingSetup,
+    usual: tuple[Recording, bool],
+    unusual: tuple[Recording, bool],
+    begins: Callable[[Recording], int],
+) -> ExperimentOutcome | None:
+    """Compare a run with one that knows no event, each from where it begins."""
+    if usual[1] or unusual[1]:
+        return None
+    errors = []
+    for recording, _ in (usual, unusual):
+        part = recording.part(begins(recording), len(recording))
+        errors.append(part["gap_m"] - part["reference_m"])
+    count = min(map(len, errors))
+    excess = errors[1][:count] - errors[0][:count]
+    time = setup.rig.dt * np.arange(count)
+    seconds = recovery_time(time, excess, 0.0, excess_band(setup.rig, excess))
+    return ExperimentOutcome({"excess_peak_m": peak(excess), "excess_s": seconds})
+
+
+def _stepped(setup: BearingSetup) -> Scenario:
+    script = _lifted(setup)
+    room = script.gap - setup.rig.settings.body.stop_low_m
+    return script.step(script.gap - min(DROP_STEP_M, room / 2.0), RECOVERY_S).build()
+
+
+def _fastest(recording: Recording, step: ReferenceStep) -> int:
+    """Return the tick of a step at which a held position is furthest off."""
+    part = recording.part(step.begin, step.end)
+    return step.begin + int(np.argmax(np.abs(part["velocity_m_per_s"])))
+
+
+def _leaves_rest(recording: Recording) -> int:
+    """Return the tick at which control begins: with a stronger iron that is earlier."""
+    return int(np.argmax(recording["state"] == RISE))
+
+
+def _lifted(setup: BearingSetup) -> ScenarioBuilder:
+    return ScenarioBuilder(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
+
+
+def _part(trial: ExperimentTrial, scenario: Scenario, begin: int) -> Recording | None:
+    """Run a scenario and return it from a tick on; None where levitation was lost."""
+    recording, lost = _run(trial, scenario)
+    return None if lost else recording.part(begin, len(recording))
+
+
+def _run(
+    trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False
+) -> tuple[Recording, bool]:
+    recording = SimulatedLoop(trial.setup, trial.seed, largest_first).run(scenario)
+    lost = lost_at(trial.setup.rig, recording, scenario.lifted) is not None
+    return recording, lost or len(recording) < scenario.ticks

@@ -1,0 +1,225 @@
+"""Levitate a bearing with its firmware: ``anhyst simulate --board``."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anhyst.compensate.plan import CompileRequest
+from anhyst.compilation.output import compile_model
+from anhyst.control.controller_file import ControllerFile
+from anhyst_rigs.link.firmware import build, check_compiler
+from anhyst_rigs.link.virtual_boards import find_qemu
+from anhyst.model.writer import write_model
+from anhyst_rigs.rig.bearing.loop import BearingSetup, compiled_model, make_setups, position_control
+from anhyst_rigs.rig.bearing.scenario import parts_of_run
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.fitting import IdentifiedMagnet
+from anhyst_rigs.rig.loop import SimulatedLoop
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.study.bearing.board_faults import Ending, FaultRuns, injections
+from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress, in_parts
+from anhyst.support.states import State
+
+QEMU = "qemu-mps2"
+_AIR_M = 5e-6
+"""From its rest: an armature that is further away has been lifted."""
+_WORK = (2.0, 3.0, 7.0)
+"""Model and code, the run, the faults: parts of the whole."""
+
+
+@dataclass(frozen=True)
+class BoardComparison:
+    """What a firmware did in the air.
+
+    Parameters
+    ----------
+    rig : BodyRig
+    controller : ControllerFile
+    board : str
+        Where it ran.
+    simulated : Recording
+        The same run with the simulated controller.
+    recorded : Recording
+        The same of the firmware: gaps, speeds and currents are those of the plant.
+    endings : tuple of Ending
+        Of every fault.
+    """
+
+    rig: BodyRig
+    controller: ControllerFile
+    board: str
+    simulated: Recording
+    recorded: Recording
+    endings: tuple[Ending, ...]
+
+    @property
+    def differ(self) -> int:
+        """Ticks at which a current is another than the simulated one."""
+        return count_differences(self.simulated, self.recorded)
+
+    @property
+    def landing_speed(self) -> float:
+        """At which the armature came to its rest the first time after it was in the air, m/s."""
+        gap, speed = self.recorded["gap_m"], np.abs(self.recorded["velocity_m_per_s"])
+        rest = self.rig.settings.body.stop_high_m
+        air = np.flatnonzero(gap < rest - _AIR_M)
+        if not air.size:
+            return math.nan
+        down = np.flatnonzero(gap[air[-1] :] >= rest)
+        return float(speed[air[-1] + down[0] - 1]) if down.size else math.nan
+
+    @property
+    def landed(self) -> bool:
+        """Whether it lies, without current and ready to lift again."""
+        driven = any(self.recorded[name][-1] for name in _commands(self.recorded))
+        return bool(self.recorded["state"][-1] == State.READY and not driven)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it for JSON; times and distances that do not apply are null."""
+        return {
+            "format": "anhyst-firmware-run",
+            "rig": self.rig.settings.name,
+            "controller": self.controller.settings.name,
+            "variant": self.controller.settings.compensation.variant,
+            "board": self.board,
+            "rate_Hz": self.rig.settings.timing.rate_Hz,
+            "ticks": len(self.recorded),
+            "ticks_that_differ": self.differ,
+            "landed": self.landed,
+            "landing_speed_m_per_s": self.landing_speed,
+            "faults": [_ending(ending) for ending in self.endings],
+        }
+
+    def refuse(self) -> None:
+        """Raise where the firmware did not do as the simulation, or as it should.
+
+        Raises
+        ------
+        NegativeResult
+            Says what.
+        """
+        if self.differ:
+            raise NegativeResult(
+                f"the firmware drove another current than the simulation at {self.differ} of "
+                f"{len(self.recorded)} ticks",
+                code="firmware-differs",
+            )
+        if not self.landed:
+            raise NegativeResult(
+                "the firmware did not land the armature at the end of its run", code="not-landed"
+            )
+        wrong = [ending.injection.name for ending in self.endings if not ending.as_expected]
+        if wrong:
+            raise NegativeResult(
+                f"the firmware did not notice what it should: {'; '.join(wrong)}",
+                code="faults-not-noticed",
+            )
+
+
+def count_differences(simulated: Recording, recorded: Recording) -> int:
+    """Return at how many ticks a current of a run is another than in its simulation."""
+    n = min(len(simulated), len(recorded))
+    other = [recorded[name][:n] != simulated[name][:n] for name in _commands(simulated)]
+    return int(np.count_nonzero(np.any(other, axis=0))) + abs(len(simulated) - len(recorded))
+
+
+def _commands(run: Recording) -> list[str]:
+    return [name for name in run.columns if name.startswith("command")]
+
+
+def run_board(
+    rig_path: PathLike,
+    out: PathLike,
+    board: str,
+    controller_path: PathLike | None = None,
+    progress: Progress | None = None,
+) -> BoardComparison:
+    """Compile the controller of a rig, build the firmware of a board around it, and run it."""
+    if Path(out).suffix != ".json":
+        raise InputError(
+            f"{out}: the run of a firmware is written as .json; name it so", code="wrong-ending"
+        )
+    check_compiler(board)
+    if board == QEMU:
+        find_qemu()
+    rig, controller = read_files(rig_path, controller_path)
+    ready = make_ready(rig, controller, (out,))
+    parts = in_parts(progress, _WORK)
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
+        setup, firmware = build_firmware(
+            ready.rig, controller, ready.knowledge(), board, Path(folder)
+        )
+        next(parts)(1, 1)
+        simulated, recorded = _run_twice(setup, firmware, board, next(parts))
+        with closing(BearingBench(setup, firmware, board=board)) as running:
+            runs, todo, endings = FaultRuns(setup, running), list(injections()), []
+            report = next(parts)
+            for injection in todo:
+                endings.append(runs.run(injection))
+                report(len(endings), len(todo))
+    return BoardComparison(ready.rig, controller, board, simulated, recorded, tuple(endings))
+
+
+def _run_twice(
+    setup: BearingSetup, firmware: Path, board: str, progress: Progress
+) -> tuple[Recording, Recording]:
+    """Run what a simulation records, simulated and with the firmware."""
+    *parts, _ = parts_of_run(setup.rig, setup.controller)
+    loop = SimulatedLoop(setup)
+    simulated = Recording.joined([loop.run(part) for part in parts])
+    with closing(BearingBench(setup, firmware, board=board)) as running:
+        reports = in_parts(progress, [1.0] * len(parts))
+        runs = [running.run(part, report) for part, report in zip(parts, reports, strict=True)]
+    return simulated, Recording.joined(runs)
+
+
+def build_firmware(
+    rig: BodyRig,
+    controller: ControllerFile,
+    knowledge: IdentifiedMagnet,
+    board: str,
+    folder: Path,
+) -> tuple[BearingSetup, Path]:
+    """Compile what a rig is simulated with, and build a firmware around it."""
+    model = folder / "model.toml"
+    table = controller.settings
+    kind = table.compensation.variant
+    if controller.model is None or rig.learnt(kind) is not None:
+        write_model(compiled_model(rig, knowledge, kind), model)
+    else:
+        model = controller.model
+    request = CompileRequest("simplified" if kind == "simplified" else "full", "q31", table.rate_Hz)
+    compiled = compile_model(model, folder / "c", request, controller.path)
+    setup = make_setups(rig, controller, knowledge, (kind,))[kind]
+    settings = dict(position_control(setup).settings("fixed"))
+    if compiled.manifest["controller"]["settings"] != settings:
+        raise InputError(
+            f"{controller.path}: does not say of the amplifiers, or of a second magnet, what "
+            f"{rig.path} says; write [converter], and [pair] where there is one",
+            code="controller-and-rig-differ",
+        )
+    return setup, build(board, folder / "c", folder / "firmware")
+
+
+def _ending(ending: Ending) -> dict[str, Any]:
+    return {
+        "fault": ending.injection.name,
+        "expected": ending.injection.reason.name.lower(),
+        "reason": ending.reason.name.lower(),
+        "levitates": ending.levitates,
+        "seconds": ending.seconds,
+        "rest_speed_m_per_s": ending.rest_speed,
+        "magnet_speed_m_per_s": ending.magnet_speed,
+        "away_m": ending.away,
+    }

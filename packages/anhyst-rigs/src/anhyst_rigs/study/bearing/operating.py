@@ -1,0 +1,392 @@
+"""The operating point of a bearing: slopes of its magnet, poles, and the linear loop around it.
+
+Just after a reversal only the reversible part of the iron answers. A controller that works in small
+movements meets that slope and not the one of the whole loop.
+
+Everything that a rig file and a controller file name: read and checked before any work.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.data import Loops
+from anhyst.data.output_map import is_electromagnet
+from anhyst.model.actuator import Model, read_model
+from anhyst_rigs.rig.bearing.loop import BearingSetup, check_controller
+from anhyst_rigs.rig.body import BodyRig, read_bearing
+from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
+from anhyst_rigs.rig.from_loops import complete_rig
+from anhyst_rigs.rig.measuring import HeldBearing
+from anhyst_rigs.rig.plant import current_gains
+from anhyst_rigs.study.bearing import linear
+from anhyst.support.atomic import PathLike, check_writable
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray, spaced
+from anhyst.support.toml_file import FileFault, faults_error
+
+_CURRENTS = 1200
+_GAP_STEP = 2e-6
+TICKS_PER_POLE = 20.0
+"""Least sample rate in multiples of the unstable pole of the plant without controller."""
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """What a bearing is where it works."""
+
+    gap: float  # m
+    force: float  # of one magnet, N
+    current: float  # midway between the rising and the falling branch, A
+    force_max: float  # largest at this gap, N
+    slopes: Reversal  # static slopes, and those just after the current was turned
+    # the whole bearing for small movements; a pair as one magnet with the windings in series, whose
+    # current is the difference of each one from its bias
+    point: linear.Point
+
+
+def find_operating_point(rig: BodyRig) -> OperatingPoint:
+    """Measure the magnet of a rig at its operating gap and load."""
+    settings = rig.settings
+    gap, high = settings.gap_m, settings.amplifier.current_high_A
+    up = np.linspace(0.0, high, _CURRENTS)
+    path = np.concatenate([up, up[::-1]])
+    force, psi, _ = rig.static_map(path, np.full(path.size, gap))
+    check_load(rig, float(force[_CURRENTS - 1]))
+    _check_rest(rig)
+    _check_probe(rig)
+    bias = settings.bias_N
+    key = ("load", "force_N") if bias is None else ("control", "bias_N")
+    wanted = rig.load if bias is None else bias
+    least, most = float(force[0]), float(force[_CURRENTS - 1])
+    if not least < wanted < most:
+        text = f"{wanted:g} N is not within what the magnet pulls at {gap:g} m"
+        text += f", {least:.4g} to {most:.4g} N; correct it"
+        raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")])
+    rising = float(np.interp(wanted, force[:_CURRENTS], up))
+    falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
+    current = 0.5 * (rising + falling)
+    step = HeldBearing(rig).magnet().hold
+    try:
+        slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
+    except ValueError as error:
+        text = f"at {wanted:g} N {error}; raise or lower it"
+        raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
+    around = 0.05 * high
+    ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
+    magnets = float(len(rig.settings.placed))
+    point = linear.Point(
+        mass=settings.body.mass_kg,
+        k_i=magnets * slopes.static.k_i,
+        k_s=magnets * slopes.static.k_s - settings.load.stiffness_N_per_m,
+        inductance=magnets * float(ends[1] - ends[0]) / (2.0 * around),
+        resistance=magnets * settings.magnet.poles.resistance,
+        damping=settings.body.damping_N_s_per_m + settings.load.damping_N_s_per_m,
+        eddy_time=settings.magnet.eddy_time_s,
+    )
+    check_rate(rig, point.pole_at_current)
+    return OperatingPoint(gap, wanted, current, float(force[_CURRENTS - 1]), slopes, point)
+
+
+def has_constants(setup: BearingSetup) -> bool:
+    """Whether the drive of a setup is made of constants, so that its loop is linear by itself.
+
+    What any other drive does to small movements, at the static slopes or at the much smaller ones
+    just after a reversal, no linear loop can show.
+    """
+    return "k_i_N_per_A" in setup.compensator.parameters.numbers
+
+
+def check_load(rig: BodyRig, force_max: float) -> None:
+    """Refuse a load that no current can carry."""
+    load = rig.load
+    steps = rig.settings.load_steps_N
+    faults: list[FileFault] = []
+    if not load < force_max:
+        text = f"no current can carry {load:.4g} N, the magnet reaches {force_max:.4g} N"
+        faults.append(
+            FileFault(
+                ("load", "force_N"),
+                f"{text}; lower it or raise current_high_A",
+                code="load-too-large",
+            )
+        )
+    for index, step in enumerate(steps):
+        if load < force_max <= load + step:
+            text = f"{load:.4g} N and this step are {load + step:.4g} N"
+            text += f", the magnet reaches {force_max:.4g} N; lower it"
+            assert rig.settings.load_case is not None
+            key = rig.settings.place(rig.settings.load_case, "forces_N", index)
+            faults.append(FileFault(key, text, code="load-too-large"))
+    if faults:
+        raise faults_error(rig.path, faults)
+
+
+def check_rate(rig: BodyRig, pole_Hz: float) -> None:
+    """Refuse a sample rate that is too slow for the plant."""
+    rate, least = rig.settings.timing.rate_Hz, TICKS_PER_POLE * pole_Hz
+    if rate < least:
+        text = f"{rate:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"
+        text += f"; use at least {TICKS_PER_POLE:g} times that, {math.ceil(least)} Hz"
+        raise faults_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
+
+
+def _check_rest(rig: BodyRig) -> None:
+    """Refuse a load that is carried at the operating gap and not lifted off its rest."""
+    gap, high = rig.settings.body.stop_high_m, rig.settings.amplifier.current_high_A
+    up = np.linspace(0.0, high, _CURRENTS)
+    force = float(rig.static_map(up, np.full(up.size, gap))[0][-1])
+    if not rig.load < force:
+        text = f"no current lifts {rig.load:.4g} N off the rest at {gap:g} m, the magnet reaches "
+        text += f"{force:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
+        raise faults_error(rig.path, [FileFault(("load", "force_N"), text, code="load-too-large")])
+
+
+def _check_probe(rig: BodyRig) -> None:
+    """Refuse a Hall probe that ends below what the largest current makes at the smallest gap."""
+    settings = rig.settings
+    probe, body = settings.hall_probe, settings.body
+    if probe is None:
+        return
+    gap = float(np.min(rig.gaps_at(np.array([body.stop_low_m, body.stop_high_m]))))
+    up = np.linspace(0.0, settings.amplifier.current_high_A, _CURRENTS)
+    density = float(rig.static_map(up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
+    if density > probe.range_T:
+        text = f"the largest current makes {density:.4g} T at a gap of {gap:g} m; raise it"
+        raise faults_error(
+            rig.path,
+            [FileFault(rig.settings.place(probe, "range_T"), text, code="range-too-narrow")],
+        )
+
+
+def linear_loop(setup: BearingSetup, at: OperatingPoint) -> linear.LinearLoop:
+    """Return the loop of a setup for small movements.
+
+    Constants are those of the drive where it has any; a constant ratio cancels no negative
+    stiffness. Every other drive counts as knowing the static slopes.
+    """
+    rig = setup.rig
+    timing, amplifier = rig.settings.timing, rig.settings.amplifier
+    sensor = rig.settings.gap_sensor
+    magnets = float(len(rig.settings.placed))
+    late = timing.delay_ticks + (amplifier.delay_s + sensor.delay_s) * timing.rate_Hz
+    numbers = setup.compensator.parameters.numbers
+    k_i, k_s = at.point.k_i, at.point.k_s
+    if has_constants(setup):
+        k_i = magnets * numbers["k_i_N_per_A"]
+        k_s = magnets * numbers.get("k_s_N_per_m", 0.0)
+    return linear.LinearLoop(
+        point=at.point,
+        amplifier=_amplifier(rig, magnets),
+        chain=linear.Chain(timing.rate_Hz, late, sensor.bandwidth_Hz),
+        controller=setup.controller.pidd2(),
+        compensation=linear.Compensation(k_i, k_s),
+    )
+
+
+def _amplifier(rig: BodyRig, magnets: float) -> linear.CurrentLoop | linear.DigitalAmplifier:
+    gain, reset = (magnets * number for number in current_gains(rig))
+    if rig.settings.amplifier.mode == "current":
+        return linear.CurrentLoop(gain, reset)
+    return linear.DigitalAmplifier(
+        magnets * rig.settings.magnet.poles.resistance,
+        gain,
+        reset * rig.dt,
+        rig.settings.current_sensor.bandwidth_Hz,
+    )
+
+
+def sweep_frequencies(rig: BodyRig) -> FloatArray:
+    """Return the frequencies of a swept sine, Hz: around everything that a bearing's loop does."""
+    return spaced(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)
+
+
+PATHOLOGICAL = 0.25
+"""Share of the static gain below which an iron is called pathological just after a reversal."""
+_CYCLES = 3  # until a loop has settled
+_SAMPLES = 400  # a branch
+_AROUND = 0.05  # of the range, to either side: where the static slopes are taken
+_TURN = 0.0005  # of the range: how far the current goes back
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Force and its slopes at an operating point."""
+
+    force: float  # N
+    k_i: float  # for each ampere, N/A
+    k_s: float  # for each metre that the gap closes, N/m
+
+
+@dataclass(frozen=True)
+class Reversal:
+    """Slopes of a magnet with a memory."""
+
+    static: Slopes  # of the middle between the rising and the falling branch of the settled loop
+    after_rise: float  # force for each ampere just after the current was turned, N/A
+    after_fall: float
+
+    @property
+    def share(self) -> float:
+        """The lesser slope after a reversal, in parts of the static one."""
+        return min(self.after_rise, self.after_fall) / self.static.k_i
+
+    @property
+    def label(self) -> Literal["regular", "pathological"]:
+        """What that makes of the iron."""
+        return label_of(self.share)
+
+
+def label_of(share: float) -> Literal["regular", "pathological"]:
+    """Return what an iron is called whose slope after a reversal is this part of the static one."""
+    return "pathological" if share < PATHOLOGICAL else "regular"
+
+
+def measure_reversal(
+    step: Callable[[float, float], float],
+    current: float,
+    gap: float,
+    low: float,
+    high: float,
+    gap_step: float,
+) -> Reversal:
+    """Measure the slopes of a magnet with a memory on its settled loop."""
+    around, turn = _AROUND * (high - low), _TURN * (high - low)
+    if not low + around < current < high - around:
+        raise ValueError(f"the current of {current:g} A is not well within {low:g}..{high:g} A")
+    below, at, above = (
+        _middle(step, current, position, low, high)
+        for position in (gap - gap_step, gap, gap + gap_step)
+    )
+    _settle(step, gap, low, high)
+    rising = _go(step, gap, low, current)[-1]
+    after_rise = (rising - step(current - turn, gap)) / turn
+    _go(step, gap, current - turn, high)
+    falling = _go(step, gap, high, current)[-1]
+    after_fall = (step(current + turn, gap) - falling) / turn
+    k_s = (below[0] - above[0]) / (2.0 * gap_step)
+    return Reversal(Slopes(at[0], at[1], k_s), float(after_rise), float(after_fall))
+
+
+def _go(step: Callable[[float, float], float], gap: float, start: float, end: float) -> FloatArray:
+    """Go from one current to another and return the forces on the way."""
+    return np.array([step(float(x), gap) for x in np.linspace(start, end, _SAMPLES + 1)[1:]])
+
+
+def _settle(step: Callable[[float, float], float], gap: float, low: float, high: float) -> None:
+    for _ in range(_CYCLES):
+        _go(step, gap, low, high)
+        _go(step, gap, high, low)
+
+
+def _middle(
+    step: Callable[[float, float], float], current: float, gap: float, low: float, high: float
+) -> tuple[float, float]:
+    """Return force and slope over the current of the middle of both branches."""
+    _settle(step, gap, low, high)
+    rising, falling = _go(step, gap, low, high), _go(step, gap, high, low)
+    grid = np.linspace(low, high, _SAMPLES + 1)
+    middle = 0.5 * (rising[:-1] + falling[-2::-1])  # at grid[1:-1]
+    off = grid[1:-1] - current
+    near = np.abs(off) <= _AROUND * (high - low)
+    # A parabola, so that the bend of the curve does not tilt its slope.
+    bend = np.polynomial.Polynomial.fit(off[near], middle[near], 2).convert().coef
+    return float(bend[0]), float(bend[1])
+
+
+def read_files(
+    rig_path: PathLike, controller_path: PathLike | None
+) -> tuple[BodyRig, ControllerFile]:
+    """Read a rig file and a controller file, which lies beside it if it is not named."""
+    rig = read_bearing(rig_path)
+    return rig, controller_of(rig, controller_path)
+
+
+def controller_of(rig: BodyRig, path: PathLike | None) -> ControllerFile:
+    """Read the controller file of a bearing, which lies beside the rig file if it is not named."""
+    return read_controller(rig.path.parent / "controller.toml" if path is None else path)
+
+
+def files_of_bearing(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
+    """Return rig file and controller file, and all files that they name."""
+    rig, controller = read_files(rig_path, controller_path)
+    named = [
+        rig.path,
+        rig.model,
+        rig.flux_table,
+        controller.path,
+        controller.model,
+        rig.calibration,
+    ]
+    return [file for file in named if file is not None] + list(rig.measured.files)
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A rig, a controller and the loops, read and checked against each other."""
+
+    rig: BodyRig  # its magnet is whole
+    controller: ControllerFile
+    loops: Loops
+    model: Model | None  # that the controller file names
+    at: OperatingPoint
+
+    def knowledge(self) -> IdentifiedMagnet:
+        """Return what the controller knows; a model that it does not name is identified."""
+        if self.model is not None:
+            return IdentifiedMagnet(self.loops, self.model)
+        return identify_magnet(self.loops, self.rig.settings.loops)
+
+
+def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()) -> Ready:
+    """Read and check everything that a rig and a controller name, before any work."""
+    files = [rig.path, controller.path, controller.model, rig.model, rig.flux_table]
+    reads = [*rig.measured.files, *(file for file in files if file is not None)]
+    for path in outputs:
+        check_writable(path, reads=reads)
+    at = None if rig.settings.magnet.from_loops else find_operating_point(rig)
+    check_controller(controller, rig)
+    _check_calibration(rig, controller)
+    model = _controller_model(controller, rig)
+    loops = rig.measured.read()
+    gaps = list(loops.by_schedule())
+    middle = rig.settings.gap_m
+    if not min(gaps) < middle < max(gaps):
+        raise InputError(
+            f"{rig.measured.text}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} "
+            f"works at {middle:g} m; measure loops around it",
+            code="gaps-not-covered",
+        )
+    whole = complete_rig(rig, loops)
+    return Ready(whole, controller, loops, model, at or find_operating_point(whole))
+
+
+def _check_calibration(rig: BodyRig, controller: ControllerFile) -> None:
+    own = controller.settings.compensation.variant
+    if rig.calibration is not None and rig.learnt(own) is None:
+        raise InputError(
+            f"{rig.path}: control.calibration: {rig.calibration} says nothing of '{own}', and others "
+            "would be calibrated alone; calibrate again, with all methods",
+            code="method-missing",
+            key="control.calibration",
+        )
+
+
+def _controller_model(controller: ControllerFile, rig: BodyRig) -> Model | None:
+    if controller.model is None:
+        return None
+    model = read_model(controller.model)
+    if not is_electromagnet(model) or not model.needs_schedule:
+        raise InputError(
+            f"{controller.model}: a bearing needs a model of force over current and gap; identify "
+            f"one from {rig.measured.text}",
+            code="not-current-to-force",
+        )
+    return model

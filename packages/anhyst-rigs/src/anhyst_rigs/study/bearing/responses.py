@@ -1,0 +1,477 @@
+"""Step responses of several variants over gaps, heights and noise seeds, and their figures.
+
+Times are in seconds at equal distances. A step down is judged as one up.
+
+Sensitivity of a running loop, measured: a stepped sine is added to what the controller sees.
+
+The loop answers so that the controller sees ``S`` times what was added. Nothing is linearised, so
+the answer holds for the amplitude that was injected; what the sine leaves unexplained is reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from anhyst.compensate.methods import MODELS
+from anhyst.data.verdict import WHERE_IT_PAYS
+from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at
+from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder, steps_up_and_down
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.loop import ReferenceStep, SimulatedLoop
+from anhyst_rigs.rig.recording import Recording, peak, settled_from
+from anhyst_rigs.study.bearing.linear import Zone, zone
+from anhyst_rigs.study.engine.table import (
+    CaseFigures,
+    ComparedFigure,
+    Interval,
+    Judgement,
+    compare,
+    judge,
+    strongest,
+)
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray, rms, sine
+
+SETTLED = 0.02  # of a step's height
+_RESOLUTIONS = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived
+_REST = 0.25  # last part of a hold, taken for standstill
+# Last part of a hold, taken for what a standstill adds to an overshoot. Deviations to both sides
+# count, beyond a reference only one does: half the hold draws as many chances as the whole of it.
+_NOISE = 0.5
+
+
+@dataclass(frozen=True)
+class StepFigures:
+    """What a step of the reference did."""
+
+    # largest way beyond the new reference, % of the height, noise included; 0 if it was not reached
+    overshoot_percent: float
+    # largest deviation of the gap from its mean over the last half of the hold, % of the height: an
+    # overshoot that is no larger shows nothing of the step
+    noise_percent: float
+    undershoot_percent: float  # largest way back behind the old reference, % of the height
+    rise_time_s: float  # from 10 to 90 % of the height; infinite if 90 % was not reached
+    # from the step until the gap stays within :data:`SETTLED` of the height around the new
+    # reference; infinite if it did not within the hold
+    settling_time_s: float
+    settling_in_noise_s: float  # the same for :func:`settling_band`
+    steady_error_m: float  # mean of gap less reference over the last quarter of the hold
+    standstill_rms_m: float  # standard deviation of the gap there
+
+
+def settling_band(height: float, resolution: float) -> float:
+    """Return within which distance of its reference a position counts as arrived.
+
+    It depends on the step and the sensor alone: whoever trembles more gets no wider one.
+    """
+    return max(SETTLED * abs(height), _RESOLUTIONS * resolution)
+
+
+def step_figures(
+    time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float
+) -> StepFigures:
+    """Judge one step: one sample of the old level, then the hold at the new one."""
+    t, r, y = (np.asarray(row, dtype=float) for row in (time, reference, gap))
+    if len(t) < 8 or r[0] == r[1] or np.any(r[1:] != r[1]):
+        raise ValueError("the reference must step after the first sample and stay for at least 7")
+    height = float(r[1] - r[0])
+    way = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
+    since = t[1:] - t[1]
+    rest = y[1 + int((1.0 - _REST) * len(way)) :]
+    late = way[int((1.0 - _NOISE) * len(way)) :]
+    error = np.abs(y[1:] - r[1])
+    return StepFigures(
+        overshoot_percent=100.0 * max(0.0, float(np.max(way)) - 1.0),
+        noise_percent=100.0 * float(np.max(np.abs(late - np.mean(late)))),
+        undershoot_percent=100.0 * max(0.0, -float(np.min(way))),
+        rise_time_s=_reached(since, way, 0.9) - min(_reached(since, way, 0.1), since[-1]),
+        settling_time_s=_stays_from(since, error, SETTLED * abs(height)),
+        settling_in_noise_s=_stays_from(since, error, settling_band(height, resolution)),
+        steady_error_m=float(np.mean(rest)) - float(r[1]),
+        standstill_rms_m=float(np.std(rest)),
+    )
+
+
+def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) -> float:
+    """Return how long after a disturbance an error stays within a band."""
+    t = np.asarray(time, dtype=float)
+    later = t >= start
+    return _stays_from(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
+
+
+def rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
+    """Return the rms of a current's rate of change; times the inductance, the voltage it took."""
+    return rms(np.diff(np.asarray(current, float)) / np.diff(np.asarray(time, float)))
+
+
+def _reached(since: FloatArray, way: FloatArray, share: float) -> float:
+    """Return when a share of the way was first covered, between samples; inf if never."""
+    beyond = np.flatnonzero(way >= share)
+    if not len(beyond):
+        return math.inf
+    i = int(beyond[0])
+    if i == 0:
+        return float(since[0])
+    part = (share - way[i - 1]) / (way[i] - way[i - 1])
+    return float(since[i - 1] + part * (since[i] - since[i - 1]))
+
+
+def _stays_from(since: FloatArray, error: FloatArray, band: float) -> float:
+    """Return the first time from which the error stays within the band; inf if it does not."""
+    first = settled_from(error, band)
+    if not first:
+        return 0.0
+    return math.inf if first == len(since) else float(since[first])
+
+
+_PERIODS, _SECONDS = 5, 0.02  # at least, of each frequency
+_SETTLE_PERIODS, _SETTLE_SECONDS = 2, 0.02
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """A measured sensitivity."""
+
+    frequency: FloatArray  # Hz; shape (n,)
+    ratio: NDArray[np.complex128]  # what the controller saw over what was injected; shape (n,)
+    # root mean square of what the sine does not explain (noise, harmonics), over that of the
+    # injected sine; shape (n,)
+    rest: FloatArray
+    amplitude: float  # of the injected sine, m
+
+    @property
+    def magnitude(self) -> FloatArray:
+        """Size of the ratio."""
+        return np.abs(self.ratio)
+
+    @property
+    def decibel(self) -> FloatArray:
+        """Size of the ratio, dB."""
+        return np.asarray(20.0 * np.log10(self.magnitude))
+
+    @property
+    def peak(self) -> float:
+        """Largest size of the ratio."""
+        return float(np.max(self.magnitude))
+
+    @property
+    def peak_frequency(self) -> float:
+        """Where it is, Hz."""
+        return float(self.frequency[int(np.argmax(self.magnitude))])
+
+    @property
+    def zone(self) -> Zone:
+        """Zone of ISO 14839-3."""
+        return zone(self.peak)
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Where one frequency stands in the sweep: settling from `begin`, measured in between."""
+
+    frequency: float
+    begin: int
+    first: int
+    end: int
+
+
+def measure_sensitivity(
+    run: Callable[[FloatArray], Recording], frequencies: ArrayLike, amplitude: float, rate: float
+) -> Sensitivity:
+    """Measure the sensitivity of a loop."""
+    asked_Hz = np.atleast_1d(np.asarray(frequencies, dtype=float))
+    if not (np.all(asked_Hz > 0.0) and np.all(asked_Hz < 0.5 * rate)):
+        raise ValueError(f"frequencies must lie between 0 and {0.5 * rate:g} Hz, half the rate")
+    pieces = _sweep(asked_Hz.tolist(), rate)
+    inject = amplitude * np.concatenate([_sine(piece, rate) for piece in pieces])
+    seen = run(inject)["gap_read_m"]
+    if len(seen) != len(inject):
+        raise ValueError(f"the run has {len(seen)} ticks where {len(inject)} were injected")
+    answers = [_fit(seen, piece, rate) for piece in pieces]
+    return Sensitivity(
+        frequency=asked_Hz,
+        ratio=np.array([answer / amplitude for answer, _ in answers], dtype=np.complex128),
+        rest=np.array([rest for _, rest in answers]) / (amplitude / math.sqrt(2.0)),
+        amplitude=amplitude,
+    )
+
+
+def _sweep(frequencies: Sequence[float], rate: float) -> list[_Piece]:
+    """Lay the frequencies out one after the other, each over whole periods."""
+    pieces: list[_Piece] = []
+    begin = 0
+    for frequency in frequencies:
+        settle = math.ceil(max(_SETTLE_PERIODS / frequency, _SETTLE_SECONDS) * rate)
+        periods = max(_PERIODS, math.ceil(_SECONDS * frequency))
+        first = begin + settle
+        end = first + round(periods / frequency * rate)
+        pieces.append(_Piece(frequency, begin, first, end))
+        begin = end
+    return pieces
+
+
+def _sine(piece: _Piece, rate: float) -> FloatArray:
+    """Return the sine of one piece, zero at its beginning."""
+    ticks = np.arange(piece.end - piece.begin)
+    return sine(piece.frequency / rate * ticks)
+
+
+def _fit(seen: FloatArray, piece: _Piece, rate: float) -> tuple[complex, float]:
+    """Return the complex amplitude against the sine of a piece, and the rms of what is left."""
+    ticks = np.arange(piece.first, piece.end)
+    phase = 2.0 * np.pi * piece.frequency / rate * (ticks - piece.begin)
+    # The middle and a slow drift are no answer to the sine.
+    drift = np.linspace(-1.0, 1.0, len(ticks))
+    basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(phase), drift])
+    row = seen[piece.first : piece.end]
+    middle = float(np.mean(row))
+    coefficients, *_ = np.linalg.lstsq(basis, row - middle, rcond=None)
+    rest = row - middle - basis @ coefficients
+    return complex(coefficients[0], coefficients[1]), float(np.sqrt(np.mean(rest**2)))
+
+
+FIGURES = (
+    "overshoot_percent",
+    "noise_percent",
+    "undershoot_percent",
+    "rise_time_s",
+    "settling_time_s",
+    "settling_in_noise_s",
+    "steady_error_m",
+    "standstill_rms_m",
+    "tracking_rms_m",
+    "tracking_peak_m",
+    "force_error_rms_N",
+    "current_rate_rms_A_per_s",
+    "heat_W",
+)
+"""Of one step, by name; docs/simulate.md says what each is."""
+_LARGEST = ("overshoot_percent", "noise_percent")
+"""Of a step up and one down, the larger one counts; of all other figures the mean."""
+
+
+@dataclass(frozen=True)
+class StepRun:
+    """One run of steps: a variant at a gap with a noise of its own."""
+
+    setup: BearingSetup
+    gap: float
+    heights: tuple[float, ...]
+    load: float
+    seed: int
+
+
+class StepResult(NamedTuple):
+    """One step of a run, judged."""
+
+    height: float  # m
+    figures: Mapping[str, float]  # by :data:`FIGURES`
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepCell(CaseFigures):
+    """One variant, gap, load and height over all seeds, by :data:`FIGURES`.
+
+    Both directions of a seed count as one value, their mean; of overshoot and noise, the larger one.
+    """
+
+    variant: MethodName
+    gap: float  # m
+    height: float
+    load: float  # N
+
+    @property
+    def overshoots(self) -> bool:
+        """Whether the overshoot is certainly more than what the standstill adds to it."""
+        return self.of("overshoot_percent").exceeds(self.of("noise_percent"))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``figures.json`` holds it."""
+        where = {"gap_m": self.gap, "height_m": self.height, "load_N": self.load}
+        return {"variant": self.variant, **where, **super().as_dict()}
+
+
+def position_resolution(rig: BodyRig) -> float:
+    """Return what the position sensor of a rig cannot resolve, rms of noise and steps, m."""
+    sensor = rig.settings.gap_sensor
+    return math.hypot(sensor.noise_m, sensor.step / math.sqrt(12.0))
+
+
+def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
+    """Run all steps of a run."""
+    rig = run.setup.rig
+    scenario = steps_up_and_down(rig, run.setup.controller, run.gap, run.heights, run.load)
+    recording = SimulatedLoop(run.setup, run.seed).run(scenario)
+    lost = lost_at(rig, recording, scenario.lifted)
+    if lost is not None or len(recording) < scenario.ticks:
+        return [], lost if lost is not None else float(recording["t_s"][-1])
+    return [_judge(run, recording, step) for step in scenario.steps], None
+
+
+def _judge(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResult:
+    part = recording.part(step.begin - 1, step.end)
+    time, reference, gap = part["t_s"], part["reference_m"], part["gap_m"]
+    current, off = part["current_A"], gap - reference
+    figures = {
+        **asdict(step_figures(time, reference, gap, position_resolution(run.setup.rig))),
+        "tracking_rms_m": rms(off),
+        "tracking_peak_m": peak(off),
+        "force_error_rms_N": rms(part["force_N"] - part["demand_N"]),
+        "current_rate_rms_A_per_s": rate_of_change(time, current),
+        "heat_W": run.setup.rig.settings.magnet.poles.resistance * float(np.mean(current**2)),
+    }
+    return StepResult(step.height, figures)
+
+
+def compare_steps(
+    setups: Sequence[BearingSetup],
+    gaps: Sequence[float],
+    heights: Sequence[float],
+    loads: Sequence[float],
+    seeds: Sequence[int],
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> list[StepCell]:
+    """Run every setup at every gap and load with every seed, and sum up."""
+    runs = [
+        StepRun(setup, gap, tuple(heights), load, seed)
+        for setup, gap, load, seed in product(setups, gaps, loads, seeds)
+    ]
+    results = all_of(run_steps, runs, progress, jobs)
+    cells = []
+    for setup, gap, load in product(setups, gaps, loads):
+        mine = [
+            steps
+            for run, (steps, _) in zip(runs, results, strict=True)
+            if run.setup is setup and run.gap == gap and run.load == load
+        ]
+        cells += [_sum_up(setup, gap, load, height, mine) for height in heights]
+    return cells
+
+
+def _sum_up(
+    setup: BearingSetup,
+    gap: float,
+    load: float,
+    height: float,
+    runs: Sequence[Sequence[StepResult]],
+) -> StepCell:
+    return StepCell.over(
+        [merged(steps, height) for steps in runs],
+        variant=setup.method,
+        gap=gap,
+        height=height,
+        load=load,
+    )
+
+
+def merged(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
+    """Return what steps up and down of a height are together; None where there was none."""
+    pair = [one.figures for one in steps if math.isclose(one.height, height, rel_tol=1e-6)]
+    return {
+        name: float((max if name in _LARGEST else np.mean)([figures[name] for figures in pair]))
+        for name in (FIGURES if steps else ())
+    } or None
+
+
+def default_seeds(rig: BodyRig) -> range:
+    """Return the noise seeds that a rig file asks for."""
+    return range(rig.settings.noise_seeds)
+
+
+SINE_M = 0.5e-6
+"""Amplitude of the swept sine, m."""
+
+
+class _LostError(Exception):
+    """What lies on its stop answers to no controller."""
+
+
+def sweep(
+    setup: BearingSetup, gap: float, load: float, frequencies: FloatArray, seed: int
+) -> Sensitivity | None:
+    """Measure the sensitivity of a loop by a swept sine."""
+    rig = setup.rig
+    loop = SimulatedLoop(setup, seed)
+    loop.run(ScenarioBuilder(rig, gap, load).lift_off(setup.controller).build())
+
+    def run(inject: FloatArray) -> Recording:
+        recording = loop.run(ScenarioBuilder(rig, gap, load).hold(0.0, inject).build())
+        if len(recording) < inject.size or lost_at(rig, recording) is not None:
+            raise _LostError
+        return recording
+
+    try:
+        return measure_sensitivity(run, frequencies, SINE_M, rig.settings.timing.rate_Hz)
+    except _LostError:
+        return None
+
+
+OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Figures of one step, up and down, under every variant."""
+
+    gap: float  # around which it goes, m
+    load: float  # N
+    height: float  # m
+    cells: Mapping[MethodName, StepCell]  # by variant
+
+    def of(self, name: str) -> Mapping[MethodName, Interval]:
+        """Return a figure of every variant, without a mean where levitation was lost."""
+        return {key: cell.of(name) for key, cell in self.cells.items()}
+
+
+def grouped(cells: Iterable[StepCell]) -> tuple[Steps, ...]:
+    """Put the cells of all variants beside each other."""
+    by_step: dict[tuple[float, float, float], dict[MethodName, StepCell]] = {}
+    for cell in cells:
+        by_step.setdefault((cell.gap, cell.load, cell.height), {})[cell.variant] = cell
+    return tuple(Steps(*step, mine) for step, mine in by_step.items())
+
+
+def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> ComparedFigure:
+    """Compare the overshoots of two variants in a step, beyond the larger noise of both."""
+    overshoot, noise = step.of(OVERSHOOT), step.of(NOISE)
+    floor = max(noise[mine].mean, noise[baseline].mean)
+    return compare("overshoot", baseline, overshoot[mine], overshoot[baseline], floor)
+
+
+def judge_steps(steps: Sequence[Steps], variant: MethodName) -> Judgement:
+    """Judge a variant, or the fullest model beside it where it has none."""
+    models = [name for name in MODELS if any(name in step.cells for step in steps)]
+    mine = variant if variant in MODELS or not models else models[-1]
+    if mine not in MODELS:
+        return Judgement("unknown", "no variant with a hysteresis model was run")
+    compared = _known(steps, mine, [strongest(step.of(OVERSHOOT)) for step in steps])
+    if not compared:
+        return Judgement("unknown", f"{mine} or every baseline lost levitation at every step")
+    judged = judge(mine, compared, "steps", WHERE_IT_PAYS["feedback"])
+    flux = _known(steps, mine, ["flux"] * len(steps))
+    if not flux:
+        return judged
+    less, more = (sum(getattr(one, way) for one in flux) for way in ("less", "more"))
+    text = f"{judged.text}; than measured flux less at {less} and more at {more}"
+    return replace(judged, text=text)
+
+
+def _known(
+    steps: Sequence[Steps], mine: MethodName, others: Sequence[MethodName | None]
+) -> list[ComparedFigure]:
+    """Compare a variant with another one at each step where both held the armature."""
+    differences = [
+        step_difference(step, mine, other)
+        for step, other in zip(steps, others, strict=True)
+        if other is not None and {mine, other} <= set(step.cells)
+    ]
+    return [one for one in differences if math.isfinite(one.mine + one.its)]

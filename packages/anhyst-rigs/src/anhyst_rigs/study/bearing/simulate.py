@@ -1,0 +1,402 @@
+"""Simulate a magnetic bearing and report what compensation is worth: ``anhyst simulate``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from anhyst.compensate.methods import BASELINES, MODELS
+from anhyst.control.controller_file import ControllerFile
+from anhyst.data.table import check_recording
+from anhyst.model.actuator import has_layers
+from anhyst.model.writer import write_model
+from anhyst_rigs.rig.bearing.loop import (
+    BearingSetup,
+    calibrated_magnets,
+    levitation_fault,
+    lost_after_steps,
+    make_setups,
+)
+from anhyst_rigs.rig.bearing.scenario import parts_of_run, steps_up_and_down
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.distance import PlantCheck
+from anhyst_rigs.rig.fitting import IdentifiedMagnet, check_plant
+from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.study.bearing import experiments, linear
+from anhyst_rigs.study.bearing.operating import (
+    OperatingPoint,
+    has_constants,
+    linear_loop,
+    make_ready,
+    read_files,
+    sweep_frequencies,
+)
+from anhyst_rigs.study.bearing.responses import (
+    Sensitivity,
+    StepCell,
+    compare_steps,
+    default_seeds,
+    grouped,
+    judge_steps,
+    sweep,
+)
+from anhyst_rigs.study.engine.table import FIGURES, Judgement, StudyResult, keep_lost
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress, in_parts
+from anhyst.support.kinds import PROBED, MethodName
+from anhyst.support.result import columns_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COMPARED = (*BASELINES, "flux", *(name for name in MODELS if name not in ("at-rest", "fused")))
+"""What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
+_WORK_OF_PARTS = (5.0, 4.0)
+"""Model and first run, then the steps, in units of any other experiment."""
+
+
+@dataclass(frozen=True, repr=False)
+class Simulation(StudyResult):
+    """What a simulation gave.
+
+    Parameters
+    ----------
+    rig : BodyRig
+    controller : ControllerFile
+    knowledge : IdentifiedMagnet
+        Loops and model.
+    setups : mapping of str to BearingSetup
+        By variant.
+    at : OperatingPoint
+    recording : Recording
+        Of the controller file's own variant: lift-off, steps, load steps, landing.
+    shown : mapping of str to Recording
+        The steps alone, one noise seed, by variant.
+    scenario : Scenario
+        Of these.
+    cells : list of StepCell
+        Figures of all steps, over all seeds.
+    experiments : Experiments
+        Figures of all else that was tried.
+    loops : mapping of str to linear.SimulatedLoop
+        For small movements, by variant.
+    sensitivity : mapping of str to Sensitivity
+        As measured, by variant; without those that lost levitation.
+    plant : PlantCheck
+        What the loops say about the plant.
+    figures : dict
+        What ``figures.json`` holds; infinite where a level was not reached, null in the file.
+    """
+
+    kind: ClassVar = "levitation"
+    rig: BodyRig
+    controller: ControllerFile
+    knowledge: IdentifiedMagnet
+    setups: Mapping[MethodName, BearingSetup]
+    at: OperatingPoint
+    recording: Recording
+    shown: Mapping[MethodName, Recording]
+    scenario: Scenario
+    cells: list[StepCell]
+    experiments: experiments.Experiments
+    loops: Mapping[MethodName, linear.LinearLoop]
+    sensitivity: Mapping[MethodName, Sensitivity]
+    plant: PlantCheck
+    figures: dict[str, Any]
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Variants that could not be made, and why."""
+        left_out: dict[str, str] = self.figures["left_out"]
+        return left_out
+
+    @property
+    def lost_in(self) -> list[str]:
+        """Everything tried in which the controller file's own variant lost levitation."""
+        lost: list[str] = self.figures["lost_in"]
+        return lost
+
+    def refuse_losses(self) -> None:
+        """Raise NegativeResult where the controller file's own variant lost levitation."""
+        if self.lost_in:
+            raise NegativeResult(
+                f"'{self.own}' of the controller file lost levitation: {'; '.join(self.lost_in)}; "
+                "figures and recording are kept",
+                code="levitation-lost",
+            )
+
+    @property
+    def verdict(self) -> Judgement:
+        """Whether compensation is worth it, by the overshoots of all steps."""
+        return judge_steps(grouped(self.cells), self.own)
+
+    @property
+    def own(self) -> MethodName:
+        """MethodName of the controller file."""
+        return self.controller.settings.compensation.variant
+
+    def facts(self) -> dict[str, str]:
+        """Return overshoot and standstill of every variant at the highest step."""
+        facts = {"rig": self.rig.settings.name, "controller": self.own}
+        for name in self.setups:
+            last = [cell for cell in self.cells if cell.variant == name][-1]
+            facts[name] = (
+                f"overshoot {last.of('overshoot_percent').mean:.2f} % of "
+                f"{1e6 * last.height:g} um, standstill "
+                f"{1e9 * last.of('standstill_rms_m').mean:.0f} nm"
+            )
+        return facts | self.losses_fact()
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the figures of all steps, one row a variant, gap and height, SI and per cent."""
+        names = next((list(cell.figures) for cell in self.cells if cell.figures), [])
+        return columns_of(
+            [
+                {
+                    "variant": cell.variant,
+                    "gap_m": cell.gap,
+                    "step_m": cell.height,
+                    "load_N": cell.load,
+                    "lost": cell.lost,
+                    **{name: cell.of(name).mean for name in names},
+                }
+                for cell in self.cells
+            ]
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what ``figures.json`` holds."""
+        return self.figures
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the steps of every variant: gap over time, one noise seed."""
+        for name, run in self.shown.items():
+            ax.plot(run["t_s"], 1e3 * run["gap_m"], lw=0.9, label=name)
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel("gap [mm]")
+
+    def save(self, path: PathLike) -> Path:
+        """Write recording, identified model and ``figures.json``."""
+        self.recording.save(path)
+        _write_model(path, self.rig, self.controller, self.knowledge)
+        self.write_figures(Path(path).parent / FIGURES)
+        return Path(path)
+
+
+def explore(
+    rig_path: PathLike,
+    out: PathLike | None = None,
+    controller_path: PathLike | None = None,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Simulate a bearing with every kind of compensation; nothing is written but what was lost."""
+    rig, controller = read_files(rig_path, controller_path)
+    ready = make_ready(rig, controller, _places(out, controller))
+    rig = ready.rig
+    tried = rig.settings
+    beside_steps = len(tried.trajectories) + len(tried.load_steps_N) + len(experiments.EVENTS)
+    parts = in_parts(progress, [*_WORK_OF_PARTS, *[1.0] * (1 + beside_steps)])
+    knowledge = ready.knowledge()
+    own = controller.settings.compensation.variant
+    mine = make_setups(rig, controller, knowledge, (own,))[own]
+    steps, after, landing = parts_of_run(rig, mine.controller)
+    loop = SimulatedLoop(mine)
+    recording = loop.run(steps)
+    if len(recording) == steps.ticks:
+        recording = Recording.joined([recording, loop.run(after)])
+    if fault := levitation_fault(mine, recording, steps):
+        if out is None:
+            raise NegativeResult(fault, code="levitation-lost")
+        keep_lost(recording, out)
+        _write_model(out, rig, controller, knowledge)
+        raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
+    next(parts)(1, 1)
+    setups, left_out = _beside(mine, controller, knowledge)
+    simulation = _compare(controller, knowledge, setups, ready.at, recording, parts)
+    simulation.figures["left_out"] = left_out
+    simulation.figures["lost_in"] = [
+        *lost_after_steps(rig, recording, steps.ticks, landing),
+        *_lost_blocks(simulation.figures),
+    ]
+    return simulation
+
+
+def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike, ...]:
+    """Return what is written for a recording."""
+    if out is None:
+        return ()
+    check_recording(out)
+    model_file = [] if controller.model is not None else [_model_file(out)]
+    return (out, Path(out).parent / FIGURES, *model_file)
+
+
+def _write_model(
+    out: PathLike, rig: BodyRig, controller: ControllerFile, knowledge: IdentifiedMagnet
+) -> None:
+    """Write the model that was identified, if the controller file names none."""
+    if controller.model is None:
+        magnets = calibrated_magnets(rig, knowledge, controller.settings.compensation.variant)
+        # each of a calibrated pair has one of its own
+        known = knowledge if len(magnets) > 1 else magnets[0]
+        write_model(known.model, _model_file(out))
+
+
+def _model_file(out: PathLike) -> Path:
+    """Return where the model that was identified goes."""
+    return Path(out).with_suffix(".model.toml")
+
+
+def _beside(
+    mine: BearingSetup, controller: ControllerFile, knowledge: IdentifiedMagnet
+) -> tuple[dict[MethodName, BearingSetup], dict[MethodName, str]]:
+    """Fit what is compared with a setup; report what cannot be made, such as a law without a loop."""
+    setups: dict[MethodName, BearingSetup] = {}
+    left_out: dict[MethodName, str] = {}
+    late: tuple[MethodName, ...] = ("at-rest",) if has_layers(knowledge.model) else ()
+    for name in (*compared(mine.rig, mine.method), *late):
+        try:
+            setups |= (
+                {name: mine}
+                if name == mine.method
+                else make_setups(mine.rig, controller, knowledge, (name,))
+            )
+        except InputError as error:
+            left_out[name] = str(error)
+    return setups, left_out
+
+
+def _compare(
+    controller: ControllerFile,
+    knowledge: IdentifiedMagnet,
+    setups: Mapping[MethodName, BearingSetup],
+    at: OperatingPoint,
+    recording: Recording,
+    parts: Iterator[Progress],
+) -> Simulation:
+    """Try everything with every variant."""
+    rig = setups[controller.settings.compensation.variant].rig
+    tried = rig.settings
+    heights, load = tried.step.heights_m, tried.load.force_N
+    cells = compare_steps(
+        list(setups.values()),
+        [tried.gap_m, *tried.step.also_gaps_m],
+        heights,
+        [load],
+        default_seeds(rig),
+        next(parts),
+    )
+    tried_beside = experiments.try_all(rig, setups, default_seeds(rig), parts)
+    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, heights)
+    loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
+    swept = {
+        name: sweep(setup, tried.gap_m, load, sweep_frequencies(rig), seed=0)
+        for name, setup in setups.items()
+    }
+    plant = check_plant(rig, knowledge)
+    figures = {
+        **_head(rig, controller),
+        "plant": plant.as_dict(),
+        "operating_point": _point(at),
+        "steps": [cell.as_dict() for cell in cells],
+        **tried_beside.as_dict(),
+        "loop": {
+            name: asdict(loops[name].margins) if has_constants(setup) else None
+            for name, setup in setups.items()
+        },
+        "sensitivity": {
+            name: sensitivity
+            and {
+                "peak": sensitivity.peak,
+                "peak_Hz": sensitivity.peak_frequency,
+                "zone": sensitivity.zone,
+            }
+            for name, sensitivity in swept.items()
+        },
+    }
+    return Simulation(
+        rig=rig,
+        controller=controller,
+        knowledge=knowledge,
+        setups=setups,
+        at=at,
+        recording=recording,
+        shown={name: SimulatedLoop(setup).run(scenario) for name, setup in setups.items()},
+        scenario=scenario,
+        cells=cells,
+        experiments=tried_beside,
+        loops=loops,
+        sensitivity={
+            name: sensitivity for name, sensitivity in swept.items() if sensitivity is not None
+        },
+        plant=plant,
+        figures=figures,
+    )
+
+
+def _head(rig: BodyRig, controller: ControllerFile) -> dict[str, Any]:
+    """Return what was simulated."""
+    return {
+        "format": "anhyst-simulation",
+        "rig": rig.settings.name,
+        "controller": controller.settings.name,
+        "variant": controller.settings.compensation.variant,
+        "number_format": controller.settings.compensation.format,
+        "supply_V": rig.settings.amplifier.supply,
+        "rate_Hz": rig.settings.timing.rate_Hz,
+        "delay_ticks": rig.settings.timing.delay_ticks,
+    }
+
+
+def compared(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
+    """Return all variants that a rig allows, that of the controller file among them."""
+    methods = [
+        name for name in COMPARED if name not in PROBED or rig.settings.hall_probe is not None
+    ]
+    return tuple(dict.fromkeys([*methods, own]))
+
+
+def _point(at: OperatingPoint) -> dict[str, Any]:
+    slopes = at.slopes
+    return {
+        "gap_m": at.gap,
+        "force_N": at.force,
+        "current_A": at.current,
+        "force_max_N": at.force_max,
+        "k_i_N_per_A": slopes.static.k_i,
+        "k_s_N_per_m": at.point.k_s,
+        "k_i_after_reversal_N_per_A": min(slopes.after_rise, slopes.after_fall),
+        "iron": slopes.label,
+        "inductance_H": at.point.inductance,
+        "unstable_pole_Hz": at.point.pole_at_current,
+    }
+
+
+def _lost_blocks(figures: Mapping[str, Any]) -> list[str]:
+    """Name every block of ``figures.json`` in which its own variant lost levitation."""
+    own = figures["variant"]
+    lost = {}
+    for row in figures["steps"]:
+        if row["variant"] == own and row["lost"]:
+            lost[f"steps at {1e3 * row['gap_m']:g} mm"] = row["lost"]
+    for title, variants in _blocks(figures):
+        if variants[own]["lost"]:
+            lost[title] = variants[own]["lost"]
+    blocks = [f"{title} ({_runs(count)})" for title, count in lost.items()]
+    return blocks + (["sensitivity"] if figures["sensitivity"][own] is None else [])
+
+
+def _blocks(figures: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    yield "standstill", figures["standstill"]
+    for row in figures["trajectories"]:
+        yield f"{row['kind']} of {1e6 * row['amplitude_m']:g} um", row["variants"]
+    for row in figures["load_steps"]:
+        yield f"load step of {row['force_N']:g} N", row["variants"]
+    yield from figures["events"].items()
+
+
+def _runs(count: int) -> str:
+    return "1 run" if count == 1 else f"{count} runs"

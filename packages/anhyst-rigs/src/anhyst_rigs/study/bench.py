@@ -1,0 +1,309 @@
+"""Open the bench of a rig file: compile its controller, build the firmware, switch on.
+
+Prepared benches, kept in the user's cache: files that were opened before open soon.
+
+What is kept is found by a hash over all that goes into it: the contents of the files that a rig
+names, where they lie, the sources and the binary that compute, the compiler. So it is never stale.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+from anhyst.compensate.block import DemandLimits, Kind
+from anhyst.compensate.plan import CompileRequest
+from anhyst_rigs.link.xcp import XcpMaster
+from anhyst.model.actuator import Model, read_model
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.bench.force import ForceBench
+from anhyst_rigs.rig.bench.hardware import HardwareBench
+from anhyst_rigs.rig.bench.piezo import PiezoBench
+from anhyst_rigs.rig.bench.stage import StageBench
+from anhyst_rigs.rig.force.file import read_rig
+from anhyst_rigs.rig.force.programs import find_model, loops_of_rig
+from anhyst_rigs.rig.from_loops import complete_rig
+from anhyst_rigs.rig.piezo import read_piezo_rig
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import identify_stage, make_stage
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.bearing.on_board import build_firmware
+from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.excite.design import Specimen
+from anhyst_rigs.study.excite.excite import Excitation, Measuring
+from anhyst_rigs.study.excite.on_board import measure_on_board
+from anhyst_rigs.study.force_control import build_program
+from anhyst_rigs.study.piezo import find_inverses
+from anhyst_rigs.study.prepared import (
+    Prepared,
+    PreparedBearing,
+    PreparedBoard,
+    PreparedForce,
+    PreparedPiezo,
+    PreparedStage,
+)
+from anhyst_rigs.study.tracking.simulate import OWN, check_calibration, find_gains
+from anhyst.support.atomic import PathLike, cache_folder, core_folder, firmware_folder
+from anhyst.support.block_words import Scales
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress, all_of, in_parts
+from anhyst.support.kept import computed_with, forget, load, sealed
+from anhyst.support.kinds import COMPILED, MethodName, capability, refuse_other
+from anhyst.support.toml_file import take_rig
+
+
+def open_bench(
+    rig_path: PathLike, controller_path: PathLike | None = None, progress: Progress | None = None
+) -> BearingBench | ForceBench | StageBench | PiezoBench:
+    """Open the virtual bench of a rig."""
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:  # a firmware runs on without it
+        parts = in_parts(progress, (2.0, 1.0))
+        bench = prepare_bench(rig_path, controller_path, Path(folder), next(parts)).open()
+    next(parts)(1, 1)
+    return bench
+
+
+def open_board(folder: PathLike, url: str) -> HardwareBench:
+    """Open the bench of a controller that runs by itself."""
+    manifest = _manifest(folder)
+    return HardwareBench(lambda: XcpMaster(url), manifest)
+
+
+def address_of(xcp: str | None, port: str | None) -> str | None:
+    """Return where a controller offers XCP, by TCP or on a serial port; None where neither is given."""
+    if xcp is not None and port is not None:
+        raise InputError(
+            "--port: one controller at a time; leave it or --xcp out",
+            code="options-together",
+            key="--port",
+        )
+    return port if xcp is None else f"socket://{xcp}"
+
+
+def through(folder: PathLike, url: str) -> Measuring:
+    """Return what measures loops through a controller that runs by itself."""
+
+    def measure(specimen: Specimen, progress: Progress | None) -> Excitation:
+        with closing(open_board(folder, url)) as bench:
+            return measure_on_board(specimen, bench, progress)
+
+    return measure
+
+
+def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
+    """Read what a better model for a controller that runs by itself is found with."""
+    manifest = _manifest(folder)
+    rig = read_rig(rig_path)
+    if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):
+        raise InputError(
+            f"{folder}: is no fixed-point controller of force; compile one",
+            code="not-a-compiled-folder",
+        )
+    loops = loops_of_rig(rig)
+    signals, limits = manifest["signals"], manifest["limits"]
+    gap = signals["gap"] or {"low": 0.0, "high": 0.0}
+    kind: Kind = "simplified" if manifest["kind"] == "simplified" else "full"
+    return PreparedBoard(
+        complete_rig(rig, loops),
+        loops,
+        _model_of(manifest, [Path(folder).resolve().parent, rig.path.resolve().parent]),
+        CompileRequest(kind, manifest["io"], float(manifest["rate_Hz"])),
+        Scales(signals["demand"]["scale"], signals["current"]["scale"], gap["low"], gap["high"]),
+        DemandLimits(tuple(limits["demand"]), tuple(limits["current"])),
+    )
+
+
+def _manifest(folder: PathLike) -> dict[str, Any]:
+    """Read the manifest of a compiled folder."""
+    refuse_other(folder, [COMPILED])
+    path = Path(folder) / "manifest.json"
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        manifest = None
+    if not isinstance(manifest, dict) or "signals" not in manifest:
+        raise InputError(
+            f"{path}: is not there or no manifest; name the folder that anhyst compile wrote and "
+            "the firmware is built around",
+            code="not-a-compiled-folder",
+        )
+    return manifest
+
+
+def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
+    """Find the model file that a folder was compiled from, by its checksum."""
+    digest = manifest["model"]["sha256"]
+    for path in (file for folder in folders for file in sorted(folder.glob("*.toml"))):
+        if hashlib.sha256(path.read_bytes()).hexdigest() == digest:
+            return read_model(path)
+    places = " or ".join(str(folder) for folder in folders)
+    raise InputError(
+        f"model '{manifest['model']['name']}': the file that the folder was compiled from is not in "
+        f"{places}; put it there, unchanged",
+        code="model-file-missing",
+    )
+
+
+class HasBench(Protocol):
+    """A kind of rig that has a virtual bench."""
+
+    def prepare(
+        self, rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None
+    ) -> Prepared:
+        """Compile and build all that the bench needs, its firmware in a folder."""
+
+    def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
+        """Return the rig file, and all files that it and a controller file name."""
+
+
+def prepare_bench(
+    rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None = None
+) -> Prepared:
+    """Compile and build all that the virtual bench of a rig needs."""
+    return _bench_of(rig, controller).prepare(rig, controller, folder, progress)
+
+
+def _bench_of(rig: PathLike, controller: PathLike | None) -> HasBench:
+    """Return the record of the kind of a rig; refuse a controller file where it takes none."""
+    kind = take_rig(rig, "live")
+    kind.refuse_options("live", {"--controller": controller})
+    return capability(kind, HasBench)
+
+
+def prepare_bearing(
+    rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
+) -> PreparedBearing:
+    """Identify the magnet of a bearing, and build the firmware of its controller."""
+    parts = in_parts(progress, (1.0, 1.0))
+    rig, controller = read_files(rig_path, controller_path)
+    ready = make_ready(rig, controller)
+    next(parts)(1, 1)
+    known = ready.knowledge()
+    setup, firmware = build_firmware(ready.rig, controller, known, "library", folder)
+    next(parts)(1, 1)
+    return PreparedBearing(setup, known.model, firmware)
+
+
+def prepare_force(
+    rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
+) -> PreparedForce:
+    """Identify the actuator of a rig, and build the firmware that controls its force."""
+    del controller_path
+    parts = in_parts(progress, (1.0, 1.0))
+    rig = read_rig(rig_path)
+    loops = loops_of_rig(rig)
+    rig = complete_rig(rig, loops)
+    next(parts)(1, 1)
+    program = build_program(
+        "full", find_model(rig, loops), rig.settings.timing.rate_Hz, "library", folder / "full"
+    )
+    next(parts)(1, 1)
+    return PreparedForce(rig, loops, program)
+
+
+COMPARED: tuple[MethodName, MethodName] = ("single-valued", OWN)
+"""Between what a stage is switched while it runs."""
+
+
+def prepare_stage(
+    rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
+) -> PreparedStage:
+    """Identify the magnets of a stage, and find the gains of both methods."""
+    del controller_path, folder
+    parts = in_parts(progress, (2.0, 1.0))
+    rig = read_stage(rig_path)
+    check_calibration(rig)
+    magnet = identify_stage(rig)
+    next(parts)(1, 1)
+    setups = [make_stage(rig, magnet, method) for method in COMPARED]
+    scan = rig.settings.scan
+    training = motion_of(scan, scan.train_m_per_s2)
+    gains = all_of(partial(find_gains, motion=training), setups, next(parts))
+    return PreparedStage(magnet, tuple(setups), tuple(gains))
+
+
+def prepare_piezo(
+    rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
+) -> PreparedPiezo:
+    """Find what makes voltages of displacements, with memory and without."""
+    del controller_path, folder, progress
+    rig = read_piezo_rig(rig_path)
+    inverses = find_inverses(rig)
+    return PreparedPiezo(rig, (inverses["single-valued"], inverses["full"]))
+
+
+MOST = 20
+"""Benches that are kept; those not opened for longest go."""
+_FIRMWARE, _PICKLE = "firmware", "prepared.pickle"
+
+
+@contextmanager
+def prepared_once(
+    rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
+) -> Iterator[Prepared]:
+    """Prepare a bench, or take what was prepared of the same files before."""
+    kind = _bench_of(rig_path, controller_path)
+    is_kept = kind.prepare.__module__.startswith("anhyst.")  # no key knows the code of others
+    place = cache_folder("benches") / _key(kind.files(rig_path, controller_path))
+    prepared_before = _load(place) if is_kept else None
+    if prepared_before is not None:
+        yield prepared_before
+        return
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
+        prepared = prepare_bench(rig_path, controller_path, Path(folder), progress)
+        if is_kept:
+            with suppress(OSError):
+                _keep(prepared, place)
+        yield prepared
+
+
+def _load(folder: Path) -> Prepared | None:
+    """Return what is kept at a place, if it is there, whole and one's own."""
+    prepared: Prepared | None = load(folder / _PICKLE)
+    if prepared is None:
+        return None
+    os.utime(folder)
+    return prepared.with_firmware(folder / _FIRMWARE) if prepared.firmware else prepared
+
+
+def _keep(prepared: Prepared, place: Path) -> None:
+    """Put a bench into the cache, whole or not at all."""
+    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as draft:
+        folder = Path(draft) / "whole"
+        folder.mkdir()
+        if prepared.firmware is not None:
+            shutil.copy2(prepared.firmware, folder / _FIRMWARE)
+        (folder / _PICKLE).write_bytes(sealed(prepared))
+        shutil.rmtree(place, ignore_errors=True)  # one that could not be read
+        folder.rename(place)
+    forget(place.parent, MOST)
+
+
+def _key(files: Sequence[Path]) -> str:
+    """Return a name for all that goes into a bench."""
+    digest = hashlib.sha256(computed_with())
+    for path in [*files, *_sources()]:
+        digest.update(f"\0{path}\0{path.resolve()}\0".encode())
+        with suppress(OSError):  # whoever reads it says what is wrong
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _sources() -> Iterator[Path]:
+    """Return what firmware is made of: the C that is compiled, the compiler."""
+    for name in ("cc", "gcc", "clang"):
+        if tool := shutil.which(name):
+            yield Path(tool)
+    for folder in (core_folder(), firmware_folder()):
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and path.suffix in {".c", ".h", ".ld", ".toml"}:
+                yield path

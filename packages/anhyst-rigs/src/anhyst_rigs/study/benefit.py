@@ -1,0 +1,493 @@
+"""What compensation gains over the width of the loops and the reversible part of the iron.
+
+Of a bearing in its steps, over their height; of any other rig in what its plants are judged by,
+without drift.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from anhyst.compensate import methods
+from anhyst.control.controller_file import ControllerFile
+from anhyst.data import Loops
+from anhyst.data.verdict import judge, reversal_share
+from anhyst_rigs.rig.bearing.loop import check_controller, make_setup
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.drift import NO_DRIFT, Drift, with_iron
+from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.rig.fitting import identify_magnet
+from anhyst_rigs.rig.force.file import Rig
+from anhyst_rigs.rig.kind_rules import takes_key
+from anhyst_rigs.rig.measuring import measure_loops
+from anhyst_rigs.rig.parts.iron import NamedCells
+from anhyst_rigs.rig.piezo import PiezoRig
+from anhyst_rigs.rig.stage.loop import identify_stage
+from anhyst_rigs.study.bearing.operating import find_operating_point, label_of
+from anhyst_rigs.study.bearing.responses import StepResult, StepRun, run_steps
+from anhyst_rigs.study.engine.monte_carlo import Plants
+from anhyst_rigs.study.engine.table import Interval, Metric, Quotient, mean_interval, quotient
+from anhyst_rigs.study.excite.design import force_specimen
+from anhyst_rigs.study.excite.excite import measure as excite_specimen
+from anhyst_rigs.study.piezo import measure as measure_stack
+from anhyst_rigs.study.plants import drifted_rig, force_plants, piezo_plants, stage_plants
+from anhyst.support import running_version
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName, capability
+from anhyst.support.numeric import FloatArray
+
+WIDTHS = (0.5, 1.0, 2.0)
+"""Factors on the pinning of the rig's iron."""
+FRACTIONS = (0.05, 0.15, 0.3, 0.5)
+"""Reversible fractions of irons of cells; another family has none, and keeps its own shape."""
+BASELINES = tuple(name for name in methods.BASELINES if name not in ("secant", "play"))
+"""Ways from force to current that know no hysteresis and measure nothing; ``linearised`` is the
+better one of the two straight lines."""
+
+OF_STEPS = (
+    Metric("overshoot_percent", "overshoot", "%"),
+    Metric("settling_in_noise_s", "settling time", "ms", 1e3),
+)
+"""Figures of a step that are compared."""
+SEEDS = 4
+"""Of noise, where the rig file says none."""
+STANDSTILLS = 3.0
+"""Overshoots of no more than so many times the rms of a standstill are none: nothing to gain."""
+
+Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
+_Runs = Sequence[Sequence[Mapping[str, float]]]
+_Values = Mapping[MethodName, Mapping[str, FloatArray]]
+
+
+@dataclass(frozen=True)
+class IronFigures:
+    """One iron of the map, as it shows in measurements."""
+
+    scale: float  # factor on the pinning
+    # weight of what nothing pins; None where the family has no such number
+    reversible_fraction: float | None
+    loop_width: float  # largest of the measured loops, in parts of the largest current
+    # slope just after a reversal over the static slope, estimated from the measured loops; None
+    # where they leave it open
+    after_reversal: float | None
+    # the same of the virtual magnet at its operating point; of a bearing alone
+    after_reversal_true: float | None
+    label: str  # ``"regular"`` or ``"pathological"``, by that; empty where nothing is known of it
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The full compensator against a baseline, in one figure."""
+
+    # strongest of those that kept the armature in the air; None if none did
+    baseline: MethodName | None
+    # figure of ``full`` over that of the baseline; None where one of them has lost the armature
+    quotient: Quotient | None
+    difference: Interval | None  # figure of the baseline less that of ``full``, seed by seed
+    # Overshoot that is none, % of the height: :data:`STANDSTILLS` times the larger standstill rms
+    # of the two. None for other figures.
+    floor: float | None = None
+    small: bool = False  # both means are below the floor
+
+    @property
+    def outcome(self) -> Outcome:
+        """``gain`` or ``loss`` if it is certain: the interval of the difference leaves out zero.
+
+        It is a loss, too, where the baseline kept the armature in the air and ``full`` did not.
+        """
+        if self.small:
+            return "nothing to gain"
+        if self.difference is None:
+            return "no gain" if self.baseline is None else "loss"
+        if self.difference.mean > self.difference.half_width:
+            return "gain"
+        return "loss" if self.difference.mean < -self.difference.half_width else "no gain"
+
+
+@dataclass(frozen=True)
+class MapCell:
+    """One iron in one case."""
+
+    iron: IronFigures
+    case: float | str  # height of a step, m, or what the trials of a plant are called
+    # by variant, then by key of a metric; a variant that was lost is missing
+    figures: Mapping[MethodName, Mapping[str, Interval]]
+    # rms of the gap at the end of the holds of steps, mean over seeds and directions, m; by variant
+    standstill: Mapping[MethodName, float]
+    # by metric: against the strongest of :data:`BASELINES` in this very figure, and against ``ratio``
+    strongest: Mapping[str, Comparison]
+    ratio: Mapping[str, Comparison]
+    # against ``flux``, which measures the flux density instead; empty without a Hall probe
+    flux: Mapping[str, Comparison]
+
+
+@dataclass(frozen=True)
+class Benefit:
+    """The whole map.
+
+    Parameters
+    ----------
+    rig : str
+        Its name in the file.
+    seeds : int
+        Of noise.
+    cells : tuple of MapCell
+        In the order scale, reversible fraction, case.
+    metrics : tuple of Metric
+        What is compared.
+    bearing : mapping of str to object
+        Of a bearing the name of its controller and its operating point, m and N.
+    """
+
+    rig: str
+    seeds: int
+    cells: tuple[MapCell, ...]
+    metrics: tuple[Metric, ...] = OF_STEPS
+    bearing: Mapping[str, Any] = field(default_factory=dict)
+
+    def row_width(self, scale: float) -> float:
+        """Return the mean loop width of the irons of a scale, in parts of the largest current."""
+        return float(np.mean([c.iron.loop_width for c in self.cells if c.iron.scale == scale]))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``benefit.json`` holds it."""
+        return {
+            "format": "anhyst-benefit",
+            "version": 1,
+            "anhyst": running_version(),
+            "rig": self.rig,
+            **self.bearing,
+            "noise_seeds": self.seeds,
+            "confidence": 0.95,
+            "cells": [_row(cell) for cell in self.cells],
+        }
+
+
+@dataclass(frozen=True)
+class _Work:
+    rig: BodyRig
+    controller: ControllerFile
+    scale: float
+    fraction: float | None
+    heights: tuple[float, ...]
+    seeds: tuple[int, ...]
+
+
+def benefit(
+    rig: BodyRig,
+    controller: ControllerFile,
+    scales: Sequence[float] = WIDTHS,
+    fractions: Sequence[float | None] | None = None,
+    heights: Sequence[float] | None = None,
+    seeds: int | None = None,
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> Benefit:
+    """Map what compensation gains; every magnet is measured and identified again.
+
+    Loops of each magnet are measured through the sensors of the rig, all variants are fitted to
+    these loops, and all run with the gains of the controller file.
+    """
+    check_controller(controller, rig)
+    tried = rig.settings
+    steps = tuple(tried.step.heights_m if heights is None else heights)
+    count = tried.noise_seeds if seeds is None else seeds
+    work = [
+        _Work(with_iron(rig, fraction, scale), controller, scale, fraction, steps, (*range(count),))
+        for scale, fraction in product(scales, fractions or fractions_of(rig.settings))
+    ]
+    rows = all_of(_map_iron, work, progress, jobs)
+    return Benefit(
+        rig=rig.settings.name,
+        seeds=count,
+        cells=tuple(cell for cells in rows for cell in cells),
+        bearing={
+            "controller": controller.settings.name,
+            "gap_m": tried.gap_m,
+            "load_N": rig.settings.load.force_N,
+        },
+    )
+
+
+def fractions_of(file: RigFile) -> Sequence[float | None]:
+    """Return the reversible fractions that a map of a rig goes over."""
+    is_of_cells = file.bodies and file.magnets and isinstance(file.iron, NamedCells)
+    return FRACTIONS if is_of_cells else (None,)
+
+
+def _map_iron(work: _Work) -> list[MapCell]:
+    """Measure a magnet, fit everything to its loops, and step it."""
+    rig, table = work.rig, work.controller.settings
+    knowledge = identify_magnet(measure_loops(rig), rig.settings.loops)
+    slopes = find_operating_point(rig).slopes
+    iron = IronFigures(
+        scale=work.scale,
+        reversible_fraction=work.fraction,
+        loop_width=judge(knowledge.loops).width_relative,
+        after_reversal=reversal_share(knowledge.loops),
+        after_reversal_true=slopes.share,
+        label=slopes.label,
+    )
+    steps: dict[MethodName, list[list[StepResult]]] = {}
+    probe = rig.settings.hall_probe is not None
+    baselines: tuple[MethodName, ...] = (*BASELINES, "flux") if probe else BASELINES
+    for variant in (*baselines, "full"):
+        setup = make_setup(rig, table, knowledge, variant, table.compensation.format)
+        gap, load = rig.settings.gap_m, rig.settings.load.force_N
+        runs = [run_steps(StepRun(setup, gap, work.heights, load, seed))[0] for seed in work.seeds]
+        if all(runs):
+            steps[variant] = runs
+    return [_of_step(iron, height, _at(steps, height), rig) for height in work.heights]
+
+
+def _at(
+    steps: Mapping[MethodName, list[list[StepResult]]], height: float
+) -> Mapping[MethodName, _Runs]:
+    """Return the figures of the steps of a height: up and down, seed by seed."""
+    return {
+        name: [
+            [step.figures for step in run if math.isclose(step.height, height, rel_tol=1e-6)]
+            for run in runs
+        ]
+        for name, runs in steps.items()
+    }
+
+
+def _of_step(
+    iron: IronFigures, height: float, runs: Mapping[MethodName, _Runs], rig: BodyRig
+) -> MapCell:
+    """Return the cell of a step, whose overshoot is none within a standstill."""
+    hold = rig.settings.step.hold_s
+    values = {
+        name: {metric.key: _values(pairs, metric.key, hold) for metric in OF_STEPS}
+        for name, pairs in runs.items()
+    }
+    still = {
+        name: float(np.mean([figures["standstill_rms_m"] for pair in pairs for figures in pair]))
+        for name, pairs in runs.items()
+    }
+    probed = rig.settings.hall_probe is not None
+    return compare_cell(iron, height, values, still, probed, [metric.key for metric in OF_STEPS])
+
+
+def compare_cell(
+    iron: IronFigures,
+    case: float | str,
+    values: _Values,
+    still: Mapping[MethodName, float],
+    probed: bool,
+    keys: Sequence[str],
+) -> MapCell:
+    """Return the cell of an iron from figures by method and key, one a seed; by none if all were lost."""
+
+    def against(*baselines: MethodName) -> dict[str, Comparison]:
+        compared = {key: _compare(values, key, baselines) for key in keys}
+        if isinstance(case, float):
+            compared["overshoot_percent"] = _beyond(
+                compared["overshoot_percent"], values, still, case
+            )
+        return compared
+
+    return MapCell(
+        iron=iron,
+        case=case,
+        figures={
+            name: {key: mean_interval(row) for key, row in rows.items()}
+            for name, rows in values.items()
+        },
+        standstill=still,
+        strongest=against(*BASELINES),
+        ratio=against("ratio"),
+        flux=against("flux") if probed else {},
+    )
+
+
+def _values(runs: _Runs, key: str, hold: float) -> FloatArray:
+    """Return the larger one of up and down a seed; what did not settle did so when the hold ended."""
+    most = hold if key == "settling_in_noise_s" else math.inf
+    return np.array([max(min(figures[key], most) for figures in pair) for pair in runs])
+
+
+def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Comparison:
+    """Compare with the best baseline of this very cell: chance favours it a little, never ``full``."""
+    held = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
+    if not held:
+        return Comparison(None, None, None)
+    baseline = min(held, key=lambda name: float(np.mean(values[name][key])))
+    if "full" not in values or not np.isfinite(values["full"][key]).all():
+        return Comparison(baseline, None, None)
+    own, other = values["full"][key], values[baseline][key]
+    return Comparison(baseline, quotient(own, other), mean_interval(other - own))
+
+
+def _beyond(
+    compared: Comparison, values: _Values, still: Mapping[MethodName, float], height: float
+) -> Comparison:
+    """Return a comparison of overshoots with the floor below which they are none."""
+    if compared.baseline is None or compared.quotient is None:
+        return compared
+    pair: tuple[MethodName, ...] = ("full", compared.baseline)
+    floor = 100.0 * STANDSTILLS * max(still[name] for name in pair) / height
+    most = max(float(np.mean(values[name]["overshoot_percent"])) for name in pair)
+    return replace(compared, floor=floor, small=most < floor)
+
+
+AnyRig = BodyRig | Rig | PiezoRig
+
+
+class HasIrons(Protocol):
+    """A kind of rig whose plants can be run with other irons."""
+
+    def with_iron(self, rig: AnyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
+        """Measure the loops of a rig with another iron; return them and its plants."""
+
+
+@dataclass(frozen=True)
+class _PlantWork:
+    rig: AnyRig
+    scale: float
+    fraction: float | None
+    seeds: tuple[int, ...]
+
+
+def benefit_of_plants(
+    rig: AnyRig,
+    scales: Sequence[float] = WIDTHS,
+    fractions: Sequence[float | None] | None = None,
+    seeds: int | None = None,
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> Benefit:
+    """Map what compensation gains on a stage, a piezo stage or a rig of force control.
+
+    Loops of every iron are measured and identified anew; judged is what a plant without drift does,
+    by the figures of its kind, over some seeds of noise.
+    """
+    own = rig.settings.noise_seeds if takes_key(rig.settings, "noise_seeds") else SEEDS
+    count = seeds or own
+    work = [
+        _PlantWork(rig, scale, fraction, (*range(1, count + 1),))
+        for scale, fraction in product(scales, fractions or fractions_of(rig.settings))
+    ]
+    rows = all_of(_map_plants, work, progress, jobs)
+    return Benefit(
+        rig=rig.settings.name,
+        seeds=count,
+        cells=tuple(cell for cells, _ in rows for cell in cells),
+        metrics=rows[0][1],
+    )
+
+
+def _map_plants(work: _PlantWork) -> tuple[list[MapCell], tuple[Metric, ...]]:
+    """Run one iron behind every method."""
+    kind = capability(work.rig.settings.kind, HasIrons)
+    loops, plants = kind.with_iron(work.rig, work.fraction, work.scale)
+    share = reversal_share(loops)
+    label = "" if share is None else label_of(share)
+    width = judge(loops).width_relative
+    iron = IronFigures(work.scale, work.fraction, width, share, None, label)
+    runs = {
+        method: [plants.work.run(method, NO_DRIFT, seed) for seed in work.seeds]
+        for method in plants.methods
+    }
+    held = {
+        method: each for method, each in runs.items() if not any("lost_s" in run for run in each)
+    }
+    cells, keys = [], [figure.key for figure in plants.figures]
+    for case, numbers in _cases(plants).items():
+        values = {
+            method: {
+                figure.key: np.array([_largest(run[figure.key], numbers) for run in each])
+                for figure in plants.figures
+            }
+            for method, each in held.items()
+        }
+        cells.append(compare_cell(iron, case, values, {}, "flux" in plants.methods, keys))
+    return cells, plants.figures
+
+
+def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
+    """Return the cases of a map, and the places of each in the figures of a plant."""
+    if plants.single_case:
+        return {plants.single_case: [0]}
+    stages = [name.partition("_")[0] for name in plants.figures[0].names]
+    return {
+        f"worst of {stage}": [place for place, one in enumerate(stages) if one == stage]
+        for stage in dict.fromkeys(stages)
+    }
+
+
+def _largest(figure: float | Sequence[float | None] | None, numbers: Sequence[int]) -> float:
+    """Return the largest of some values of a figure; infinite where a level was not reached."""
+    row = [figure[number] for number in numbers] if isinstance(figure, Sequence) else [figure]
+    return max(math.inf if value is None else value for value in row)
+
+
+def stage_with_iron(rig: BodyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
+    """Measure the loops of a stage with another iron; return them and its plants."""
+    iron = with_iron(rig, fraction, scale)
+    known = identify_stage(iron, measure_loops(iron))
+    probed: tuple[MethodName, ...] = ("flux",) if rig.settings.hall_probe is not None else ()
+    names: tuple[MethodName, ...] = (*BASELINES, "full", *probed)
+    return known.loops, stage_plants(iron, known, names, errors={"none": ()}, jobs=1)
+
+
+def force_with_iron(rig: Rig, _: float | None, scale: float) -> tuple[Loops, Plants]:
+    """Measure the loops of an actuator with another iron; return them and its plants."""
+    other = drifted_rig(rig, Drift(pinning=scale - 1.0))
+    loops = excite_specimen(force_specimen(other)).loops
+    return loops, force_plants(other, loops=loops)
+
+
+def piezo_with_iron(rig: PiezoRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
+    """Measure the loops of a stack that is wider by a factor; return them and the stage's plants."""
+    slope = scale * rig.settings.stack.slope_m_per_V
+    wider = replace(rig, settings=rig.settings.changed({"stack.slope_m_per_V": slope}))
+    loops = measure_stack(wider)
+    return loops, piezo_plants(wider, loops)
+
+
+def _row(cell: MapCell) -> dict[str, Any]:
+    iron = cell.iron
+    return {
+        "pinning_scale": iron.scale,
+        "reversible_fraction": iron.reversible_fraction,
+        "loop_width_percent": 100.0 * iron.loop_width,
+        "after_reversal": iron.after_reversal,
+        "after_reversal_true": iron.after_reversal_true,
+        "iron": iron.label,
+        "height_m" if isinstance(cell.case, float) else "case": cell.case,
+        "figures": {
+            name: {measure: _interval(value) for measure, value in rows.items()}
+            for name, rows in cell.figures.items()
+        },
+        "standstill_rms_m": dict(cell.standstill),
+        "against_strongest": {name: _comparison(value) for name, value in cell.strongest.items()},
+        "against_ratio": {name: _comparison(value) for name, value in cell.ratio.items()},
+        "against_flux": {name: _comparison(value) for name, value in cell.flux.items()},
+    }
+
+
+def _interval(interval: Interval) -> dict[str, float]:
+    return {"mean": interval.mean, "half_width": interval.half_width}
+
+
+def _comparison(comparison: Comparison) -> dict[str, Any]:
+    row: dict[str, Any] = {"baseline": comparison.baseline, "outcome": comparison.outcome}
+    if comparison.floor is not None:
+        row["floor_percent"] = comparison.floor
+    if comparison.quotient is not None and comparison.difference is not None:
+        value, high = comparison.quotient.value, comparison.quotient.high
+        row |= {
+            "ratio": value if math.isfinite(value) else None,
+            "ratio_low": comparison.quotient.low,
+            "ratio_high": high if math.isfinite(high) else None,
+            "difference": _interval(comparison.difference),
+        }
+    return row

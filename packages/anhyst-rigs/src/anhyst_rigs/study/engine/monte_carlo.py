@@ -1,0 +1,363 @@
+"""Plants that have drifted behind every method, whichever rig they are: Monte Carlo.
+
+A plant depends on the seed and its number alone, whoever runs it and when, and none is run twice.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from anhyst_rigs.rig.drift import Drift, draw_plant
+from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.study.engine.table import (
+    ComparedFigure,
+    Judgement,
+    Metric,
+    StudyResult,
+    judge,
+    mean_interval,
+    strongest,
+)
+from anhyst.support import running_version
+from anhyst.support.atomic import PathLike, plain
+from anhyst.support.errors import Interrupted, NegativeResult
+from anhyst.support.jobs import Progress, each
+from anhyst.support.kept import ResultsFile
+from anhyst.support.kinds import MethodName
+from anhyst.support.result import columns_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PERCENTILES = (5, 50, 95, 99)
+
+
+@dataclass(frozen=True)
+class PlantFigure(Metric):
+    """What is measured of a plant."""
+
+    cases: tuple[float | str, ...] = ()  # at which it is measured; without them once a plant
+    case_key: str = ""  # what files call a case
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The cases in words."""
+        if not self.cases:
+            return ("",)
+        return tuple(f"{1e6 * c:g} um" if isinstance(c, float) else c for c in self.cases)
+
+
+class PlantWork(Protocol):
+    """What runs plants of one kind of rig; goes to other processes."""
+
+    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
+        """Return every figure, infinite or null where it was not reached; or ``lost_s`` alone."""
+
+
+@dataclass(frozen=True)
+class Plants:
+    """A rig, what controls it, and what is measured of its plants."""
+
+    file: RigFile  # says what it is and by how much plants differ
+    work: PlantWork
+    methods: tuple[MethodName, ...]
+    own: MethodName  # what the others are the baselines of
+    figures: tuple[PlantFigure, ...]
+    read: tuple[Path, ...]  # files that results depend on
+    depends: Mapping[str, str]  # settings that they depend on, beside those of the rig
+    seed: int  # of all plants
+    where_it_pays: str  # said where compensation is not worth it here
+    # what a map of the benefit calls its single case; "": each stage of the trials is one
+    single_case: str = ""
+
+    def draw(self, number: int) -> tuple[Drift, int]:
+        """Return how far a plant has drifted, and the seed of its noise."""
+        return draw_plant(self.file, self.seed, number)
+
+    def header(self) -> dict[str, Any]:
+        """Return all that results depend on."""
+        return {
+            "format": "anhyst-montecarlo",
+            "version": 2,
+            "anhyst": running_version(),
+            "rig": _hash(self.file.model_dump_json(), self.read),
+            **{name: _hash(text, ()) for name, text in self.depends.items()},
+            "variants": list(self.methods),
+            "seed": self.seed,
+        }
+
+
+def _hash(settings: str, files: Sequence[Path]) -> str:
+    total = hashlib.sha256(settings.encode())
+    for path in files:
+        total.update(hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()
+
+
+@dataclass(frozen=True)
+class PlantRun:
+    """What one plant did behind one method."""
+
+    values: Mapping[str, tuple[float, ...]]  # by figure, one a case; infinite where it was lost
+    lost: float | None  # when the loop was lost, s
+
+
+@dataclass(frozen=True, repr=False)
+class MonteCarlo(StudyResult):
+    """Plants drawn and run.
+
+    Parameters
+    ----------
+    plants : Plants
+        What was run.
+    drifts : tuple of Drift
+        One a plant.
+    runs : mapping of str to tuple of PlantRun
+        One a plant, by method.
+    """
+
+    plants: Plants
+    drifts: tuple[Drift, ...]
+    runs: Mapping[MethodName, tuple[PlantRun, ...]]
+
+    def values(self, method: MethodName, key: str, case: int = 0) -> list[float]:
+        """Return a figure of every plant, infinite where the loop was lost.
+
+        Parameters
+        ----------
+        method : str
+        key : str
+            Of the figure.
+        case : int, optional
+            Number of the case.
+        """
+        return [run.values[key][case] for run in self.runs[method]]
+
+    def lost(self, method: MethodName) -> int:
+        """Return how many plants were lost behind a method.
+
+        Parameters
+        ----------
+        method : str
+        """
+        return sum(run.lost is not None for run in self.runs[method])
+
+    @property
+    def lost_in(self) -> list[str]:
+        """How many plants were lost behind each method that lost any."""
+        return [
+            f"{lost} of {len(self.drifts)} plants with '{name}'"
+            for name in self.runs
+            if (lost := self.lost(name))
+        ]
+
+    def refuse_losses(self) -> None:
+        """Raise NegativeResult where a plant was lost behind the compensator."""
+        own = self.plants.own
+        if self.lost(own):
+            raise NegativeResult(
+                f"{self.lost(own)} of {len(self.drifts)} plants were lost with '{own}'",
+                code="plants-lost",
+            )
+
+    @property
+    def verdict(self) -> Judgement:
+        """Whether compensation is worth it over all plants, figure by figure and case by case."""
+        own = self.plants.own
+        if self.lost(own):
+            return Judgement("unknown", f"'{own}' lost {self.lost(own)} of {len(self.drifts)}")
+        if len(self.drifts) < 2:
+            return Judgement("unknown", "one plant says nothing of others; run more")
+        compared = [
+            comparison
+            for figure in self.plants.figures
+            for case in range(len(figure.names))
+            if (comparison := self._compare(figure, case)) is not None
+        ]
+        return judge(own, compared, "figures", self.plants.where_it_pays)
+
+    def _compare(self, figure: PlantFigure, case: int) -> ComparedFigure | None:
+        """Compare with the strongest baseline plant by plant, since both meet the same ones."""
+        held = [method for method in self.runs if not self.lost(method)]
+        means = {one: mean_interval(self.values(one, figure.key, case)) for one in held}
+        if (best := strongest(means)) is None:
+            return None
+        own = self.plants.own
+        mine, its = (np.array(self.values(one, figure.key, case)) for one in (own, best))
+        unsure = mean_interval(mine - its).half_width if np.isfinite(mine).all() else 0.0
+        title = f"{figure.title} {figure.names[case]}".strip()
+        return ComparedFigure(title, best, means[own].mean, means[best].mean, unsure)
+
+    def facts(self) -> dict[str, str]:
+        """Return the first figure of every method, and the verdict."""
+        figure = self.plants.figures[0]
+        facts = {"plants": str(len(self.drifts)), "seed": str(self.plants.seed)}
+        for name in self.runs:
+            median = figure.factor * percentile(self.values(name, figure.key), 50)
+            facts[name] = f"{figure.title}, median {median:.3g} {figure.unit}"
+        return facts | self.losses_fact() | {"verdict": self.verdict.sentence}
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return every figure of every plant, one row a plant, method and case."""
+        rows = []
+        for figure in self.plants.figures:
+            for case, name in enumerate(figure.names):
+                for method in self.runs:
+                    for plant, value in enumerate(self.values(method, figure.key, case)):
+                        row = {"figure": figure.key, "case": name, "variant": method}
+                        rows.append({**row, "plant": plant, "value": value})
+        return columns_of(rows)
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the share of plants that stay below the first figure."""
+        figure = self.plants.figures[0]
+        for name in self.runs:
+            values = figure.factor * np.sort(self.values(name, figure.key))
+            ax.plot(values, 100.0 * np.arange(1, values.size + 1) / values.size, label=name)
+        ax.set_xlabel(f"{figure.title} [{figure.unit}]")
+        ax.set_ylabel("plants below [%]")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return percentiles and worst plants as ``montecarlo.json`` holds them."""
+        variants = {method: self._variant(method) for method in self.runs}
+        worst = {
+            spread["worst_plant"]
+            for variant in variants.values()
+            for key, rows in variant.items()
+            if key != "lost"
+            for spread in (rows if isinstance(rows, list) else [rows])
+        }
+        judged = self.verdict
+        return {
+            "format": "anhyst-montecarlo-figures",
+            "rig": self.plants.file.name,
+            "plants": len(self.drifts),
+            "seed": self.plants.seed,
+            "variants": variants,
+            "worst_plants": {
+                str(number): self.drifts[number].as_dict() for number in sorted(worst)
+            },
+            "verdict": {"level": judged.level, "text": judged.sentence},
+        }
+
+    def _variant(self, method: MethodName) -> dict[str, Any]:
+        figures: dict[str, Any] = {"lost": self.lost(method)}
+        for figure in self.plants.figures:
+            rows = [
+                {figure.case_key: case, **_spread(self.values(method, figure.key, index))}
+                for index, case in enumerate(figure.cases)
+            ]
+            figures[figure.key] = rows or _spread(self.values(method, figure.key))
+        return figures
+
+
+def _spread(values: Sequence[float]) -> dict[str, float | int | None]:
+    """Return percentiles, the worst and its plant; what is infinite becomes None, as for JSON."""
+    worst = int(np.argmax(values))
+    spread = {f"p{percent}": percentile(values, percent) for percent in PERCENTILES}
+    return {**plain({**spread, "worst": values[worst]}), "worst_plant": worst}
+
+
+def percentile(values: Sequence[float], percent: float) -> float:
+    """Return the least of the values that so many percent of them do not exceed.
+
+    >>> percentile([3.0, 1.0, 2.0, math.inf], 50), percentile([3.0, 1.0, 2.0, math.inf], 99)
+    (2.0, inf)
+    """
+    return sorted(values)[max(math.ceil(0.01 * percent * len(values)), 1) - 1]
+
+
+def monte_carlo(
+    plants: Plants,
+    path: PathLike,
+    count: int,
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> MonteCarlo:
+    """Run plants that have drifted; a file of results goes on from where it was."""
+
+    def fault(row: Mapping[str, Any]) -> str | None:
+        return fault_of(row, plants)
+
+    with ResultsFile(path, plants.header(), "plant", fault) as results:
+        left = [number for number in range(count) if number not in results.done]
+        try:
+            for _, result in each(partial(run_plant, plants), left, progress, jobs):
+                results.add(result)
+        except KeyboardInterrupt:
+            kept = sum(number in results.done for number in range(count))
+            raise Interrupted(
+                f"{kept} of {count} plants are kept in {results.path}; the same command goes on "
+                "from there"
+            ) from None
+        rows = [results.done[number]["variants"] for number in range(count)]
+    return MonteCarlo(
+        plants,
+        tuple(plants.draw(number)[0] for number in range(count)),
+        {name: tuple(_plant_run(row[name], plants) for row in rows) for name in plants.methods},
+    )
+
+
+def run_plant(plants: Plants, number: int) -> dict[str, Any]:
+    """Run one plant behind every method; returns the line of the file of results."""
+    drift, noise = plants.draw(number)
+    variants: dict[str, Any] = {}
+    for method in plants.methods:
+        variants[method] = plain({"lost_s": None, **plants.work.run(method, drift, noise)})
+    return {"plant": number, "drift": drift.as_dict(), "variants": variants}
+
+
+def _plant_run(row: Mapping[str, Any], plants: Plants) -> PlantRun:
+    lost = row["lost_s"]
+    values = {}
+    for figure in plants.figures:
+        never = [None] * len(figure.names)
+        entry = never if lost is not None else row[figure.key]
+        cases = entry if isinstance(entry, list) else [entry]
+        values[figure.key] = tuple(math.inf if case is None else case for case in cases)
+    return PlantRun(values, lost)
+
+
+def fault_of(row: Mapping[str, Any], plants: Plants) -> str | None:
+    """Say what keeps a line from being the result of a plant."""
+    return next(_faults(row, plants), None)
+
+
+def _faults(row: Mapping[str, Any], plants: Plants) -> Iterator[str]:
+    """Yield the faults of a line; what follows the first one is not looked at."""
+    number = row.get("plant")
+    if not isinstance(number, int) or isinstance(number, bool) or number < 0:
+        yield "plant: must be the number of a plant"
+    for key in ("drift", "variants"):
+        if not isinstance(row.get(key), dict):
+            yield f"{key}: is missing"
+    for name in plants.methods:
+        run, where = row["variants"].get(name), f"variants.{name}"
+        if not isinstance(run, dict):
+            yield f"{where}: is missing"
+        if not _possible(run.get("lost_s", math.nan)):
+            yield f"{where}.lost_s: must be null or when the loop was lost"
+        for figure in plants.figures if run["lost_s"] is None else ():
+            entry = run.get(figure.key, math.nan)
+            values = entry if figure.cases else [entry]
+            if not isinstance(values, list) or len(values) != len(figure.names):
+                yield f"{where}.{figure.key}: must have {len(figure.names)} values, one a case"
+            for index, value in enumerate(values):
+                if not _possible(value):
+                    key = f"{figure.key}.{index}" if figure.cases else figure.key
+                    yield f"{where}.{key}: must be null or a number that is not negative"
+
+
+def _possible(value: Any) -> bool:
+    if value is None:
+        return True
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and math.isfinite(value) and value >= 0.0

@@ -1,0 +1,302 @@
+"""A whole fleet: what ``anhyst fleet`` does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from anhyst.data.formats.text import write_csv
+from anhyst.identification.space import coordinate_of
+from anhyst_rigs.study.fleet_magnets import (
+    MODEL,
+    FleetSettings,
+    Member,
+    SharedTask,
+    decide,
+    find_members,
+    judge,
+    share,
+)
+from anhyst_rigs.study.fleet_spread import FleetSpread, MagnetEstimate, spread_of
+from anhyst.support.atomic import PathLike, check_writable, write_json
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.numeric import FloatArray
+from anhyst.support.result import Result, columns_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FEWEST = 3
+"""Magnets of which a scatter can be stated."""
+TABLE, FIGURES = "fleet.csv", "fleet.json"
+
+
+@dataclass(frozen=True, repr=False)
+class Fleet(Result):
+    """What was found.
+
+    Parameters
+    ----------
+    out : Path
+        Folder with ``fleet.json``, ``fleet.csv``, and a folder a magnet: ``model.toml``,
+        ``controller/``, ``result.json``.
+    settings : FleetSettings
+        With the law and the gap map that all got.
+    results : tuple of dict
+        Of each magnet, by name; see :func:`anhyst_rigs.study.fleet_magnets.judge`.
+    typical : str
+        The magnet nearest to the mean, whose model stands for one model for all; empty if none.
+    shared : tuple of float
+        Rms deviation of that model on each magnet's loops, in parts of the largest output.
+    spread : FleetSpread or None
+        Of the fitted quantities; None below :data:`FEWEST` magnets.
+    quantities : tuple of str
+        Their names.
+    """
+
+    out: Path
+    settings: FleetSettings
+    results: tuple[dict[str, Any], ...]
+    typical: str
+    shared: tuple[float, ...]
+    spread: FleetSpread | None
+    quantities: tuple[str, ...]
+
+    @property
+    def judged(self) -> list[dict[str, Any]]:
+        """Results of the magnets that could be judged."""
+        return [result for result in self.results if "error" not in result]
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Why the others could not be, by name."""
+        return {result["name"]: result["error"] for result in self.results if "error" in result}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know before trusting the comparison."""
+        histories = {tuple(result["histories"]) for result in self.judged}
+        if len(histories) == 1:
+            return ()
+        return (
+            "what happened before the loops was taken differently from magnet to magnet, which "
+            "moves their parameters; state it with --history, or in sidecar files",
+        )
+
+    @property
+    def own(self) -> FloatArray:
+        """Rms deviation of each judged magnet with its own controller, parts of the largest."""
+        return np.array(
+            [math.hypot(magnet["fit_rms"], magnet["compiled_rms"]) for magnet in self.judged]
+        )
+
+    @property
+    def good(self) -> list[bool]:
+        """Whether each judged magnet keeps the tolerance with its own verified controller."""
+        limit = 0.01 * self.settings.tolerance
+        return [
+            bool(magnet["verified"] and magnet["passed_acceptance"] and error <= limit)
+            for magnet, error in zip(self.judged, self.own, strict=True)
+        ]
+
+    @property
+    def good_shared(self) -> list[bool]:
+        """Whether each judged magnet keeps the tolerance with one model for all."""
+        limit = 0.01 * self.settings.tolerance
+        return [bool(error <= limit) for error in self.shared]
+
+    @property
+    def outliers(self) -> list[str]:
+        """Names of the magnets that do not belong to the fleet."""
+        if self.spread is None:
+            return []
+        names = [magnet["name"] for magnet in self.judged]
+        return [name for name, odd in zip(names, self.spread.outlier, strict=True) if odd]
+
+    def facts(self) -> dict[str, str]:
+        """Return how many are good, each by itself and with one model for all."""
+        count = len(self.results)
+        return {
+            "magnets": f"{count}, {len(self.failed)} could not be judged",
+            "law": f"{self.settings.law}, gap map {self.settings.gap_map}",
+            "good, each with its own controller": f"{sum(self.good)} of {count}",
+            f"good, all with the model of '{self.typical}'": f"{sum(self.good_shared)} of {count}",
+            "outliers": ", ".join(self.outliers) or "none",
+        }
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return a row for each judged magnet: errors in per cent, fitted quantities."""
+        rows = []
+        distance = self.spread.distance if self.spread else np.full(len(self.judged), np.nan)
+        for index, magnet in enumerate(self.judged):
+            rows.append(
+                {
+                    "magnet": magnet["name"],
+                    "good": self.good[index],
+                    "own_percent": 100.0 * float(self.own[index]),
+                    "shared_percent": 100.0 * self.shared[index],
+                    "distance": float(distance[index]),
+                    "outlier": magnet["name"] in self.outliers,
+                    **{
+                        name: magnet["values"][magnet["quantities"].index(name)]
+                        for name in self.quantities
+                    },
+                    **self._drawn_columns(index),
+                }
+            )
+        return columns_of(rows)
+
+    def _drawn_columns(self, index: int) -> dict[str, float]:
+        if (spread := self.spread) is None:
+            return {}
+        pairs = zip(self.quantities, spread.values[index], spread.std[index], strict=True)
+        return {
+            f"{name}, {what}": float(number)
+            for name, value, std in pairs
+            for what, number in (("in the fleet", value), ("in the fleet, std", std))
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what ``fleet.json`` holds."""
+        count = len(self.results)
+        spread = self.spread
+        return {
+            "format": "anhyst-fleet",
+            "magnets": count,
+            "law": self.settings.law,
+            "gap_map": self.settings.gap_map,
+            "tolerance_percent": self.settings.tolerance,
+            "yield": sum(self.good) / count,
+            "yield_one_model_for_all": sum(self.good_shared) / count,
+            "typical": self.typical,
+            "outliers": self.outliers,
+            "failed": self.failed,
+            "quantities": None
+            if spread is None
+            else {
+                name: {"mean": float(mean), "scatter": float(scatter)}
+                for name, mean, scatter in zip(
+                    self.quantities, spread.mean, spread.scatter, strict=True
+                )
+            },
+            "results": [
+                {
+                    "name": magnet["name"],
+                    "good": self.good[index],
+                    "own_rms_percent": 100.0 * float(self.own[index]),
+                    "shared_rms_percent": 100.0 * self.shared[index],
+                    "in_the_light_of_the_fleet": self._drawn(index),
+                }
+                for index, magnet in enumerate(self.judged)
+            ],
+        }
+
+    def _drawn(self, index: int) -> dict[str, Any] | None:
+        """Return what the fleet and a magnet's own loops together say of its quantities."""
+        if (spread := self.spread) is None:
+            return None
+        return {
+            "values": spread.values[index].tolist(),
+            "std": spread.std[index].tolist(),
+            "correlation": spread.correlation[index].round(6).tolist(),
+        }
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the error of each magnet with its own controller and with one model for all."""
+        order = np.argsort(self.own)
+        places = np.arange(len(order))
+        ax.plot(places, 100.0 * np.array(self.shared)[order], "o", ms=4, label="one model for all")
+        ax.plot(places, 100.0 * self.own[order], "o", ms=4, label="each its own")
+        ax.axhline(self.settings.tolerance, color="0.4", lw=0.9, ls="--", label="tolerance")
+        ax.set_xlabel("magnets, by their own error")
+        ax.set_ylabel("rms deviation [% of the largest output]")
+
+
+def fleet(
+    folder: PathLike,
+    out: PathLike,
+    settings: FleetSettings,
+    *,
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> Fleet:
+    """Identify, compile, verify and judge all magnets of a folder.
+
+    A run that was stopped goes on where it was; a magnet whose files or settings have changed is
+    done again. The same files, settings and version give the same result in any order of work.
+    """
+    members = find_members(folder)
+    target = Path(out)
+    if Path(folder).resolve() in {target.resolve(), target.resolve().parent}:
+        raise InputError(
+            f"{out}: lies where magnets are looked for; write to another folder",
+            code="out-among-inputs",
+        )
+    target.mkdir(parents=True, exist_ok=True)
+    for name in (TABLE, FIGURES):
+        check_writable(target / name)
+    choice = decide(members, settings, target, jobs)
+    tasks = [choice.task(member, settings, target) for member in members]
+    results = all_of(judge, tasks, progress, jobs)
+    if all("error" in result for result in results):
+        raise NegativeResult(
+            f"none of {len(members)} magnets could be judged; the first: {results[0]['error']}",
+            code="no-magnet-judged",
+        )
+    judged = _compared(members, results, choice.settings, target, jobs)
+    write_csv(target / TABLE, {name: _plain(c) for name, c in judged.to_columns().items()})
+    write_json(target / FIGURES, judged.as_dict())
+    return judged
+
+
+def _plain(column: Sequence[Any]) -> Any:
+    """Return a column as a CSV holds it: switches as 0 and 1, text as it is."""
+    from anhyst.data.formats.channels import Texts
+
+    if isinstance(column[0], str):
+        values = tuple(dict.fromkeys(column))
+        return Texts(values, np.array([values.index(text) for text in column], np.int32))
+    return np.array(column, dtype=np.float64)
+
+
+def _compared(
+    members: Sequence[Member],
+    results: Sequence[dict[str, Any]],
+    settings: FleetSettings,
+    out: Path,
+    jobs: int | None,
+) -> Fleet:
+    """Hold the magnets that could be judged against each other."""
+    judged = [result for result in results if "error" not in result]
+    # An offset may be fitted to one magnet and not to another: what all have is compared.
+    sets = [set(result["quantities"]) for result in judged]
+    names = tuple(
+        name for name in judged[0]["quantities"] if all(name in result for result in sets)
+    )
+    spread = None
+    if names and len(judged) >= FEWEST:
+        spread = spread_of(
+            [
+                MagnetEstimate.of(result["values"], result["std"], result["correlation"]).only(
+                    [result["quantities"].index(name) for name in names]
+                )
+                for result in judged
+            ],
+            [coordinate_of(settings.law, name) for name in names],
+        )
+    index = 0 if spread is None else int(np.argmin(spread.distance))
+    typical = judged[index]["name"]
+    model = out / typical / MODEL
+    by_name = {member.name: member for member in members}
+    shared = all_of(
+        share,
+        [SharedTask(by_name[result["name"]], model, settings.history) for result in judged],
+        jobs=jobs,
+    )
+    return Fleet(out, settings, tuple(results), typical, tuple(shared), spread, names)

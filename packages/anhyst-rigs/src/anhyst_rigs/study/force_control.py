@@ -1,0 +1,339 @@
+"""Open-loop force control, as in section III of the paper: from a rig file to recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from anhyst.compensate.block import Block, Kind
+from anhyst.compensate.current_map import fit_ratio, fit_single_valued
+from anhyst.compensate.force_controller import Compensator
+from anhyst.compensate.plan import CompileRequest
+from anhyst.compilation.output import compile_model
+from anhyst.data.table import check_format, read_columns
+from anhyst_rigs.link.firmware import build, check_compiler
+from anhyst_rigs.link.virtual_boards import find_qemu
+from anhyst.model.actuator import Model
+from anhyst.model.writer import write_model
+from anhyst_rigs.rig.distance import PlantCheck
+from anhyst_rigs.rig.force.bench import Demand, triangle, with_lead_in
+from anhyst_rigs.rig.force.file import Rig, read_rig
+from anhyst_rigs.rig.force.programs import Program, find_model, loops_at, loops_of_rig
+from anhyst_rigs.rig.from_loops import complete_rig
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.study.engine.table import FIGURES, Judgement, StudyResult
+from anhyst_rigs.study.force_trials import (
+    Controllers,
+    ForceOutcome,
+    ForceTrial,
+    Stage,
+    figures,
+    judge_stages,
+    plan_trials,
+    run_trial,
+    verdict_of,
+)
+from anhyst.support.atomic import PathLike, whole_folder, write_json
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress, all_of, in_parts
+from anhyst.support.kinds import MethodName
+from anhyst.support.result import columns_of
+from anhyst.verification.result import Verification
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+SCOPES: Mapping[Stage, str] = {"end": "end", "positions": "stroke", "moving": "stroke"}
+"""Which models belong to which stage, as their folders are called."""
+_PREPARED = 4.0
+"""Work of the models, and of the programs, in trials."""
+LONGEST_DEMAND = 120.0
+"""Seconds of a demand from a file at most."""
+
+
+@dataclass(frozen=True, repr=False)
+class ForceControl(StudyResult):
+    """What came out.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig, complete.
+    out : Path
+        Folder with everything: ``figures.json``, a recording of each trial, and below ``end/`` and
+        ``stroke/`` models and controllers; :func:`anhyst_rigs.reports.force.draw` adds pictures.
+    figures : dict
+        As in ``figures.json``.
+    outcomes : tuple of ForceOutcome
+        Recordings of all trials.
+    plant : PlantCheck
+        What the loops say about the actuator.
+    verified : Verification, optional
+        Of the compiled C, if the rig was made from loops.
+    """
+
+    kind: ClassVar = "force"
+    rig: Rig
+    out: Path
+    figures: dict[str, Any]
+    outcomes: tuple[ForceOutcome, ...]
+    plant: PlantCheck
+    verified: Verification | None = None
+
+    @property
+    def compiled(self) -> Path:
+        """The folder of C that holds for the whole stroke."""
+        return self.out / "stroke" / "full" / "controller"
+
+    @property
+    def lost_in(self) -> list[str]:
+        """Every trial in which the controlled force was lost."""
+        lost: list[str] = self.figures["lost_in"]
+        return lost
+
+    def refuse_losses(self) -> None:
+        """Raise NegativeResult where a force was lost, or the firmware and its simulation differ."""
+        if self.lost_in:
+            raise NegativeResult(
+                f"the force was lost: {'; '.join(self.lost_in)}; all files are kept",
+                code="force-lost",
+            )
+        if differing := self.figures["ticks_that_differ"]:
+            raise NegativeResult(
+                "the firmware gave another current than the simulated program at "
+                f"{differing} ticks",
+                code="firmware-differs",
+            )
+
+    @property
+    def verdict(self) -> Judgement:
+        """Whether compensation is worth it, by the worst errors of all stages."""
+        if self.lost_in:
+            return Judgement("unknown", f"the force was lost: {'; '.join(self.lost_in)}")
+        return judge_stages(self.figures["summary"])
+
+    def facts(self) -> dict[str, str]:
+        """Return where everything is, and the error of each controller's force over all trials."""
+        facts = {"folder": str(self.out), "trials": str(len(self.outcomes))}
+        rows = self._errors()
+        for name in dict.fromkeys(row["controller"] for row in rows):
+            mean = np.mean([row["error_rms_N"] for row in rows if row["controller"] == name])
+            facts[name] = f"force off by {mean:.3g} N rms"
+        return facts | self.losses_fact()
+
+    def _errors(self) -> list[dict[str, Any]]:
+        return [
+            {
+                "trial": number,
+                "stage": outcome.trial.stage,
+                "controller": name,
+                "error_rms_N": figures["true"]["rms_N"],
+                "error_worst_N": figures["true"]["worst_N"],
+            }
+            for number, (outcome, trial) in enumerate(
+                zip(self.outcomes, self.figures["trials"], strict=True)
+            )
+            for name, figures in trial["controllers"].items()
+        ]
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the error of the force of each controller in each trial, N."""
+        return columns_of(self._errors())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what ``figures.json`` holds, and the verification."""
+        verified = {"verified": self.verified.as_dict()} if self.verified else {}
+        return self.figures | verified
+
+    def draw(self, ax: Axes) -> None:
+        """Draw demand and force of every controller in the first trial."""
+        outcome = self.outcomes[0]
+        ax.plot(outcome.trial.demand.force, color="0.15", lw=0.8, ls="--", label="demand")
+        for name, run in outcome.recordings.items():
+            ax.plot(run["force_N"], lw=0.9, label=name)
+        ax.set_xlabel("tick")
+        ax.set_ylabel("force [N]")
+
+
+def force_control(
+    rig: PathLike,
+    out: PathLike,
+    *,
+    board: str = "library",
+    demand: PathLike | None = None,
+    recordings: str = "csv",
+    progress: Progress | None = None,
+) -> ForceControl:
+    """Identify, compile, build, and run every trial of a rig: `anhyst.force_control`."""
+    return _run(read_rig(rig), out, board, demand, recordings, progress)
+
+
+def _run(
+    rig: Rig,
+    out: PathLike,
+    board: str,
+    demand: PathLike | None,
+    recordings: str,
+    progress: Progress | None,
+) -> ForceControl:
+    demands = _demands(rig, demand)
+    check_format(Path(out) / f"recording.{recordings}")
+    _check_tools(board)
+    trials = list(plan_trials(rig, demands))
+    parts = in_parts(progress, [_PREPARED, _PREPARED, len(trials)])
+    loops = loops_of_rig(rig)
+    end = loops_at(loops, rig.settings.force.end_m)
+    force_max = rig.settings.force.force_max_N
+    ratio = fit_ratio(end, force_max)
+    baselines: dict[str, dict[str, Compensator]] = {
+        "end": {"ratio": ratio, "single": fit_single_valued(end, force_max)},
+        "stroke": {
+            "ratio": ratio,
+            "ratio_over_gap": fit_ratio(loops, force_max),
+            "single": fit_single_valued(loops, force_max),
+        },
+    }
+    with whole_folder(out) as folder:
+        rig = complete_rig(rig, loops)
+        found_models = all_of(partial(find_model, rig), [end, loops], next(parts))
+        models = dict(zip(baselines, found_models, strict=True))
+        programs = _programs(rig, models, board, folder, next(parts))
+        controllers = {
+            scope: Controllers(programs[scope], results, board)
+            for scope, results in baselines.items()
+        }
+        tasks = [(rig, trial, controllers[SCOPES[trial.stage]]) for trial in trials]
+        outcomes = all_of(_outcome, tasks, next(parts))
+        plant = rig.check(loops, models["stroke"])
+        results = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
+        results["verdict"] = None if results["lost_in"] else verdict_of(results["summary"])
+        _write(rig, folder, results, outcomes, recordings)
+    return ForceControl(rig, Path(out), results, tuple(outcomes), plant)
+
+
+def _compared(model: Model) -> tuple[MethodName, ...]:
+    """Return what is compiled of a model: where iron answers late, the same at rest besides."""
+    return ("full", "at-rest", "simplified") if model.has_eddy_currents else ("full", "simplified")
+
+
+def build_program(name: MethodName, model: Model, rate: float, board: str, folder: Path) -> Program:
+    """Compile a model and build the firmware around it."""
+    kind: Kind = "simplified" if name == "simplified" else "full"
+    model = model if name == "full" else model.at_rest
+    folder.mkdir(parents=True, exist_ok=True)
+    write_model(model, folder / "model.toml")
+    compiled = compile_model(
+        folder / "model.toml", folder / "controller", CompileRequest(kind, "q31", rate)
+    )
+    block = compiled.plan.block
+    assert isinstance(block, Block)
+    return Program(
+        kind=kind,
+        name=name,
+        model=model,
+        block=block,
+        cycles=compiled.plan.builder.conditioning.cycles,
+        firmware=build(board, folder / "controller", folder / "firmware"),
+    )
+
+
+def _program(task: tuple[MethodName, Model, float, str, Path]) -> Program:
+    return build_program(*task)
+
+
+def _outcome(task: tuple[Rig, ForceTrial, Controllers]) -> ForceOutcome:
+    return run_trial(*task)
+
+
+def _check_tools(board: str) -> None:
+    """Miss a tool before the work, not after it."""
+    check_compiler(board)
+    if board == "qemu-mps2":
+        find_qemu()
+
+
+def _programs(
+    rig: Rig, models: Mapping[str, Model], board: str, folder: Path, progress: Progress
+) -> dict[str, tuple[Program, ...]]:
+    rate = rig.settings.timing.rate_Hz
+    tasks = [
+        (name, model, rate, board, folder / scope / name)
+        for scope, model in models.items()
+        for name in _compared(model)
+    ]
+    made = iter(all_of(_program, tasks, progress))
+    return {scope: tuple(next(made) for _ in _compared(one)) for scope, one in models.items()}
+
+
+def _demands(rig: Rig, path: PathLike | None) -> list[Demand]:
+    settings, rate = rig.settings, rig.settings.timing.rate_Hz
+    demands = [
+        triangle(shape, settings.force.force_max_N, rate) for shape in settings.force_triangles
+    ]
+    if path is not None:
+        demands.append(_read_demand(rig, path))
+    names = [demand.name for demand in demands]
+    if len(set(names)) < len(names):
+        raise InputError(
+            f"{rig.path}: case.name: two demands have the same name",
+            code="name-twice",
+            key="case.name",
+        )
+    return demands
+
+
+def _read_demand(rig: Rig, path: PathLike) -> Demand:
+    """Read a demand and give it the ticks of the controller."""
+    table = read_columns(path)
+    time, force = table.need("time", "t_s"), table.need("force", "F_N")
+    most = rig.settings.force.force_max_N
+    if force.min() < 0.0 or force.max() > most:
+        row = int(np.argmax((force < 0.0) | (force > most)))
+        raise InputError(
+            f"{path}: sample {row}: {force[row]:g} N is beyond 0 to {most:g} N "
+            f"(force_max_N of {rig.path}); lower the demand",
+            code="out-of-range",
+        )
+    if not 0.0 < time[-1] - time[0] <= LONGEST_DEMAND:
+        raise InputError(
+            f"{path}: lasts {time[-1] - time[0]:g} s; give a demand of up to {LONGEST_DEMAND:g} s",
+            code="too-long",
+        )
+    ticks = np.arange(round((time[-1] - time[0]) * rig.settings.timing.rate_Hz) + 1)
+    sampled = np.interp(time[0] + ticks * rig.dt, time, force)
+    return with_lead_in("file", sampled, rig.settings.timing.rate_Hz)
+
+
+def _write(
+    rig: Rig,
+    folder: Path,
+    figures: Mapping[str, Any],
+    outcomes: list[ForceOutcome],
+    recordings: str,
+) -> None:
+    for outcome in outcomes:
+        _write_trial(rig, folder / f"{outcome.trial.name}.{recordings}", outcome)
+    write_json(folder / FIGURES, figures)
+
+
+def _write_trial(rig: Rig, path: Path, outcome: ForceOutcome) -> None:
+    demand = outcome.trial.demand
+    time = (np.arange(demand.force.size) - demand.lead_in) * rig.dt
+    columns = {
+        "t_s": np.round(time, 6),
+        "F_demand_N": np.round(demand.force, 6),
+        "gap_m": np.round(next(iter(outcome.recordings.values()))["gap_m"], 9),
+    }
+    for name, recording in outcome.recordings.items():
+        columns[f"F_{name}_N"] = np.round(recording["force_N"], 5)
+        columns[f"F_{name}_read_N"] = np.round(recording["force_read_N"], 5)
+        columns[f"I_{name}_A"] = np.round(recording["current_A"], 7)
+        if name in outcome.simulated:
+            columns[f"F_{name}_simulated_N"] = np.round(outcome.simulated[name], 5)
+    Recording(columns).save(path)

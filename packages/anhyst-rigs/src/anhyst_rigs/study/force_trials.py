@@ -1,0 +1,310 @@
+"""Trials of force control: which there are, how one runs under every controller, its errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from anhyst.compensate.force_controller import Compensator
+from anhyst.compensate.methods import MODELS
+from anhyst.data.verdict import WHERE_IT_PAYS
+from anhyst_rigs.rig.bench.force import run_firmware
+from anhyst_rigs.rig.force.bench import (
+    ActuatorStand,
+    Demand,
+    moving_gap,
+    run_open_loop,
+)
+from anhyst_rigs.rig.force.file import Rig
+from anhyst_rigs.rig.force.programs import Program, ticks_that_differ
+from anhyst_rigs.rig.recording import Recording, SignalBound, find_loss, peak
+from anhyst_rigs.study.engine.table import ComparedFigure, Judgement, judge
+from anhyst.support.numeric import FloatArray, rms
+
+Stage = Literal["end", "positions", "moving"]
+Start = Literal["unknown", "demagnetised"]
+
+
+@dataclass(frozen=True)
+class ForceTrial:
+    """One demand at one place."""
+
+    # ``"end"``: models of the stroke's end, there; ``"positions"``: models of the whole stroke, the
+    # armature held; ``"moving"``: the same, the armature moving
+    stage: Stage
+    demand: Demand  # what is wanted
+    position: float | None  # of the armature, m; None where it moves
+    # ``"unknown"``: the iron has any past, and the controller begins with its start-up sequence;
+    # ``"demagnetised"``: iron and controller begin there
+    start: Start
+    number: int  # of all trials; decides the noise
+
+    @property
+    def name(self) -> str:
+        """For files: ``positions_1.25mm_wide``."""
+        at = "" if self.position is None else f"_{1e3 * self.position:.2f}mm"
+        past = "_demagnetised" if self.start == "demagnetised" else ""
+        return f"{self.stage}{at}_{self.demand.name}{past}"
+
+    def gap(self, rig: Rig) -> FloatArray:
+        """Return where the armature is at every tick, m."""
+        ticks = self.demand.force.size
+        if self.position is not None:
+            return np.full(ticks, self.position)
+        return moving_gap(rig.settings.moving, ticks, rig.settings.timing.rate_Hz)
+
+
+@dataclass(frozen=True)
+class Controllers:
+    """All controllers of one stage."""
+
+    programs: tuple[Program, ...]  # firmwares
+    # ``ratio``, the paper's uncompensated case: one ratio, of the stroke's end; ``ratio_over_gap``,
+    # the same with a ratio for every gap; ``single``, the best curve without memory
+    baselines: Mapping[str, Compensator]
+    board: str  # where the firmwares run
+
+    @property
+    def conditioning(self) -> list[float]:
+        """Turning points of the start-up sequence, A."""
+        return self.programs[0].conditioning
+
+
+@dataclass(frozen=True)
+class ForceOutcome:
+    """What one trial gave."""
+
+    trial: ForceTrial  # which
+    # by controller: ``full``, ``at-rest``, ``simplified``, ``ratio``, ``ratio_over_gap``, ``single``
+    recordings: Mapping[str, Recording]
+    # for each firmware the force, N, that its simulated program expects: the same arithmetic, with
+    # the model instead of the solenoid
+    simulated: Mapping[str, FloatArray] = field(default_factory=dict)
+    # for each firmware the ticks at which the simulated program gave another current
+    differing: Mapping[str, int] = field(default_factory=dict)
+
+
+def plan_trials(rig: Rig, demands: list[Demand]) -> Iterator[ForceTrial]:
+    """Name all trials, in the order of the paper."""
+    settings = rig.settings
+    number = 0
+    for demand in demands:
+        starts: tuple[Start, ...] = ("unknown", "demagnetised")
+        for start in starts:
+            yield ForceTrial("end", demand, settings.force.end_m, start, number)
+            number += 1
+    for demand in demands:
+        for position in settings.held.gaps_m:
+            yield ForceTrial("positions", demand, position, "unknown", number)
+            number += 1
+    for demand in demands:
+        yield ForceTrial("moving", demand, None, "unknown", number)
+        number += 1
+
+
+def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOutcome:
+    """Run one trial under every controller of its stage; all see the same noise."""
+    gap, seed = trial.gap(rig), [1, trial.number]
+    demagnetised = trial.start == "demagnetised"
+    recordings: dict[str, Recording] = {}
+    simulated: dict[str, FloatArray] = {}
+    differing: dict[str, int] = {}
+
+    def stand() -> ActuatorStand:
+        fresh = ActuatorStand(rig, seed)
+        if not demagnetised:
+            fresh.give_past(gap[0])
+        return fresh
+
+    for program in controllers.programs:
+        recording, session = run_firmware(
+            rig, program, stand(), gap, trial.demand, controllers.board, demagnetised
+        )
+        recordings[program.name] = recording
+        differing[program.name] = ticks_that_differ(program, session)
+        simulated[program.name] = _expected(program, recording, demagnetised)
+    known = rig.instruments(seed)["gap"].read(gap)
+    for name, baseline in controllers.baselines.items():
+        driven = stand()
+        if not demagnetised:
+            driven.condition(controllers.conditioning, gap[0])
+        recordings[name] = run_open_loop(driven, gap, baseline.run(trial.demand.force, known))
+    return ForceOutcome(trial, recordings, simulated, differing)
+
+
+def _expected(program: Program, recording: Recording, demagnetised: bool) -> FloatArray:
+    """Force of the model under the currents of the program: it has neither noise nor delay."""
+    turns = ",".join(repr(turn) for turn in [0.0, *program.conditioning])
+    history = "demagnetised" if demagnetised else f"conditioned:{turns}"
+    model = program.model
+    gap = recording["gap_read_m"] if model.needs_schedule else None
+    time = recording["t_s"] if model.has_eddy_currents else None
+    return model.predict(recording["command_A"], gap, time, history=history).output
+
+
+TITLES: Mapping[str, str] = {
+    "full": "full",
+    "at-rest": "full, iron at rest",
+    "simplified": "simplified",
+    "single": "best single-valued",
+    "ratio": "constant ratio",
+    "ratio_over_gap": "ratio for each gap",
+}
+"""Controllers, the best first, and what tables call them."""
+STAGES: Mapping[str, str] = {
+    "end": "stroke's end, after the start-up sequence",
+    "end_demagnetised": "stroke's end, from demagnetised",
+    "positions": "row of positions",
+    "moving": "armature moving",
+}
+"""Groups of trials as tables call them, by their keys in ``figures.json``."""
+
+
+def errors_of(deviation: FloatArray, force_max: float) -> dict[str, float]:
+    """Sum up how far a force is from the demand, N and per cent of the largest force of the rig."""
+    errors = {
+        "worst": peak(deviation),
+        "rms": rms(deviation),
+        "mean": float(np.abs(deviation).mean()),
+    }
+    newtons = {f"{name}_N": one for name, one in errors.items()}
+    return newtons | {f"{name}_percent": 100.0 * one / force_max for name, one in errors.items()}
+
+
+def score(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
+    """Score every controller of a trial, after the lead-in.
+
+    ``true`` is the force that only a simulation knows, ``read`` as its sensor reads it, with noise
+    and its delay, ``simulated`` what the simulated program of a firmware expects; ``differing`` are
+    the ticks at which that gave another current than the firmware.
+    """
+    demand, scores = outcome.trial.demand, {}
+    for name, recording in outcome.recordings.items():
+        forces = {"true": recording["force_N"], "read": recording["force_read_N"]}
+        if name in outcome.simulated:
+            forces["simulated"] = outcome.simulated[name]
+        scores[name] = {
+            what: errors_of((force - demand.force)[demand.lead_in :], force_max)
+            for what, force in forces.items()
+        } | ({"differing": outcome.differing[name]} if name in outcome.differing else {})
+    return scores
+
+
+def stage_of(trial: Mapping[str, Any]) -> str:
+    """Return the group of a trial, a key of :data:`STAGES`."""
+    return str(trial["stage"]) + ("_demagnetised" if trial["start"] == "demagnetised" else "")
+
+
+def worst_errors(
+    trials: Iterable[Mapping[str, Any]], group: Callable[[Mapping[str, Any]], str]
+) -> dict[str, dict[str, dict[str, float]]]:
+    """Return the largest errors of the true force in each group of trials, by controller, per cent."""
+    groups: dict[str, dict[str, dict[str, float]]] = {}
+    for trial in trials:
+        errors = groups.setdefault(group(trial), {})
+        for name, scored in trial["controllers"].items():
+            new = {key: scored["true"][key] for key in ("worst_percent", "rms_percent")}
+            before = errors.get(name, new)
+            errors[name] = {key: max(before[key], one) for key, one in new.items()}
+    return groups
+
+
+def summary(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the worst errors of each stage by controller, and against the single-valued curve."""
+    return {
+        stage: {
+            name: {
+                **errors[name],
+                "of_single": errors[name]["worst_percent"] / errors["single"]["worst_percent"],
+            }
+            for name in TITLES
+            if name in errors
+        }
+        for stage, errors in worst_errors(trials, stage_of).items()
+    }
+
+
+def lost_in(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
+    """Name every trial in which the force of ``full`` left all proportion, when and how."""
+    lost = []
+    for outcome in outcomes:
+        demand, recording = outcome.trial.demand, outcome.recordings["full"]
+        off = (recording["force_N"] - demand.force)[demand.lead_in :]
+        current = recording["current_A"][demand.lead_in :]
+        bounds = (
+            SignalBound("the force was off by the largest of the rig", off, -force_max, force_max),
+            SignalBound("the current left all bounds", current, -math.inf, math.inf),
+        )
+        loss = find_loss(bounds, planned=demand.force.size - demand.lead_in)
+        if loss is not None:
+            lost.append(f"{outcome.trial.name} at tick {loss.tick}, {loss.reason}")
+    return lost
+
+
+def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str, Any]:
+    """Return everything measured, as ``figures.json`` holds it."""
+    force_max = rig.settings.force.force_max_N
+    trials = [
+        {
+            "stage": outcome.trial.stage,
+            "demand": outcome.trial.demand.name,
+            "position_m": outcome.trial.position,
+            "start": outcome.trial.start,
+            "controllers": score(outcome, force_max),
+        }
+        for outcome in outcomes
+    ]
+    return {
+        "format": "anhyst-force-control",
+        "rig": rig.settings.name,
+        "board": board,
+        "force_max_N": force_max,
+        "rate_Hz": rig.settings.timing.rate_Hz,
+        "force_noise_N": rig.settings.force_sensor.noise_N,
+        "firmware_ticks": sum(o.trial.demand.force.size * len(o.differing) for o in outcomes),
+        "ticks_that_differ": sum(sum(o.differing.values()) for o in outcomes),
+        "lost_in": lost_in(outcomes, force_max),
+        "summary": summary(trials),
+        "trials": trials,
+    }
+
+
+Summary = Mapping[str, Mapping[str, Mapping[str, float]]]
+"""Worst errors by stage, controller and figure."""
+
+
+def strongest_baselines(summary: Summary) -> dict[str, str]:
+    """Return for every stage the controller without a model whose worst error is least."""
+    return {
+        stage: min(
+            (name for name in errors if name not in MODELS),
+            key=lambda name: errors[name]["worst_percent"],
+        )
+        for stage, errors in summary.items()
+    }
+
+
+def judge_stages(summary: Summary) -> Judgement:
+    """Judge ``full`` by its worst error at every stage, against the strongest baseline there."""
+    compared = [
+        ComparedFigure(
+            stage,
+            TITLES[name],
+            summary[stage]["full"]["worst_percent"],
+            summary[stage][name]["worst_percent"],
+            0.0,
+        )
+        for stage, name in strongest_baselines(summary).items()
+    ]
+    return judge("worst error of full", compared, "stages", WHERE_IT_PAYS["force"])
+
+
+def verdict_of(summary: Summary) -> dict[str, Any]:
+    """Return the verdict as ``figures.json`` holds it."""
+    judged = judge_stages(summary)
+    strongest = strongest_baselines(summary)
+    return {"level": judged.level, "text": judged.sentence, "strongest": strongest}

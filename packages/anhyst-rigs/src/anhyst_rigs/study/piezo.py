@@ -1,0 +1,295 @@
+"""A piezo stage follows a triangle, with and without compensation of its hysteresis.
+
+Only what makes the voltage of a wanted displacement differs: a
+constant, the best single-valued curve, or the inverse of the model as it is compiled, in fixed
+point. All are identified from loops that the virtual stage gives, at a pace of their own, with the
+sensor's noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from anhyst.compensate.block import Block
+from anhyst.compensate.current_map import CurrentMap
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.methods import HysteresisInverse
+from anhyst.compensate.plan import CompileRequest, make_plan
+from anhyst.data import Loop, Loops
+from anhyst.data.path import History
+from anhyst.data.verdict import WHERE_IT_PAYS
+from anhyst.identification import identify
+from anhyst.identification.run import whole_search
+from anhyst.model.actuator import Model
+from anhyst_rigs.rig.measuring import read_stack
+from anhyst_rigs.rig.piezo import SEED, PiezoRig, at_rest, notch_of, piezo_loss, rounded, triangle
+from anhyst_rigs.rig.recording import Recording, peak
+from anhyst_rigs.study.engine.table import FIGURES, ComparedFigure, Judgement, Metric, StudyResult, judge
+from anhyst.support.atomic import PathLike
+from anhyst.support.block_words import Scales
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray, rms
+from anhyst.support.result import columns_of
+from anhyst.support.units import QUANTITIES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LOOP_SECONDS = 1.0
+"""A full cycle of the loops."""
+LOOP_STEP = 1e-3
+"""From sample to sample of the loops, s."""
+CYCLES = ((0.0, 1.0), (0.0, 1.0), (0.0, 0.8), (0.1, 0.8), (0.1, 0.8), (0.2, 0.6), (0.0, 1.0))
+"""Ends of the loops, in parts of the amplifier's range: all of it, and what a stage uses."""
+SEGMENTS = 4096
+"""Straight ones of a curve without memory."""
+LEAD = 2
+"""Cycles that are not judged: the feedback finds its place."""
+TITLES = {
+    "none": "none (a constant)",
+    "single-valued": "best single-valued curve",
+    "full": "inverse of play cells, compiled",
+}
+
+
+METRICS = (
+    Metric("worst_m", "deviation, worst", "nm", 1e9),
+    Metric("rms_m", "deviation, rms", "nm", 1e9),
+)
+"""How far the stage is from its reference, where that is judged."""
+
+
+@dataclass(frozen=True, repr=False)
+class PiezoTracking(StudyResult):
+    """How a piezo stage followed its triangle, with each compensation.
+
+    Attributes
+    ----------
+    rig : PiezoRig
+    runs : mapping of str to Recording
+        From the name of a compensation to its run.
+    """
+
+    kind: ClassVar = "displacement"
+    rig: PiezoRig
+    runs: Mapping[str, Recording]
+
+    @property
+    def judged_from(self) -> int:
+        """Tick from which on a run counts."""
+        return judged_from(self.rig)
+
+    @cached_property
+    def errors(self) -> Mapping[str, Mapping[str, float]]:
+        """Deviation of every way from the reference, by :data:`METRICS`."""
+        judged = {name: run["error_m"][self.judged_from :] for name, run in self.runs.items()}
+        return {name: _deviation(error) for name, error in judged.items()}
+
+    @property
+    def lost_in(self) -> list[str]:
+        """Return with what the loop was lost, when and how."""
+        return [f"{name} {run.lost}" for name, run in self.runs.items() if run.lost]
+
+    def refuse_losses(self) -> None:
+        """Raise NegativeResult where the loop with compensation was lost."""
+        if lost := self.runs["full"].lost:
+            raise NegativeResult(
+                f"the loop was lost {lost}: a bandwidth of "
+                f"{self.rig.settings.displacement.bandwidth_Hz:g} Hz does not hold this stage; "
+                "the recording is kept",
+                code="loop-lost",
+            )
+
+    def ratio(self, key: str = "rms_m") -> float:
+        """Return a deviation with compensation over that without."""
+        return self.errors["full"][key] / self.errors["none"][key]
+
+    @property
+    def verdict(self) -> Judgement:
+        """Whether compensation is worth it, by the rms."""
+        if self.lost_in:
+            return Judgement("unknown", f"the loop was lost: {'; '.join(self.lost_in)}")
+        return judge_ratio(self.ratio())
+
+    def facts(self) -> dict[str, str]:
+        """Return the deviation of every way from the reference."""
+        facts = {
+            name: f"worst {1e9 * one['worst_m']:.0f} nm, rms {1e9 * one['rms_m']:.0f} nm"
+            for name, one in self.errors.items()
+        }
+        return facts | self.losses_fact()
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the deviation of every way from the reference, m."""
+        return columns_of([{"compensation": name, **one} for name, one in self.errors.items()])
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the deviation of every way over time."""
+        for name, run in self.runs.items():
+            ax.plot(run["t_s"], 1e9 * run["error_m"], lw=0.9, label=name)
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel("deviation [nm]")
+
+    def save(self, path: PathLike) -> Path:
+        """Write time, reference, what each way did, and ``figures.json`` beside it."""
+        first = next(iter(self.runs.values()))
+        columns = {name: first[name] for name in ("t_s", "reference_m")}
+        for name, run in self.runs.items():
+            key = name.replace("-", "_")
+            columns |= {
+                f"u_{key}_V": run["voltage_V"],
+                f"x_{key}_m": run["position_m"],
+                f"e_{key}_m": run["error_m"],
+            }
+        self.write_figures(Path(path).parent / FIGURES)
+        return Recording(columns).save(path)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figures, for JSON."""
+        return {
+            "lost_in": self.lost_in,
+            "rms_with_over_without": self.ratio("rms_m"),
+            "worst_with_over_without": self.ratio("worst_m"),
+            "errors": dict(self.errors),
+        }
+
+
+def track(rig: PiezoRig) -> PiezoTracking:
+    """Identify, compile and follow the triangle in all ways."""
+    target, ways = reference(rig), find_inverses(rig)
+    return PiezoTracking(rig, {name: follow(rig, target, way) for name, way in ways.items()})
+
+
+def judged_from(rig: PiezoRig) -> int:
+    """Return the tick from which on a run counts."""
+    return round(LEAD * rig.settings.timing.rate_Hz / rig.settings.moved.frequency_Hz)
+
+
+def find_inverses(rig: PiezoRig, loops: Loops | None = None) -> dict[str, ForceController]:
+    """Make every way from displacement to voltage, of loops of the stage or of some measured now."""
+    try:
+        notch_of(rig.settings)  # before the work
+    except InputError as error:
+        raise error.at(rig.path) from error
+    loops = loops or measure(rig)
+    model = whole_search(identify(loops)).model
+    target = reference(rig)
+    top = float(loops.loops[0].output.max())
+    if target.max() > top:
+        raise InputError(
+            f"{rig.path}: case: the triangle reaches {1e6 * target.max():.3g} um, the stack "
+            f"{1e6 * top:.3g} um; lower low_m or stroke_m",
+            code="reference-too-far",
+            key="case",
+        )
+    return {
+        "none": _constant(loops, rig),
+        "single-valued": _single_valued(loops, rig),
+        "full": _compiled(model, rig),
+    }
+
+
+def measure(rig: PiezoRig) -> Loops:
+    """Return loops of the virtual stage, as its sensor reads them, from long rest at 0 V."""
+    top = rig.settings.stack_amplifier.high_V
+    pace = 2.0 * top / LOOP_SECONDS
+    points = top * np.array([0.0, *(end for low, high in CYCLES for end in (low, high, low)), 0.0])
+    when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
+    time = np.arange(0.0, when[-1], LOOP_STEP)
+    drive = np.interp(time, when, points)
+    read = read_stack(rig, drive, LOOP_STEP, SEED)
+    loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
+    return Loops((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
+
+
+def reference(rig: PiezoRig) -> FloatArray:
+    """Return the triangle, its corners rounded, from rest at its low end."""
+    want, rate = rig.settings.moved, rig.settings.timing.rate_Hz
+    ticks = round(want.cycles * rate / want.frequency_Hz)
+    raw = want.low_m + want.stroke_m * triangle(
+        np.arange(ticks, dtype=np.float64) * want.frequency_Hz / rate
+    )
+    return rounded(np.concatenate([np.full(rig.width, raw[0]), raw]), rig.width)
+
+
+def _constant(loops: Loops, rig: PiezoRig) -> ForceController:
+    drive, answer = (np.concatenate([getattr(loop, name) for loop in loops.loops])
+                     for name in ("input", "output"))  # fmt: skip
+    slope, offset = np.polyfit(answer, drive, 1)
+    return _without_memory(rig, np.polynomial.Polynomial([offset, slope]), float(answer.max()), 1)
+
+
+def _single_valued(loops: Loops, rig: PiezoRig) -> ForceController:
+    """Return the best voltage over displacement without memory: a polynomial of fifth degree."""
+    loop = loops.loops[0]
+    curve = np.polynomial.Polynomial.fit(loop.output, loop.input, 5)
+    return _without_memory(rig, curve, float(loop.output.max()), SEGMENTS)
+
+
+def _without_memory(
+    rig: PiezoRig, curve: np.polynomial.Polynomial, top: float, segments: int
+) -> ForceController:
+    """Return a curve over displacements of 0 to top, m, as a table that may not fall."""
+    row = np.maximum.accumulate(curve(np.linspace(0.0, top, segments + 1)))
+    amplifier = rig.settings.stack_amplifier
+    scales = Scales(top, amplifier.high_V, 0.0, 1.0)
+    curves = CurrentMap(np.array([row, row]), scales, (amplifier.low_V, amplifier.high_V))
+    return ForceController("ratio" if segments == 1 else "single-valued", "f64", curves)
+
+
+def _compiled(model: Model, rig: PiezoRig) -> ForceController:
+    """Return the inverse of the model as it is compiled, signals of 32 bits."""
+    request = CompileRequest("full", "q15", rig.settings.timing.rate_Hz)
+    plan = make_plan(replace(model, dynamics=None), request, 0)
+    assert isinstance(plan.block, Block)
+    return ForceController("full", "fixed", HysteresisInverse(plan.block, plan.sizes.iterations))
+
+
+def follow(
+    rig: PiezoRig,
+    target: FloatArray,
+    inverse: ForceController,
+    plant: PiezoRig | None = None,
+    noise_seed: int = SEED,
+) -> Recording:
+    """Run the loop: feedforward of the reference, an integrator, one sample of delay.
+
+    ``plant`` is what is moved, where that is another one than the nominal rig.
+    """
+    noise = rig.settings.position_sensor.noise_m * np.random.default_rng(
+        noise_seed
+    ).standard_normal(target.size)
+    time = rig.dt * np.arange(target.size, dtype=np.float64)
+    expected = np.interp(time - rig.lateness, time, target)
+    loop = rig.make_loop(plant or rig, at_rest(inverse))
+    table = loop.run(target, expected, noise, np.zeros(target.size))
+    position, _, corrected, voltage = table.T.copy()
+    error = position - expected
+    columns = {
+        "t_s": time,
+        "reference_m": target,
+        "position_m": position,
+        "error_m": error,
+        "voltage_V": voltage,
+    }
+    return Recording(columns, piezo_loss(rig, error, corrected - target))
+
+
+WORTH_IT = 0.5
+"""Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
+
+
+def judge_ratio(ratio: float) -> Judgement:
+    """Say whether compensation is worth it that leaves this part of the deviation."""
+    compared = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
+    return judge("compensation", [compared], "measures", WHERE_IT_PAYS["piezo"])
+
+
+def _deviation(error: FloatArray) -> dict[str, float]:
+    return {"worst_m": peak(error), "rms_m": rms(error)}

@@ -1,0 +1,414 @@
+"""Drawn plants of every kind of rig behind every method: bearing, force control, piezo, stage.
+
+Force control runs its compensators as they are compiled, without firmware and link: those change no bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.methods import make_compensator
+from anhyst.compensate.sources import Operating, Sources
+from anhyst.control.controller_file import ControllerFile
+from anhyst.data import Loops
+from anhyst.data.verdict import WHERE_IT_PAYS
+from anhyst.model.actuator import Model
+from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at, make_setups
+from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.drift import Drift, drifted_file, drifted_plant
+from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.rig.fitting import IdentifiedMagnet
+from anhyst_rigs.rig.force.bench import ActuatorStand, run_open_loop, triangle
+from anhyst_rigs.rig.force.file import Rig, read_rig
+from anhyst_rigs.rig.force.programs import find_model, loops_of_rig
+from anhyst_rigs.rig.from_loops import complete_rig
+from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
+from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
+from anhyst_rigs.rig.recording import Recording, peak
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
+from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.responses import position_resolution, step_figures
+from anhyst_rigs.study.engine.monte_carlo import PlantFigure, Plants
+from anhyst_rigs.study.force_trials import ForceTrial, plan_trials
+from anhyst_rigs.study.piezo import METRICS, find_inverses, follow, judged_from, reference
+from anhyst_rigs.study.tracking.learner import at_work
+from anhyst_rigs.study.tracking.measures import (
+    AVERAGE,
+    PEAK,
+    SETTLING,
+    cross_metrics,
+    cross_talk,
+    measure,
+    still_axes,
+)
+from anhyst_rigs.study.tracking.simulate import (
+    LEARNING,
+    OWN,
+    check_calibration,
+    make_variants,
+    refuse_unstable,
+    settle,
+)
+from anhyst.support.atomic import PathLike
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import rms
+
+STANDSTILL_S = 0.25
+BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued")
+"""Compared with the variant of the controller file: without compensation, and without memory."""
+
+
+def bearing_plants(
+    rig: BodyRig,
+    controller: ControllerFile,
+    methods: Sequence[MethodName] | None = None,
+    seed: int | None = None,
+) -> Plants:
+    """Return what plants of a bearing are run with; the controller is that of the nominal one."""
+    own = controller.settings.compensation.variant
+    names = tuple(dict.fromkeys((*BEARING_METHODS, own))) if methods is None else tuple(methods)
+    ready = make_ready(rig, controller)
+    setups = make_setups(ready.rig, controller, ready.knowledge(), names)
+    heights = tuple(rig.settings.step.heights_m), "height_m"
+    files = [*rig.measured.files, rig.model, rig.flux_table, controller.model]
+    return Plants(
+        file=ready.rig.settings,
+        work=BearingWork(setups),
+        methods=names,
+        own=own if own in names else names[-1],
+        figures=(
+            PlantFigure("overshoot_percent", "overshoot", "%", 1.0, *heights),
+            PlantFigure("settling_s", "settling", "ms", 1e3, *heights),
+            PlantFigure("standstill_rms_m", "standstill, rms", "nm", 1e9),
+        ),
+        read=tuple(path for path in files if path is not None),
+        depends={"controller": controller.settings.model_dump_json()},
+        seed=rig.settings.seed if seed is None else seed,
+        where_it_pays=WHERE_IT_PAYS["feedback"],
+    )
+
+
+@dataclass(frozen=True)
+class BearingWork:
+    """Controllers that hold a bearing, by method."""
+
+    setups: Mapping[MethodName, BearingSetup]
+
+    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
+        """Judge one plant; what lost levitation has no figures."""
+        setup = self.setups[method]
+        rig, tried = setup.rig, setup.rig.settings
+        scenario = steps_up_and_down(
+            rig, setup.controller, tried.gap_m, tried.step.heights_m, rest=STANDSTILL_S
+        )
+        loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, noise))
+        recording = loop.run(scenario)
+        lost = lost_at(rig, recording, scenario.lifted)
+        if lost is None and len(recording) < scenario.ticks:
+            lost = float(recording["t_s"][-1])
+        if lost is not None:
+            return {"lost_s": lost}
+        return _judge(rig, drifted_file(tried, drift), scenario, recording)
+
+
+def _judge(
+    rig: BodyRig, drifted: RigFile, scenario: Scenario, recording: Recording
+) -> dict[str, Any]:
+    """Judge what an ideal sensor with this gain and offset reads: an offset alone is no overshoot."""
+    sensor = drifted.gap_sensor
+    read = (1.0 + sensor.gain_error) * recording["gap_m"] + sensor.offset_m
+    time, reference = recording["t_s"], recording["reference_m"]
+    heights = drifted.step.heights_m
+    overshoot, settling = [0.0] * len(heights), [0.0] * len(heights)
+    for number, step in enumerate(scenario.steps):
+        rows = slice(step.begin - 1, step.end)
+        figures = step_figures(time[rows], reference[rows], read[rows], position_resolution(rig))
+        index = number // 2
+        overshoot[index] = max(overshoot[index], figures.overshoot_percent)
+        settling[index] = max(settling[index], figures.settling_in_noise_s)
+    rest = recording["gap_m"][-round(STANDSTILL_S / rig.dt) :]
+    return {
+        "overshoot_percent": overshoot,
+        "settling_s": [one if math.isfinite(one) else None for one in settling],
+        "standstill_rms_m": float(np.std(rest)),
+    }
+
+
+def read_bearing_plants(
+    rig: PathLike, controller: PathLike | None, progress: Progress | None
+) -> Plants:
+    """Read what plants of a bearing are run with."""
+    del progress
+    return bearing_plants(*read_files(rig, controller))
+
+
+FORCE_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
+
+
+def force_plants(rig: Rig, model: Model | None = None, loops: Loops | None = None) -> Plants:
+    """Return what plants of a force rig are run with: at every position, and moving.
+
+    Its loops are those that its file names, or others of it.
+    """
+    loops = loops or loops_of_rig(rig)
+    rig = complete_rig(rig, loops)
+    model, settings = model or find_model(rig, loops), rig.settings
+    gaps = sorted(gap for gap in loops.by_schedule() if gap is not None)
+    force_max = settings.force.force_max_N
+    operating = Operating(
+        gap=0.5 * (gaps[0] + gaps[-1]),
+        force=0.5 * force_max,
+        rate=settings.timing.rate_Hz,
+        gap_range=(gaps[0], gaps[-1]),
+        force_max=force_max,
+        current_max=settings.amplifier.current_high_A,
+    )
+    sources = Sources(operating, loops, model)
+    cases = tuple(trial.name for trial in _trials(rig)), "trial"
+    files = [*rig.measured.files]
+    if settings.solenoid is not None:
+        files.append(rig.path.parent / settings.solenoid.file)
+    return Plants(
+        file=settings,
+        work=ForceWork(
+            rig, {name: make_compensator(name, sources, "fixed") for name in FORCE_METHODS}
+        ),
+        methods=FORCE_METHODS,
+        own="full",
+        figures=(
+            PlantFigure("rms_N", "force error, rms", "N", 1.0, *cases),
+            PlantFigure("worst_N", "force error, worst", "N", 1.0, *cases),
+        ),
+        read=tuple(files),
+        depends={},
+        seed=settings.seed,
+        where_it_pays=WHERE_IT_PAYS["force"],
+    )
+
+
+def read_force_plants(
+    rig: PathLike, controller: PathLike | None, progress: Progress | None
+) -> Plants:
+    """Read what plants of a force rig are run with."""
+    del controller, progress
+    return force_plants(read_rig(rig))
+
+
+def _trials(rig: Rig) -> list[ForceTrial]:
+    force_max, rate = rig.settings.force.force_max_N, rig.settings.timing.rate_Hz
+    demands = [triangle(shape, force_max, rate) for shape in rig.settings.force_triangles]
+    return [trial for trial in plan_trials(rig, demands) if trial.stage != "end"]
+
+
+@dataclass(frozen=True)
+class ForceWork:
+    """A rig and what was made for it."""
+
+    rig: Rig
+    compensators: Mapping[MethodName, ForceController]
+
+    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
+        """Control the force of a plant in every trial, from demagnetised."""
+        plant = drifted_rig(self.rig, drift)
+        figures: dict[str, list[float]] = {"rms_N": [], "worst_N": []}
+        for trial in _trials(self.rig):
+            gap, seed = trial.gap(self.rig), [noise, trial.number]
+            known = self.rig.instruments(seed)["gap"].read(gap) + drift.gap_offset
+            asked = self.compensators[method].fresh().run(trial.demand.force, known)
+            current = (1.0 + drift.first_scale) * asked
+            force = run_open_loop(ActuatorStand(plant, seed), gap, current)["force_N"]
+            error = (force - trial.demand.force)[trial.demand.lead_in :]
+            figures["rms_N"].append(rms(error))
+            figures["worst_N"].append(peak(error))
+        return figures
+
+
+def drifted_rig(rig: Rig, drift: Drift) -> Rig:
+    """Return a rig whose iron has drifted, in its own file or in that of its solenoid."""
+    file = rig.solenoid_file
+    if file is None:
+        return replace(rig, settings=drifted_file(rig.settings, drift))
+    iron = file.iron
+    keys = iron.drifted(drift.pinning, drift.reversible, drift.saturation)
+    return replace(
+        rig, solenoid_file=file.model_copy(update={"iron": iron.model_copy(update=keys)})
+    )
+
+
+METHODS: Mapping[MethodName, str] = {
+    "ratio": "none",
+    "single-valued": "single-valued",
+    "full": "full",
+}
+"""Of the engine, and what a piezo stage calls them."""
+
+
+def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
+    """Return what plants of a piezo stage are run with; its loops are those of the nominal one."""
+    inverses = find_inverses(rig, loops)
+    return Plants(
+        file=rig.settings,
+        work=PiezoWork(rig, {name: inverses[way] for name, way in METHODS.items()}),
+        methods=tuple(METHODS),
+        own="full",
+        figures=(
+            *(PlantFigure(one.key, one.title, one.unit, one.factor) for one in reversed(METRICS)),
+        ),
+        read=(),
+        depends={},
+        seed=rig.settings.seed,
+        where_it_pays=WHERE_IT_PAYS["piezo"],
+        single_case="triangle",
+    )
+
+
+def read_piezo_plants(
+    rig: PathLike, controller: PathLike | None, progress: Progress | None
+) -> Plants:
+    """Read what plants of a piezo stage are run with."""
+    del controller, progress
+    return piezo_plants(read_piezo_rig(rig))
+
+
+@dataclass(frozen=True)
+class PiezoWork:
+    """A nominal stage and what was made for it."""
+
+    rig: PiezoRig
+    inverses: Mapping[MethodName, ForceController]
+
+    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
+        """Follow the triangle; the controller knows the nominal stage alone."""
+        plant = replace(self.rig, settings=drifted_file(self.rig.settings, drift))
+        run = follow(self.rig, reference(self.rig), self.inverses[method], plant, noise)
+        if run.loss is not None:
+            return {"lost_s": run.dt * run.loss.tick}
+        error = run["error_m"][judged_from(self.rig) :]
+        return {"rms_m": rms(error), "worst_m": peak(error)}
+
+
+ERRORS: Mapping[str, tuple[str, ...]] = {
+    "none": (),
+    "gap zero": ("gap_offset",),
+    "current scale": ("first_scale", "second_scale"),
+    "pinning": ("pinning",),
+    "Hall gain": ("flux_gain",),
+    "eddy lag": ("eddy",),
+    "all": (
+        *("gap_offset", "first_scale", "second_scale"),
+        *("pinning", "flux_gain", "eddy", "conductivity", "mass", "cable"),
+    ),
+}
+"""What a plant has drifted in, case by case."""
+
+
+ERRORS_OF_AXES: Mapping[str, tuple[str, ...]] = {
+    **{name: ERRORS[name] for name in ("none", "gap zero")},
+    "current scale": ("first_scale",),
+    **{name: ERRORS[name] for name in ("pinning", "Hall gain")},
+    "centre of mass": tuple(f"place_{axis}" for axis in "xyz"),
+    "payload": ("mass",),
+    "head positions": ("heads",),
+    "all": (*SPREADS_OF_MAGNET, *SPREADS_OF_BODY, "heads"),
+}
+"""The same of a body of several coordinates, of all its magnets at once."""
+
+
+def errors_of(file: RigFile) -> Mapping[str, tuple[str, ...]]:
+    """Return the cases of a stage: those of all, and of solid iron its own."""
+    if file.several:
+        return ERRORS_OF_AXES
+    return {**ERRORS, "conductivity": ("conductivity",)} if file.magnet.solid else ERRORS
+
+
+def stage_plants(
+    rig: BodyRig,
+    magnet: IdentifiedMagnet | None = None,
+    names: Sequence[MethodName] = (),
+    progress: Progress | None = None,
+    *,
+    errors: Mapping[str, tuple[str, ...]] | None = None,
+    jobs: int | None = None,
+) -> Plants:
+    """Return what plants of a stage are run with: variants with the gains of the calibrated one.
+
+    What a plant has drifted in, case by case, is that of :func:`errors_of` if it is left out.
+    """
+    check_calibration(rig)
+    known = magnet or identify_stage(rig)
+    made, _ = make_variants(rig, known, names)
+    refuse_unstable(made[OWN])
+    gains = all_of(partial(_find, known), list(made.values()), progress, jobs)
+    errors = errors or errors_of(rig.settings)
+    cases = tuple(errors), "error"
+    return Plants(
+        file=rig.settings,
+        work=StageWork(known, made, dict(zip(made, gains, strict=True)), errors),
+        methods=tuple(made),
+        own=OWN,
+        figures=tuple(
+            PlantFigure(metric.key, metric.title, metric.unit, metric.factor, *cases)
+            for metric in (AVERAGE, PEAK, SETTLING, *cross_metrics(rig.settings))
+        ),
+        read=tuple(rig.measured.files),
+        depends={},
+        seed=rig.settings.seed,
+        where_it_pays=WHERE_IT_PAYS["stage"],
+        single_case="test set-point",
+    )
+
+
+def read_stage_plants(
+    rig: PathLike, controller: PathLike | None, progress: Progress | None
+) -> Plants:
+    """Read what plants of a stage are run with."""
+    del controller
+    return stage_plants(read_stage(rig), progress=progress)
+
+
+def _find(magnet: IdentifiedMagnet, setup: StageSetup) -> Feedforward:
+    return settle(setup, magnet)[0]
+
+
+@dataclass(frozen=True)
+class StageWork:
+    """Variants and their gains."""
+
+    magnet: IdentifiedMagnet
+    setups: Mapping[MethodName, StageSetup]
+    gains: Mapping[MethodName, Feedforward]
+    errors: Mapping[str, tuple[str, ...]]
+
+    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
+        """Follow the test set-point with each error alone and with all of them.
+
+        A stage that calibrates itself has worked on the training set-point before.
+        """
+        setup, gains = self.setups[method], self.gains[method]
+        scan = setup.rig.settings.scan
+        motion = motion_of(scan, scan.test_m_per_s2)
+        figures: dict[str, list[float]] = {}
+        for names in self.errors.values():
+            plant = replace(setup, drift=drift.alone(names))
+            learner = at_work(plant, self.magnet, gains, noise + LEARNING)
+            run = track(learner.stage(plant.drift) if learner else plant, motion, gains, noise)
+            if run.loss is not None:
+                return {"lost_s": run.dt * run.loss.tick}
+            measures = measure(run, motion, scan.slit_s)
+            for metric in (AVERAGE, PEAK, SETTLING):
+                figures.setdefault(metric.key, []).append(getattr(measures, metric.key))
+            for key, largest in cross_talk(run, motion, still_axes(setup.rig.settings)).items():
+                figures.setdefault(key, []).append(largest)
+        return figures

@@ -1,0 +1,313 @@
+"""A bench that is ready to be opened: what is compiled and built for it, and what that knows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar
+
+from anhyst.compensate.block import Block, DemandLimits, Kind
+from anhyst.compensate.current_map import fit_ratio
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.methods import HysteresisInverse, bearing_model
+from anhyst.compensate.plan import CompileRequest, Plan, make_plan
+from anhyst.compilation.controller import BEYOND
+from anhyst.data import Loops
+from anhyst.model.actuator import Model, has_layers
+from anhyst.model.schema import ValidRange
+from anhyst_rigs.rig.bearing.loop import BearingSetup, pair_of
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.bench.force import ForceBench
+from anhyst_rigs.rig.bench.piezo import PiezoBench
+from anhyst_rigs.rig.bench.stage import StageBench
+from anhyst_rigs.rig.fitting import IdentifiedMagnet
+from anhyst_rigs.rig.force.file import Rig
+from anhyst_rigs.rig.force.programs import Program, find_model, loops_at
+from anhyst_rigs.rig.measurement_table import identify_loops
+from anhyst_rigs.rig.piezo import PiezoRig
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup
+from anhyst_rigs.study.excite.design import Specimen, bearing_specimen, force_specimen
+from anhyst_rigs.study.tracking.beside import BearingLearner, StageLearner
+from anhyst.support.block_words import Scales
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
+
+_SAME_GAP = 1e-6
+"""Of the range: so far may the ends of the measured gaps be inside those of a board."""
+
+
+@dataclass(frozen=True)
+class PreparedBearing:
+    """A bearing, its controller, and the firmware."""
+
+    setup: BearingSetup  # what runs, in fixed point
+    model: Model  # what it was compiled from
+    firmware: Path  # for the board ``host``; needed until the bench is open
+
+    @property
+    def rig(self) -> Path:
+        """The rig file."""
+        return self.setup.rig.path
+
+    @property
+    def alone(self) -> bool:
+        """Whether one magnet pulls."""
+        return len(self.setup.rig.settings.placed) == 1
+
+    @property
+    def measured(self) -> Loops:
+        """The loops that the rig file names."""
+        return self.setup.rig.measured.read()
+
+    def with_firmware(self, firmware: Path) -> PreparedBearing:
+        """Return the same with a firmware that lies elsewhere."""
+        return replace(self, firmware=firmware)
+
+    def open(self) -> BearingBench:
+        """Switch on; at rest, before its first tick. To be closed."""
+        return BearingBench(self.setup, self.firmware)
+
+    @property
+    def improvable(self) -> PreparedBearing:
+        """What a better model can be found for: itself."""
+        return self
+
+    def open_with_learner(self) -> tuple[BearingBench, BearingLearner]:
+        """Switch on, with what calibrates the bearing from its motions."""
+        bench, known = self.open(), IdentifiedMagnet(self.measured, self.model)
+        return bench, BearingLearner(self.setup, known, self.words, bench)
+
+    def specimen(self) -> Specimen:
+        """Return the magnet as it is measured, armature held."""
+        return bearing_specimen(self.setup.rig)
+
+    def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
+        """Identify a model from loops, as the rig file wants it."""
+        return identify_loops(loops, self.setup.rig.settings.loops, "circuit", progress)
+
+    def compile(self, model: Model) -> Plan:
+        """Compile another model for the running board."""
+        running = self.setup.compensator.parameters
+        variant = self.setup.method
+        if not isinstance(running, HysteresisInverse) or variant not in {"full", "simplified"}:
+            raise InputError(
+                f"the controller runs without a model ('{variant}'): none to change",
+                code="no-model",
+            )
+        table, scales = self.setup.controller, running.scales
+        gaps = scales.gap_low, scales.gap_high
+        current, force = table.limits.current_high_A, table.force_max(pair_of(self.setup.rig))
+        if model.valid is not None and current > BEYOND * model.valid.input[1]:
+            raise InputError(
+                f"model: was seen up to {model.valid.input[1]:g} A, the controller drives up to "
+                f"{current:g} A; measure further",
+                code="currents-not-covered",
+                key="model",
+            )
+        request = CompileRequest(
+            "simplified" if variant == "simplified" else "full", "q31", table.rate_Hz
+        )
+        followed = _followed(model, self.model, request.kind)
+        narrowed = bearing_model(followed, (0.0, current), (0.0, force), gaps)
+        return make_plan(narrowed, request, 0, scales=scales)
+
+    def words(self, model: Model) -> list[int]:
+        """Compile another model to a block for the running board."""
+        return [int(word) for word in block_of(self.compile(model)).words]
+
+
+@dataclass(frozen=True)
+class ForceRig:
+    """An actuator whose force is controlled."""
+
+    whole: Rig  # its magnet is whole
+    measured: Loops  # that the rig file names
+
+    alone: ClassVar[bool] = True
+
+    @property
+    def rig(self) -> Path:
+        """The rig file."""
+        return self.whole.path
+
+    def specimen(self) -> Specimen:
+        """Return the actuator as it is measured, armature held."""
+        return force_specimen(self.whole)
+
+    def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
+        """Identify a model from loops, as the rig file wants it."""
+        return find_model(self.whole, loops, progress)
+
+
+@dataclass(frozen=True)
+class PreparedForce(ForceRig):
+    """An actuator, and the firmware that controls its force."""
+
+    program: Program  # model, block and firmware; this is needed until the bench is open
+
+    @property
+    def model(self) -> Model:
+        """What runs was compiled from it."""
+        return self.program.model
+
+    @property
+    def firmware(self) -> Path:
+        """For the board ``host``."""
+        return self.program.firmware
+
+    def with_firmware(self, firmware: Path) -> PreparedForce:
+        """Return the same with a firmware that lies elsewhere."""
+        return replace(self, program=replace(self.program, firmware=firmware))
+
+    def open(self) -> ForceBench:
+        """Switch on; at rest, before its first tick. To be closed."""
+        bench = ForceBench(self.whole, self.program)
+        settings = self.whole.settings.force
+        ratio = fit_ratio(loops_at(self.measured, settings.end_m), settings.force_max_N)
+        bench.apply({"ratio": 1.0 / float(ratio.ratio[0])})
+        return bench
+
+    @property
+    def improvable(self) -> PreparedForce:
+        """What a better model can be found for: itself."""
+        return self
+
+    def open_with_learner(self) -> tuple[ForceBench, None]:
+        """Switch on; motion teaches nothing of a held armature."""
+        return self.open(), None
+
+    def compile(self, model: Model) -> Plan:
+        """Compile another model for the running board."""
+        request = CompileRequest(self.program.kind, "q31", self.whole.settings.timing.rate_Hz)
+        followed = _followed(model, self.model, request.kind)
+        return _plan(followed, request, self.program.scales, self.program.block.limits)
+
+
+@dataclass(frozen=True)
+class PreparedBoard(ForceRig):
+    """An actuator before a controller that runs by itself, and what that was compiled to."""
+
+    model: Model  # what the controller was compiled from
+    request: CompileRequest
+    scales: Scales
+    limits: DemandLimits  # of the controller
+
+    def compile(self, model: Model) -> Plan:
+        """Compile another model for the running board."""
+        low, high = self.scales.gap_low, self.scales.gap_high
+        if low < high and not model.needs_schedule:
+            raise InputError(
+                f"model: holds at one gap, the board works from {low:g} to {high:g} m; identify one "
+                "of loops at several gaps and build the firmware around it",
+                code="single-gap",
+                key="model",
+            )
+        followed = _followed(model, self.model, self.request.kind)
+        return _plan(followed, self.request, self.scales, self.limits)
+
+
+@dataclass(frozen=True)
+class PreparedStage:
+    """A stage, what is known of its magnets, and what its set-point is followed with."""
+
+    magnet: IdentifiedMagnet
+    setups: tuple[StageSetup, ...]  # without memory, and the compensator
+    gains: tuple[Feedforward, ...]  # that were found with each
+
+    firmware = None
+    improvable = None
+
+    def open(self) -> StageBench:
+        """Switch on; at rest, before its first tick. To be closed."""
+        return StageBench(self.setups, self.gains)
+
+    def open_with_learner(self) -> tuple[StageBench, StageLearner]:
+        """Switch on, with what calibrates the stage from its motions."""
+        bench = self.open()
+        return bench, StageLearner(self.magnet, bench)
+
+
+@dataclass(frozen=True)
+class PreparedPiezo:
+    """A piezo stage, and what makes voltages of displacements: without memory, and the compensator."""
+
+    rig: PiezoRig
+    inverses: tuple[ForceController, ForceController]
+
+    firmware = None
+    improvable = None
+
+    def open(self) -> PiezoBench:
+        """Switch on; at rest, before its first tick. To be closed."""
+        return PiezoBench(self.rig, self.inverses)
+
+    def open_with_learner(self) -> tuple[PiezoBench, None]:
+        """Switch on; a piezo stage has no magnets whose errors motion would teach."""
+        return self.open(), None
+
+
+Prepared = PreparedBearing | PreparedForce | PreparedStage | PreparedPiezo
+"""What a virtual bench is opened from."""
+
+Improvable = PreparedBearing | PreparedForce | PreparedBoard
+"""What a better model can be found for."""
+
+
+def block_of(plan: Plan) -> Block:
+    """Return the fixed-point parameters of a plan."""
+    assert isinstance(plan.block, Block)
+    return plan.block
+
+
+def _followed(model: Model, running: Model, kind: Kind) -> Model:
+    """Return what a board follows of a model: layers where it has memories for them."""
+    if kind != "full" or running.layers is None or not has_layers(running):
+        return model.at_rest
+    if not has_layers(model):
+        raise InputError(
+            "model: does not say how late solid iron answers, which the controller follows; measure "
+            "at several speeds too (measurement.fast_A_per_s)",
+            code="rate-not-measured",
+            key="model",
+        )
+    assert model.layers is not None
+    if model.layers.memories > running.layers.memories:
+        raise InputError(
+            f"model: {model.layers.memories} memories of its iron, the controller has room for "
+            f"{running.layers.memories}; build the firmware around it",
+            code="too-many-layers",
+            key="model",
+        )
+    return model
+
+
+def _plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits) -> Plan:
+    """Plan a model of a force for what a board works with."""
+    valid = ValidRange(
+        _within(model.valid_range.input, limits.current),
+        _within(model.valid_range.output, limits.demand),
+        _covering(model, scales),
+    )
+    return make_plan(replace(model, valid=valid), request, 0, scales=scales)
+
+
+def _within(seen: tuple[float, float], board: tuple[float, float]) -> tuple[float, float]:
+    return max(seen[0], board[0]), min(seen[1], board[1])
+
+
+def _covering(model: Model, scales: Scales) -> tuple[float, float] | None:
+    """Return the gaps of a board, which the model must have been identified over."""
+    if not model.needs_schedule:
+        return None if model.valid is None else model.valid.schedule
+    low, high = scales.gap_low, scales.gap_high
+    seen = None if model.valid is None else model.valid.schedule
+    spare = _SAME_GAP * (high - low)
+    if seen is None or seen[0] > low + spare or seen[1] < high - spare:
+        known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
+        raise InputError(
+            f"model: holds at {known}, the board works from {low:g} to {high:g} m; measure loops "
+            "at both ends",
+            code="gaps-not-covered",
+            key="model",
+        )
+    return low, high

@@ -1,0 +1,378 @@
+"""A bearing as what is tuned: steps and a swept sine at every gap and load, and what limits them.
+
+What limits are aims, noise, force, voltage, delay, pinning.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from anhyst_rigs.rig.bearing.loop import BearingSetup
+from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.loop import SimulatedLoop
+from anhyst_rigs.study.bearing.linear import CurrentLoop
+from anhyst_rigs.study.bearing.responses import (
+    Sensitivity,
+    StepCell,
+    StepResult,
+    StepRun,
+    compare_steps,
+    default_seeds,
+    merged,
+    run_steps,
+    sweep,
+)
+from anhyst_rigs.study.tuning.aims import TITLES, Aims, Figures
+from anhyst_rigs.study.tuning.search import FIRMNESS, Screen, make_screen, refine
+from anhyst_rigs.study.tuning.trial import Check, Condition, GainSpace, Limit, what_helps
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray, spaced
+
+HOLD_S = 0.03
+"""Longest time for which a position is held in the search, s; checks hold as the rig file says."""
+_BOUNDS = (0.55, 0.7, 1.0)  # parts of the aimed peak: where the front is looked at
+
+
+def default_conditions(rig: BodyRig) -> tuple[Condition, ...]:
+    """Return all gaps of a rig file with its load and with two thirds of it."""
+    tried, load = rig.settings, rig.settings.load.force_N
+    return tuple(
+        Condition(gap, force)
+        for gap in dict.fromkeys(tried.step_gaps_m)
+        for force in dict.fromkeys([load, load * 2.0 / 3.0])
+    )
+
+
+@dataclass(frozen=True)
+class BearingLoop:
+    """A variant behind the controller of a bearing."""
+
+    setup: BearingSetup
+    conditions: tuple[Condition, ...]
+
+    @property
+    def variant(self) -> MethodName:
+        """The kind of compensation."""
+        return self.setup.method
+
+    @property
+    def space(self) -> GainSpace:
+        """The box that is searched."""
+        plant = self.setup.rig.settings
+        return GainSpace(plant.timing.rate_Hz, plant.body.mass_kg)
+
+    def at(self, point: FloatArray) -> BearingLoop:
+        """Return the same with the gains at a point of the box."""
+        table = self.space.controller(point, self.setup.controller)
+        return replace(self, setup=replace(self.setup, controller=table))
+
+    def brief(self) -> BearingLoop:
+        """Return the same with steps that are held no longer than they take to settle."""
+        rig = self.setup.rig
+        hold = min(rig.settings.step.hold_s, HOLD_S)
+        return replace(self, setup=replace(self.setup, rig=changed(rig, {"step.hold_s": hold})))
+
+    def make(self) -> None:
+        """Make the controller; InputError where fixed point cannot hold its gains."""
+        self.setup.make_controller()
+
+    def figures(
+        self, condition: Condition, aims: Aims, ceiling: float, seed: int
+    ) -> Figures | None:
+        """Run steps and sine at one condition; None if the armature was not held."""
+        setup = self.setup
+        heights = tuple(setup.rig.settings.step.heights_m)
+        steps, lost = run_steps(StepRun(setup, condition.gap, heights, condition.load, seed))
+        if lost is not None:
+            return None
+        outcome = of_steps(steps)
+        if aims.cost(outcome) > ceiling:
+            return outcome  # a sine cannot make it better
+        tried = search_frequencies(setup.rig)
+        measured = sweep(setup, condition.gap, condition.load, tried, seed)
+        if measured is None:
+            return None
+        return replace(outcome, peak_sensitivity=peak_of(measured))
+
+    def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
+        """Return what finds the points that linear loops like best.
+
+        It does so for several peaks of the sensitivity and softnesses.
+        """
+        screens = [make_screen(self.setup, self.conditions, one) for one in FIRMNESS]
+        stricter = [aims.tightened({"peak_sensitivity": bound}) for bound in _BOUNDS]
+        return [partial(self._liked, seed, (one, two)) for one in screens for two in stricter]
+
+    def _liked(self, seed: int, task: tuple[Screen, Aims]) -> FloatArray:
+        screen, aims = task
+        return refine(partial(self._costs, screen, aims), self.space.size, seed)
+
+    def _costs(self, screen: Screen, aims: Aims, points: FloatArray) -> FloatArray:
+        gains = self.space.per_tick(points, self.setup.controller)
+        return screen.look(gains).costs(aims, screen.horizon)
+
+    def least_settling(self, seed: int, eased: tuple[Screen, Aims]) -> float:
+        """Return the settling time of the best gains for linear loops, s; infinite if none will do."""
+        best = self._liked(seed, eased)
+        cost = float(self._costs(*eased, best[None, :])[0])
+        return cost if cost <= eased[0].horizon else math.inf
+
+    def check(self, jobs: int | None = None) -> Check:
+        """Run the steps of all conditions with every noise seed, and a fine swept sine at each."""
+        setup, conditions = self.setup, self.conditions
+        seeds = default_seeds(setup.rig)
+        heights = setup.rig.settings.step.heights_m
+        gaps = list(dict.fromkeys(one.gap for one in conditions))
+        loads = list(dict.fromkeys(one.load for one in conditions))
+        cells = compare_steps([setup], gaps, heights, loads, list(seeds), jobs=jobs)
+        measured = all_of(partial(_sweep, setup), list(conditions), jobs=jobs)
+        figures, peaks = {}, {}
+        for condition, response in zip(conditions, measured, strict=True):
+            mine = [
+                cell for cell in cells if (cell.gap, cell.load) == (condition.gap, condition.load)
+            ]
+            figures[condition] = _figures(mine, response)
+            peaks[condition] = math.inf if response is None else response.peak_frequency
+        worst = {
+            name: max(kept, key=lambda each: each.figures[name].mean)
+            for name in TITLES
+            if (kept := [cell for cell in cells if name in cell.figures])
+        }
+        return Check(
+            figures,
+            peaks,
+            len(seeds),
+            {name: cell.figures[name].half_width for name, cell in worst.items()},
+            {name: f"step of {1e6 * cell.height:g} um" for name, cell in worst.items()},
+            {"steps": [cell.as_dict() for cell in cells]},
+        )
+
+    def limits(self, aims: Aims, reached: Check, seed: int, jobs: int | None = None) -> list[Limit]:
+        """Report what limits gains that were found and checked."""
+        if not math.isfinite(reached.worst.cost):
+            return [Limit("settling_time_s", "no gains settled within the hold at every condition")]
+        return [
+            *reached.near(aims),
+            *_noise(self.setup, reached),
+            *_used_up(self.setup, self.conditions, seed, jobs),
+            *_would_help(self, aims, seed, jobs),
+        ]
+
+    def gains(self) -> dict[str, float]:
+        """Return the gains as files hold them."""
+        pidd2 = self.setup.controller.pidd2()
+        return {
+            "K_p_N_per_m": pidd2.K_p,
+            "K_i_N_per_m_s": pidd2.K_i,
+            "K_d_N_s_per_m": pidd2.K_d,
+            "K_dd_N_s2_per_m": pidd2.K_dd,
+            "cutoff_Hz": pidd2.cutoff,
+            "cutoff_2_Hz": pidd2.cutoff_2,
+            "set_point_weight": pidd2.weight,
+        }
+
+    @property
+    def tried(self) -> str:
+        """What is tried at every condition."""
+        heights = self.setup.rig.settings.step.heights_m
+        return f"steps of {', '.join(f'{1e6 * one:g}' for one in heights)} um up and down"
+
+    def facts(self) -> dict[str, Any]:
+        """Return what tuning.json says of the rig."""
+        controller, rig = self.setup.controller, self.setup.rig.settings
+        return {
+            "controller": controller.name,
+            "number_format": controller.compensation.format,
+            "supply_V": rig.amplifier.supply_V,
+            "steps_m": list(rig.step.heights_m),
+        }
+
+    def meaning(self, numbers: Mapping[str, float]) -> list[str]:
+        """Return lines that say what the numbers of a point mean."""
+        return [
+            f"Poles of the moving mass: pair at {numbers['bandwidth_Hz']:.4g} Hz with damping "
+            f"{numbers['damping']:.3g}, real one at "
+            f"{numbers['bandwidth_Hz'] * numbers['real_pole']:.4g} Hz;",
+            f"virtual mass {100.0 * numbers['virtual_mass']:.3g} % of the mass.",
+        ]
+
+
+def of_steps(steps: Sequence[StepResult]) -> Figures:
+    """Sum up the steps of a run; the peak sensitivity is left at 0."""
+    rows = [merged(steps, height) for height in dict.fromkeys(step.height for step in steps)]
+    return _worst([row for row in rows if row is not None])
+
+
+def _worst(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> Figures:
+    """Return the worst of each figure, with a peak of the sensitivity."""
+    names = set(rows[0]) & set(Figures().named())
+    return Figures(
+        peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names}
+    )
+
+
+def search_frequencies(rig: BodyRig) -> FloatArray:
+    """Return the few frequencies of a search, Hz: where a loop that is fast enough has its peak."""
+    rate = rig.settings.timing.rate_Hz
+    return spaced(rate / 160.0, rate / 10.0, 11)
+
+
+def check_frequencies(rig: BodyRig) -> FloatArray:
+    """Return the frequencies of a check, Hz."""
+    rate = rig.settings.timing.rate_Hz
+    return spaced(rate / 500.0, rate / 8.0, 40)
+
+
+def peak_of(measured: Sensitivity) -> float:
+    """Return the peak, between frequencies too: of a parabola through the three largest values."""
+    size = np.log(measured.magnitude)
+    at = int(np.argmax(size))
+    if not 0 < at < size.size - 1:
+        return measured.peak
+    left, middle, right = size[at - 1 : at + 2].tolist()
+    bend = left - 2.0 * middle + right
+    return math.exp(middle - (right - left) ** 2 / (8.0 * bend)) if bend < 0.0 else measured.peak
+
+
+def _sweep(setup: BearingSetup, condition: Condition) -> Sensitivity | None:
+    return sweep(setup, condition.gap, condition.load, check_frequencies(setup.rig), 0)
+
+
+def _figures(cells: Sequence[StepCell], measured: Sensitivity | None) -> Figures:
+    if measured is None or any(cell.lost or not cell.figures for cell in cells):
+        return Figures.lost()
+
+    means = [{name: one.mean for name, one in cell.figures.items()} for cell in cells]
+    return _worst(means, peak_of(measured))
+
+
+_AT = 0.995  # of what there is: counts as all of it
+_NOISES, _BAND = 3.0, 0.02  # standard deviations; of the smallest step
+
+
+def _noise(setup: BearingSetup, reached: Check) -> list[Limit]:
+    """Noise of the sensor, where it fills much of the band in which a small step must stay."""
+    height = min(setup.rig.settings.step.heights_m)
+    rest = reached.worst.standstill_rms_m
+    share = _NOISES * rest / (_BAND * height)
+    if share < 0.5:
+        return []
+    kind = setup.rig.settings.gap_sensor.kind
+    return [
+        Limit(
+            "noise",
+            f"three times the standstill of {1e9 * rest:.0f} nm rms fill {100.0 * share:.0f} % of "
+            f"the band in which a step of {1e6 * height:g} um must stay (position sensor: {kind})",
+        )
+    ]
+
+
+def _used_up(
+    setup: BearingSetup, conditions: Sequence[Condition], seed: int, jobs: int | None
+) -> list[Limit]:
+    """Report what the steps use up: the force that is allowed, the supply, the current."""
+    work = partial(_usage, setup, seed)
+    usages = list(zip(conditions, all_of(work, list(conditions), jobs=jobs), strict=True))
+    limits, amplifier = setup.controller.limits, setup.rig.settings.amplifier
+    ends = {
+        "force": f"the demand is at its limits of {limits.force_low_N:g} and "
+        f"{limits.force_high_N:g} N",
+        "voltage": f"the amplifier is at its supply of {amplifier.supply_V:g} V",
+        "current": f"the current is at its limits of {limits.current_low_A:g} and "
+        f"{limits.current_high_A:g} A",
+    }
+    found = []
+    for what, text in ends.items():
+        condition, seconds = max(
+            ((one, usage[what]) for one, usage in usages), key=lambda each: each[1]
+        )
+        if seconds > 0.0:
+            found.append(
+                Limit(
+                    what, f"{text} for up to {1e3 * seconds:.2g} ms of a step, at {condition.text}"
+                )
+            )
+    return found
+
+
+def _usage(setup: BearingSetup, seed: int, condition: Condition) -> Mapping[str, float]:
+    """Return for how long of a step each thing is used up, s."""
+    rig, limits = setup.rig, setup.controller.limits
+    heights = rig.settings.step.heights_m
+    scenario = steps_up_and_down(rig, setup.controller, condition.gap, heights, condition.load)
+    recording = SimulatedLoop(setup, seed).run(scenario)
+    longest = {"force": 0.0, "voltage": 0.0, "current": 0.0}
+    for step in scenario.steps:
+        part = recording.part(step.begin, step.end)
+        spare = (1.0 - _AT) * limits.force_high_N
+        demand, current = part["demand_N"], part["command_A"]
+        high, low = limits.current_high_A, limits.current_low_A
+        at_end = {
+            "force": (demand >= limits.force_high_N - spare)
+            | (demand <= limits.force_low_N + spare),
+            "voltage": np.abs(part["voltage_V"]) >= _AT * rig.settings.amplifier.supply,
+            "current": (current >= _AT * high) | (current <= low + (1.0 - _AT) * high),
+        }
+        for what, ticks in at_end.items():
+            longest[what] = max(longest[what], float(np.count_nonzero(ticks)) * rig.dt)
+    return longest
+
+
+def _would_help(loop: BearingLoop, aims: Aims, seed: int, jobs: int | None) -> list[Limit]:
+    """Tune linear loops again with one thing eased at a time."""
+    screen = make_screen(loop.setup, loop.conditions)
+    loops = screen.loops
+    eased: dict[str, tuple[str, Screen, Aims]] = {
+        "": ("", screen, aims),
+        "peak_sensitivity": (
+            f"a peak sensitivity of {1.5 * aims.peak_sensitivity:g}",
+            screen,
+            aims.tightened({"peak_sensitivity": 1.5}),
+        ),
+        "overshoot_percent": (
+            f"an overshoot of {2.0 * (aims.overshoot_percent or 0.0):g} %",
+            screen,
+            aims.tightened({"overshoot_percent": 2.0}),
+        ),
+        "force": ("half as much force again for the largest step", screen.stronger(1.5), aims),
+        "delay": (
+            "half the delay from sample to current",
+            screen.around(
+                [
+                    replace(one, chain=replace(one.chain, delay_ticks=0.5 * one.chain.delay_ticks))
+                    for one in loops
+                ]
+            ),
+            aims,
+        ),
+        "pinning": ("an iron without pinning", screen.of(range(0, len(loops), 2)), aims),
+    }
+    if isinstance(loops[0].amplifier, CurrentLoop):
+        quick = [
+            CurrentLoop(gain=2.0 * amplifier.gain, reset=2.0 * amplifier.reset)
+            for amplifier in (one.amplifier for one in loops)
+            if isinstance(amplifier, CurrentLoop)
+        ]
+        eased["amplifier"] = (
+            "an amplifier of twice the bandwidth",
+            screen.around(
+                [replace(one, amplifier=two) for one, two in zip(loops, quick, strict=True)]
+            ),
+            aims,
+        )
+    text = "with {0} linear loops would settle in {1:.2g} instead of {2:.2g} ms"
+    return what_helps(
+        partial(loop.least_settling, seed),
+        eased,
+        jobs,
+        lambda what, one, base: text.format(what, 1e3 * one, 1e3 * base),
+    )

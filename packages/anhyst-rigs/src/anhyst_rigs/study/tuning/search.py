@@ -1,0 +1,478 @@
+"""From aims to gains: screen, search in the nonlinear loop, check, and again where that fails.
+
+The screen is a cheap look at many gains at once: the loop linearised at every gap and load. Nothing
+of hysteresis and noise is in it; limits only in so far as the force that the largest step asks for
+is known. It finds where a search should begin.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from operator import call
+from typing import Any, Protocol
+
+import numpy as np
+from cmaes import CMA
+
+from anhyst_rigs.rig.bearing.loop import BearingSetup
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.study.bearing.linear import LinearLoop
+from anhyst_rigs.study.bearing.operating import find_operating_point, linear_loop
+from anhyst_rigs.study.tuning.aims import MISSED, Aims, GainFigures
+from anhyst_rigs.study.tuning.trial import (
+    Box,
+    Check,
+    Condition,
+    GainOutcome,
+    GainTrial,
+    Tunable,
+    run_trial,
+)
+from anhyst.support.errors import NegativeResult
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.numeric import FloatArray
+
+
+class Strategy:
+    """Draws points around a mean, and moves mean and spread to where the better ones lie."""
+
+    def __init__(self, mean: FloatArray, sigma: float, seed: list[int], children: int) -> None:
+        box = np.tile([0.0, 1.0], (mean.size, 1))
+        number = int(np.random.SeedSequence(seed).generate_state(1)[0])
+        self._search = CMA(mean, sigma, bounds=box, seed=number, population_size=children)
+        self._asked: list[FloatArray] = []
+
+    def ask(self) -> FloatArray:
+        """Return the points of the next generation, shape (children, n)."""
+        self._asked = [self._search.ask() for _ in range(self._search.population_size)]
+        return np.array(self._asked)
+
+    def tell(self, costs: FloatArray) -> None:
+        """Take the costs of the points asked for, in the same order."""
+        self._search.tell(list(zip(self._asked, costs.tolist(), strict=True)))
+
+
+_FREQUENCIES = 72
+_LOOK_EVERY = 4  # ticks
+_BAND = 0.02
+
+SPREAD = 1024
+"""Places that are spread over the box at first; a power of two."""
+REFINED = (24, 32)
+"""Generations, and points in each, in which the best of them is improved."""
+
+
+@dataclass(frozen=True)
+class Screened:
+    """What linear loops do with n sets of gains, worst of all conditions."""
+
+    # settling is infinite where it takes longer than was looked at, or for ever; shape (n,)
+    overshoot_percent: FloatArray
+    settling_time_s: FloatArray
+    peak_sensitivity: FloatArray
+    # force that the largest step asks for, in parts of what there is; shape (n,)
+    effort: FloatArray
+
+    def costs(self, aims: Aims, horizon: float) -> FloatArray:
+        """Return costs as :meth:`Aims.cost` gives them, of what is known here, shape (n,)."""
+        missed = np.zeros(self.peak_sensitivity.size)
+        limits = {"overshoot_percent": aims.overshoot_percent, "effort": 1.0}
+        for name, limit in (limits | {"peak_sensitivity": aims.peak_sensitivity}).items():
+            over = getattr(self, name) / limit - 1.0
+            missed += np.clip(np.nan_to_num(over, nan=100.0, posinf=100.0), 0.0, 100.0)
+        settled = np.isfinite(self.settling_time_s)
+        missed += np.where(settled, 0.0, 10.0)
+        time = np.where(settled, self.settling_time_s, horizon)
+        return np.where(missed > 0.0, MISSED + missed, time)
+
+
+class Screen:
+    """Linear loops at several conditions, around which gains are tried."""
+
+    def __init__(
+        self, loops: Sequence[LinearLoop], reserves: Sequence[float], horizon: float
+    ) -> None:
+        self.loops = tuple(loops)
+        self.horizon = horizon
+        self._reserves = tuple(reserves)
+        rate = loops[0].chain.rate
+        self._rate = rate
+        frequency = np.geomspace(rate / 1000.0, rate / 2.5, _FREQUENCIES)
+        self._z = np.exp(2j * np.pi * frequency / rate)
+        self._plants = [loop.plant_response(frequency) for loop in loops]
+
+    def around(self, loops: Sequence[LinearLoop]) -> Screen:
+        """Return a screen with other loops at the same conditions."""
+        return Screen(loops, self._reserves, self.horizon)
+
+    def of(self, indices: Iterable[int]) -> Screen:
+        """Return a screen of some of the loops."""
+        some = list(indices)
+        reserves = [self._reserves[index] for index in some]
+        return Screen([self.loops[index] for index in some], reserves, self.horizon)
+
+    def stronger(self, factor: float) -> Screen:
+        """Return a screen whose largest step has so many times the force."""
+        return Screen(self.loops, [factor * one for one in self._reserves], self.horizon)
+
+    def look(self, per_tick: FloatArray) -> Screened:
+        """Judge gains, as rows of :attr:`anhyst.control.Pidd2.per_tick`, shape (n, 11)."""
+        peak = np.max([self._peak(at, per_tick) for at in range(len(self.loops))], axis=0)
+        steps = [self._step(at, per_tick) for at in range(len(self.loops))]
+        return Screened(
+            overshoot_percent=np.max([one[0] for one in steps], axis=0),
+            settling_time_s=np.max([one[1] for one in steps], axis=0),
+            peak_sensitivity=peak,
+            effort=np.max([one[2] for one in steps], axis=0),
+        )
+
+    def _peak(self, at: int, per_tick: FloatArray) -> FloatArray:
+        p, k, d, e, _, _, s, t, _ = (column[:, None] for column in per_tick.T[:9])
+        step = self._z - 1.0
+        first = s * step / (step + s)
+        second = t * step / (step + t) * first
+        feedback = p + k / step + d * first + e * second
+        compensation = self.loops[at].compensation
+        gain = (feedback + compensation.k_s) / compensation.k_i * self._plants[at]
+        return np.asarray(np.max(1.0 / np.abs(1.0 + gain), axis=1))
+
+    def _step(self, at: int, per_tick: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return overshoot, %, settling time, s, and effort of a step of the reference."""
+        loop = self.loops[at]
+        matrix, into = closed_loop(loop, per_tick)
+        for _ in range(int(np.log2(_LOOK_EVERY))):
+            into = (matrix @ into[..., None])[..., 0] + into
+            matrix = matrix @ matrix
+        c = np.concatenate([loop.plant[2], np.zeros(3)])
+        asks, jump = _demand(loop, per_tick)
+        count = round(self.horizon * self._rate / _LOOK_EVERY)
+        state = np.zeros_like(into)
+        seen = np.empty((count, into.shape[0]))
+        force = np.abs(jump)
+        with np.errstate(all="ignore"):  # what is unstable leaves all bounds
+            for tick in range(count):
+                state = (matrix @ state[..., None])[..., 0] + into
+                seen[tick] = state @ c
+                force = np.maximum(force, np.abs(np.sum(state * asks, axis=1) + jump))
+            seen = np.nan_to_num(seen, nan=1e9, posinf=1e9, neginf=-1e9)
+            overshoot = 100.0 * np.maximum(seen.max(axis=0) - 1.0, 0.0)
+            outside = np.abs(seen - 1.0) > _BAND
+        last = count - 1 - np.argmax(outside[::-1], axis=0)
+        time = np.where(outside.any(axis=0), (last + 1) * _LOOK_EVERY / self._rate, 0.0)
+        return overshoot, np.where(outside[-1], np.inf, time), force / self._reserves[at]
+
+
+def _demand(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what the controller asks for: for each state, shape (n, m), and at once, N/m."""
+    p, _, d, e, _, _, s, t, weight = per_tick.T[:9]
+    feedback = -p - d * s - e * s * t
+    own = np.stack([d * s + e * s * t, e * t, np.ones(p.size)], axis=1)
+    asks: FloatArray = np.concatenate([feedback[:, None] * loop.plant[2], own], axis=1)
+    return asks, np.asarray(weight * p)
+
+
+def closed_loop(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return matrices of closed loops over a tick, and what a reference of 1 adds."""
+    a, b, c = loop.plant
+    n, m = per_tick.shape[0], a.shape[0]
+    p, k, d, e, _, _, s, t, weight = per_tick.T[:9]
+    own = np.zeros((n, 3, 3))
+    own[:, 0, 0], own[:, 1, 0], own[:, 1, 1] = 1.0 - s, -s * t, 1.0 - t
+    own[:, 2, 2] = 1.0
+    out = np.stack([d * s + e * s * t, e * t, np.ones(n)], axis=1)
+    share = 1.0 / loop.compensation.k_i
+    through = share * (-p - d * s - e * s * t - loop.compensation.k_s)
+    matrix = np.zeros((n, m + 3, m + 3))
+    matrix[:, :m, :m] = a + through[:, None, None] * np.outer(b, c)
+    matrix[:, :m, m:] = share * b[:, None] * out[:, None, :]
+    matrix[:, m:, :m] = np.stack([s, s * t, -k], axis=1)[:, :, None] * c
+    matrix[:, m:, m:] = own
+    into = np.zeros((n, m + 3))
+    into[:, :m] = (share * weight * p)[:, None] * b
+    into[:, m + 2] = k
+    return matrix, into
+
+
+def spread_over(size: int, seed: int) -> FloatArray:
+    """Return :data:`SPREAD` points spread evenly over the unit box."""
+    from scipy.stats import qmc  # slow to load, and used here alone
+
+    points: FloatArray = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SPREAD)
+    return points
+
+
+def refine(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> FloatArray:
+    """Return the point of a box that costs least, beginning at the best of many points."""
+    points = spread_over(size, seed)
+    cost = costs(points)
+    best: FloatArray = points[int(np.argmin(cost))]
+    least = float(np.min(cost))
+    strategy = Strategy(best, 0.1, [seed, 2], REFINED[1])
+    for _ in range(REFINED[0]):
+        tried = strategy.ask()
+        cost = costs(tried)
+        strategy.tell(cost)
+        if float(np.min(cost)) < least:
+            best, least = tried[int(np.argmin(cost))], float(np.min(cost))
+    return best
+
+
+class LinearLoops(Protocol):
+    """Linear loops that say what points of a box cost."""
+
+    def costs(self, space: Box, aims: Aims, points: FloatArray) -> FloatArray:
+        """Return costs as :meth:`Aims.cost` gives them, of what is known here."""
+
+
+def liked(loop: LinearLoops, space: Box, seed: int, aims: Aims) -> FloatArray:
+    """Return the point that linear loops like best."""
+    return refine(partial(loop.costs, space, aims), len(space.axes), seed)
+
+
+def least_cost(space: Box, seed: int, eased: tuple[LinearLoops, Aims]) -> float:
+    """Return what that point costs."""
+    loop, aims = eased
+    return float(loop.costs(space, aims, liked(loop, space, seed, aims)[None, :])[0])
+
+
+HORIZON_S = 0.03
+"""How long linear steps are looked at, s."""
+
+
+FIRMNESS = (0.3, 0.5, 0.75)
+"""Of softened loops: how much small steps feel of the pinning is not known beforehand."""
+
+
+def at_condition(rig: BodyRig, condition: Condition) -> BodyRig:
+    """Return the rig with its operating point there."""
+    return changed(rig, {"gap_m": condition.gap, "load.force_N": condition.load})
+
+
+def make_screen(
+    setup: BearingSetup, conditions: Sequence[Condition], firmness: float = FIRMNESS[1]
+) -> Screen:
+    """Linearise a setup at every condition: along the static slope, and softened by pinning.
+
+    Small steps turn the current, and just after a turn only the reversible part of the iron
+    answers. A loop whose magnet gives a slope between the two stands for such steps.
+    """
+    limits = setup.controller.limits
+    largest = max(setup.rig.settings.step.heights_m)
+    loops: list[LinearLoop] = []
+    reserves: list[float] = []
+    for condition in conditions:
+        rig = at_condition(setup.rig, condition)
+        at = find_operating_point(rig)
+        own = linear_loop(replace(setup, rig=rig), at)
+        share = min(max(at.slopes.share, 0.0), 1.0)
+        soft = share + firmness * (1.0 - share)
+        loops += [own, replace(own, point=replace(own.point, k_i=soft * own.point.k_i))]
+        reserve = min(limits.force_high_N - rig.load, rig.load - limits.force_low_N)
+        if len(rig.settings.placed) > 1:
+            reserve = limits.force_high_N - abs(rig.load)
+        reserves += [max(reserve, 1e-3 * limits.force_high_N) / largest] * 2
+    return Screen(loops, reserves, HORIZON_S)
+
+
+BUDGET = 240
+"""Sets of gains tried in the nonlinear loop."""
+CHILDREN = 10
+"""Of a generation of the search; even, so that two cores are busy."""
+_SIGMA = 0.1  # of the box: first step of the search
+_STARTS = 2  # of which the search goes on with the better one after a third of the budget each
+_CLOSE = 0.15  # of the box: starts are farther apart than that
+_CHECKED = 2  # of the best, after every round
+_ROUNDS = 3  # at most: a check that fails sends the search back
+_BACK = 4  # generations of a search that was sent back
+_STRICTER = 0.98  # than what the check found too much
+_WORK_OF_CHECK = 15.0  # in sets of gains tried, for whoever wants to know how far it is
+_WORK_AFTER = 40.0  # finding out what limits the best gains
+
+
+@dataclass(frozen=True, eq=False)
+class TriedGains:
+    """Gains that were tried, and what they gave."""
+
+    point: FloatArray  # in the box that is searched
+    outcome: GainOutcome  # with one noise seed
+
+
+@dataclass(frozen=True)
+class FoundGains:
+    """What a search found."""
+
+    loop: Tunable  # with the best gains
+    numbers: dict[str, float]  # the best point of the box, by name
+    check: Check | None  # of the best; None if the search was interrupted before
+    before: GainOutcome  # of the gains as they were, one noise seed
+    # all that were tried at every condition, those of the front included
+    candidates: tuple[TriedGains, ...]
+    tried: int  # sets of gains in the nonlinear loop
+    interrupted: bool  # whether ctrl-C ended the search
+
+    @property
+    def figures(self) -> GainFigures:
+        """What the best gains reach, as far as it was checked."""
+        if self.check is not None:
+            return self.check.worst
+        return self.candidates[0].outcome.worst
+
+
+@dataclass
+class GainSearch:
+    """A search for the gains of one variant."""
+
+    loop: Tunable  # all of its controller but the gains is kept
+    aims: Aims
+    budget: int = BUDGET  # sets of gains tried in the nonlinear loop before the first check
+    seed: int = 0  # of everything random in the search, and of the noise in it
+    progress: Progress | None = None  # called with what is done and what there is in all
+    jobs: int | None = None  # processes; as many as there are cores if left out
+    _brief: Tunable = field(init=False)
+    _candidates: list[TriedGains] = field(init=False, default_factory=list)
+    _tried: int = field(init=False, default=0)
+    _done: float = field(init=False, default=0.0)
+    _whole: float = field(init=False, default=0.0)
+
+    def __post_init__(self) -> None:
+        self._brief = self.loop.brief()
+        self._whole = self.budget + _CHECKED * _WORK_OF_CHECK + _WORK_AFTER
+
+    def run(self) -> FoundGains:
+        """Search."""
+        before = run_trial(GainTrial(self._brief, self.loop.conditions, self.aims, seed=self.seed))
+        checked: list[tuple[float, TriedGains, Check]] = []
+        interrupted = False
+        try:
+            self._look_at_front()
+            self._rounds(checked)
+        except KeyboardInterrupt:
+            if not self._candidates:
+                raise
+            interrupted = True
+        if checked:
+            _, best, reached = min(checked, key=lambda each: each[0])
+        else:
+            best, reached = self._best(self.aims)[0], None
+        others = [one for one in self._candidates if one is not best]
+        return FoundGains(
+            loop=self.loop.at(best.point),
+            numbers=self.loop.space.numbers(best.point),
+            check=reached,
+            before=before,
+            candidates=(best, *others),
+            tried=self._tried,
+            interrupted=interrupted,
+        )
+
+    def _rounds(self, checked: list[tuple[float, TriedGains, Check]]) -> None:
+        """Search and check; where the check fails, search again with stricter aims."""
+        aims = self.aims
+        generations = max(self.budget // CHILDREN, 1)
+        for round_ in range(_ROUNDS):
+            if round_ > 0:
+                self._whole += _BACK * CHILDREN + _CHECKED * _WORK_OF_CHECK
+            self._search(aims, generations if round_ == 0 else _BACK, round_)
+            seen = [one for _, one, _ in checked]
+            for candidate in [one for one in self._best(aims) if one not in seen][:_CHECKED]:
+                found = self.loop.at(candidate.point).check(self.jobs)
+                checked.append((self.aims.cost(found.worst), candidate, found))
+                self._report(_WORK_OF_CHECK)
+            _, _, best = min(checked, key=lambda each: each[0])
+            misses = self.aims.misses(best.worst)
+            if not misses:
+                return
+            aims = aims.tightened(
+                {name: _STRICTER / (1.0 + min(over, 1.0)) for name, over in misses.items()}
+            )
+
+    def _look_at_front(self) -> None:
+        """Try what linear loops like best."""
+        tasks = list(self.loop.starts(self.aims, self.seed))
+        self._whole += 2.0 * len(tasks)
+        points = all_of(call, tasks, lambda *_: self._report(1.0), self.jobs)
+        self._try(np.array(points), self.loop.conditions, self.aims, math.inf)
+        if not self._candidates:
+            raise NegativeResult(
+                f"none of {len(points)} sets of gains that linear loops like best holds the body "
+                "wherever it is tried; 'anhyst simulate' reports how it is lost: look at the limits "
+                "and the load",
+                code="no-gains-hold",
+            )
+
+    def _search(self, aims: Aims, generations: int, round_: int) -> None:
+        """Search around the best, at first around several of them, then where it went best."""
+        starts = self._apart(aims, _STARTS if round_ == 0 else 1)
+        paths = [
+            _Path(
+                Strategy(one.point, _SIGMA / (1 + 2 * round_), [self.seed, 3, round_, i], CHILDREN)
+            )
+            for i, one in enumerate(starts)
+        ]
+        early = generations // (_STARTS + 1) if len(paths) > 1 else 0
+        for path in paths:
+            self._generations(path, aims, early)
+        best = min(paths, key=lambda each: each.least)
+        self._generations(best, aims, generations - early * len(paths))
+
+    def _generations(self, path: _Path, aims: Aims, count: int) -> None:
+        for _ in range(count):
+            order = _hardest_first(self._best(aims)[0].outcome, self.loop.conditions, aims)
+            points = path.strategy.ask()
+            costs = np.array([one.cost for one in self._try(points, order, aims, path.ceiling)])
+            path.strategy.tell(costs)
+            path.least = min(path.least, float(costs.min()))
+            path.ceiling = float(np.sort(costs)[CHILDREN // 2 - 1])
+
+    def _apart(self, aims: Aims, count: int) -> list[TriedGains]:
+        """Return the best that lie apart from each other."""
+        chosen: list[TriedGains] = []
+        for one in self._best(aims):
+            if all(np.max(np.abs(one.point - other.point)) > _CLOSE for other in chosen):
+                chosen.append(one)
+        return chosen[:count]
+
+    def _try(
+        self, points: FloatArray, order: Sequence[Any], aims: Aims, ceiling: float
+    ) -> list[GainOutcome]:
+        trials = [
+            GainTrial(self._brief.at(point), tuple(order), aims, ceiling, self.seed)
+            for point in points
+        ]
+        outcomes = all_of(run_trial, trials, lambda *_: self._report(1.0), self.jobs)
+        self._tried += len(trials)
+        self._candidates += [
+            TriedGains(point, outcome)
+            for point, outcome in zip(points, outcomes, strict=True)
+            if outcome.complete
+        ]
+        return outcomes
+
+    def _best(self, aims: Aims) -> list[TriedGains]:
+        """Return what was tried at every condition, the best first."""
+        return sorted(self._candidates, key=lambda each: aims.cost(each.outcome.worst))
+
+    def _report(self, work: float) -> None:
+        self._done += work
+        if self.progress is not None:
+            self.progress(self._done, self._whole)
+
+
+@dataclass
+class _Path:
+    """A strategy on its way."""
+
+    strategy: Strategy
+    ceiling: float = math.inf
+    least: float = math.inf
+
+
+def _hardest_first(outcome: GainOutcome, conditions: Sequence[Any], aims: Aims) -> list[Any]:
+    """Order conditions so that gains which are no good are given up early."""
+    return sorted(
+        conditions, key=lambda each: -aims.cost(outcome.figures[each]) if outcome.complete else 0.0
+    )

@@ -1,0 +1,309 @@
+"""What is tuned, and one set of gains of it in the nonlinear loop.
+
+What is searched: a box of numbers; of a bearing, seven, and the controller that a point stands for.
+
+With the mass m that moves, the poles of the design rule lie at the distance w from the origin; here
+the real one may lie elsewhere, at a w, so that every set of gains can be reached::
+
+    (m + K_dd) s^3 + K_d s^2 + K_p s + K_i = (m + K_dd) (s + a w) (s^2 + 2 z w s + w^2)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
+from anhyst.control.pidd2 import Pidd2
+from anhyst_rigs.study.tuning.aims import LOST, TITLES, Aims, GainFigures, text_of, worst_of
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
+
+_DIGITS = 5
+"""Of every gain that is kept: what a file says is what was tried."""
+
+
+class Axis(NamedTuple):
+    """One of the numbers: its ends, and whether equal steps are equal ratios."""
+
+    low: float
+    high: float
+    ratio: bool
+
+
+class Box:
+    """The box that is searched."""
+
+    @property
+    def axes(self) -> dict[str, Axis]:
+        """Every number by name."""
+        raise NotImplementedError
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are."""
+        return len(self.axes)
+
+    def numbers(self, point: FloatArray) -> dict[str, float]:
+        """Return the numbers at a point of the unit box."""
+        values = {}
+        for (name, axis), part in zip(self.axes.items(), point.tolist(), strict=True):
+            if axis.ratio:
+                values[name] = axis.low * (axis.high / axis.low) ** part
+            else:
+                values[name] = axis.low + (axis.high - axis.low) * part
+        return values
+
+
+@dataclass(frozen=True)
+class GainSpace(Box):
+    """What is searched of a bearing."""
+
+    rate: float  # of the controller, Hz; frequencies are searched in parts of it
+    mass: float  # what moves, kg
+
+    @property
+    def axes(self) -> dict[str, Axis]:
+        """Every number by name."""
+        rate = self.rate
+        return {
+            "bandwidth_Hz": Axis(rate / 1000.0, rate / 20.0, True),
+            "damping": Axis(0.3, 3.0, True),
+            "real_pole": Axis(0.03, 3.0, True),  # in parts of the bandwidth
+            "virtual_mass": Axis(-0.5, 1.0, False),  # in parts of the mass
+            "set_point_weight": Axis(0.0, 1.0, False),
+            "cutoff_Hz": Axis(rate / 100.0, 0.45 * rate, True),
+            "cutoff_2_Hz": Axis(rate / 100.0, 0.45 * rate, True),
+        }
+
+    def controller(self, point: FloatArray, like: ControllerTable) -> ControllerTable:
+        """Return the controller at a point of the unit box; what is not searched stays as it is."""
+        at = self.numbers(point)
+        w, z, a = 2.0 * math.pi * at["bandwidth_Hz"], at["damping"], at["real_pole"]
+        total = self.mass * (1.0 + at["virtual_mass"])
+        gains = GainsTable(
+            K_p_N_per_m=rounded(total * (1.0 + 2.0 * z * a) * w**2),
+            K_i_N_per_m_s=rounded(total * a * w**3),
+            K_d_N_s_per_m=rounded(total * (2.0 * z + a) * w),
+            K_dd_N_s2_per_m=rounded(self.mass * at["virtual_mass"]),
+        )
+        filters = FilterTable(
+            cutoff_Hz=rounded(at["cutoff_Hz"]), cutoff_2_Hz=rounded(at["cutoff_2_Hz"])
+        )
+        return like.model_copy(
+            update={
+                "design": None,
+                "gains": gains,
+                "filter": filters,
+                "set_point_weight": round(at["set_point_weight"], _DIGITS),
+            }
+        )
+
+    def per_tick(self, points: FloatArray, like: ControllerTable) -> FloatArray:
+        """Return the gains per tick of many points, as :attr:`Pidd2.per_tick`, shape (n, 11)."""
+        found: list[Pidd2] = [self.controller(point, like).pidd2() for point in points]
+        return np.array([one.per_tick for one in found])
+
+
+def rounded(value: float) -> float:
+    """Return a gain as files hold it."""
+    return float(f"{value:.{_DIGITS}g}")
+
+
+_NEAR = 0.9  # of a limit: from here on it is said to bind
+_WORTH = 0.05  # of what is made small: less is not reported
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Where a bearing is tried."""
+
+    gap: float  # m
+    load: float  # N
+
+    @property
+    def text(self) -> str:
+        """Both with their units."""
+        return f"{1e3 * self.gap:.3g} mm and {self.load:.3g} N"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return both by name."""
+        return {"gap_m": self.gap, "load_N": self.load}
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One thing that limits."""
+
+    # name of a figure, or ``noise``, ``force``, ``voltage``, ``current``, ``delay``,
+    # ``amplifier``, ``pinning``
+    what: str
+    text: str  # A sentence for a person, with numbers
+
+
+@dataclass(frozen=True)
+class Check:
+    """What gains reach over all noise seeds."""
+
+    # means over the seeds, worst of all heights; all infinite where the body was lost
+    figures: Mapping[Any, GainFigures]
+    peaks: Mapping[Any, float]  # frequency of the peak of the sensitivity, Hz
+    seeds: int  # noise seeds behind every mean
+    widths: Mapping[str, float]  # of the 95 % interval of the worst of a figure, half of it
+    places: Mapping[str, str]  # where that is, beside the condition
+    rows: Mapping[str, Any]  # what else was found, for tuning.json
+    notes: tuple[str, ...] = ()  # the same, for a person
+
+    @property
+    def worst(self) -> GainFigures:
+        """The worst of each figure."""
+        return worst_of(self.figures.values())
+
+    def near(self, aims: Aims) -> list[Limit]:
+        """Return the aims that are missed or nearly so, and where."""
+        found = []
+        for name, limit in aims.limits.items():
+            value = float(getattr(self.worst, name))
+            if value < _NEAR * limit:
+                continue
+            at = max(self.figures, key=lambda each: float(getattr(self.figures[each], name)))
+            where = f"at {at.text}"
+            if name == "peak_sensitivity":
+                where += f", around {self.peaks[at]:.0f} Hz"
+            elif name in self.places:
+                where += f", {self.places[name]}"
+            verb = "misses" if value > limit else "nearly takes"
+            bound = TITLES[name].limit_text(limit)
+            found.append(Limit(name, f"{text_of(name, value)} {verb} its limit of {bound} {where}"))
+        return found
+
+
+class Tunable(Protocol):
+    """One variant in its loop, with gains that can be changed; goes to other processes."""
+
+    @property
+    def conditions(self) -> tuple[Any, ...]:
+        """All at which gains are to do well; each has ``text`` and ``as_dict()``."""
+
+    @property
+    def variant(self) -> MethodName:
+        """The kind of compensation."""
+
+    @property
+    def space(self) -> Box:
+        """The box that is searched."""
+
+    def at(self, point: FloatArray) -> Tunable:
+        """Return the same with the gains at a point of the box."""
+
+    def brief(self) -> Tunable:
+        """Return the same as it is tried in the search; what is checked takes longer."""
+
+    def make(self) -> None:
+        """Make the controller; InputError where fixed point cannot hold its gains."""
+
+    def figures(self, condition: Any, aims: Aims, ceiling: float, seed: int) -> GainFigures | None:
+        """Try the gains at one condition; None if the body was not held.
+
+        What cannot lower a cost that is above the ceiling need not be tried.
+        """
+
+    def starts(self, aims: Aims, seed: int) -> Sequence[Callable[[], FloatArray]]:
+        """Return what finds the points that linear loops like best."""
+
+    def check(self, jobs: int | None) -> Check:
+        """Try the gains with all noise seeds."""
+
+    def limits(self, aims: Aims, reached: Check, seed: int, jobs: int | None) -> list[Limit]:
+        """Return what limits gains that were checked."""
+
+    def gains(self) -> dict[str, float]:
+        """Return the gains as files hold them."""
+
+    @property
+    def tried(self) -> str:
+        """What is tried at every condition."""
+
+    def facts(self) -> dict[str, Any]:
+        """Return what tuning.json says of the rig."""
+
+    def meaning(self, numbers: Mapping[str, float]) -> list[str]:
+        """Return lines that say what the numbers of a point mean."""
+
+
+Loop = TypeVar("Loop")
+
+
+def what_helps(
+    work: Callable[[tuple[Loop, Aims]], float],
+    eased: Mapping[str, tuple[str, Loop, Aims]],
+    jobs: int | None,
+    text: Callable[[str, float, float], str],
+) -> list[Limit]:
+    """Report what lowers the cost of the best gains when it is eased, the most first.
+
+    The key ``""`` is that of nothing eased; a text is made of what is eased, and the costs with and
+    without.
+    """
+    tasks = [(loop, aims) for _, loop, aims in eased.values()]
+    costs = dict(zip(eased, all_of(work, tasks, jobs=jobs), strict=True))
+    base = costs.pop("")
+    if not math.isfinite(base):
+        return []
+    helps = sorted((one, what) for what, one in costs.items() if one < (1.0 - _WORTH) * base)
+    return [Limit(what, text(eased[what][0], one, base)) for one, what in helps]
+
+
+@dataclass(frozen=True)
+class GainTrial:
+    """Gains to be tried."""
+
+    loop: Tunable  # with these gains
+    conditions: tuple[Any, ...]  # of the loop, tried one after the other
+    aims: Aims
+    # cost from which on gains are given up: the rest of the conditions is not tried
+    ceiling: float = math.inf
+    seed: int = 0  # of the noise
+
+
+@dataclass(frozen=True)
+class GainOutcome:
+    """What a trial gave."""
+
+    cost: float  # by :meth:`Aims.cost`; a lower bound of it where the trial was given up
+    # of what was tried before it was given up, or the body lost
+    figures: dict[Any, GainFigures]
+    complete: bool  # whether everything was tried
+
+    @property
+    def worst(self) -> GainFigures:
+        """The worst of each figure."""
+        return worst_of(self.figures.values())
+
+
+def run_trial(trial: GainTrial) -> GainOutcome:
+    """Try gains at every condition, until they are known to be no better than others.
+
+    An iron that pins, noise and limits are in it; only the noise seed is one.
+    """
+    figures: dict[Any, GainFigures] = {}
+    cost = 0.0
+    try:
+        trial.loop.make()
+    except InputError:  # gains that fixed point cannot hold
+        return GainOutcome(LOST + len(trial.conditions), figures, complete=False)
+    for index, condition in enumerate(trial.conditions):
+        result = trial.loop.figures(condition, trial.aims, trial.ceiling, trial.seed)
+        if result is None:
+            return GainOutcome(LOST + len(trial.conditions) - index, figures, complete=False)
+        figures[condition] = result
+        cost = trial.aims.cost(worst_of(figures.values()))
+        if cost > trial.ceiling and index + 1 < len(trial.conditions):
+            return GainOutcome(cost, figures, complete=False)
+    return GainOutcome(cost, figures, complete=True)

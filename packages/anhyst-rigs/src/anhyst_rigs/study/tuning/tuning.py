@@ -1,0 +1,324 @@
+"""Tune the controller of a rig for one variant or for all: what ``anhyst tune`` does."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
+from anhyst_rigs.rig.bearing.loop import make_setups
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.distance import PlantCheck
+from anhyst_rigs.rig.fitting import check_plant
+from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
+from anhyst_rigs.rig.rewriting import rewrite_rig
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import identify_stage
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.simulate import compared
+from anhyst_rigs.study.piezo import find_inverses
+from anhyst_rigs.study.plants import METHODS
+from anhyst_rigs.study.tracking.simulate import (
+    COMPARED,
+    OF_AXES,
+    OWN,
+    check_calibration,
+    find_gains,
+    make_variants,
+)
+from anhyst_rigs.study.tuning.aims import Aims
+from anhyst_rigs.study.tuning.bearing import BearingLoop, default_conditions
+from anhyst_rigs.study.tuning.piezo import PiezoLoop
+from anhyst_rigs.study.tuning.result import RESULTS, Tuned, Tuning, file_note, write_results
+from anhyst_rigs.study.tuning.search import GainSearch
+from anhyst_rigs.study.tuning.stage import SLOWEST, StageLoop
+from anhyst_rigs.study.tuning.trial import Tunable
+from anhyst.support.atomic import PathLike, check_writable, seen_from
+from anhyst.support.errors import InputError, Interrupted
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import PROBED, MethodName, capability
+from anhyst.support.toml_file import take_rig
+from anhyst.support.toml_text import Path as KeyPath
+
+
+def tune(
+    rig: PathLike,
+    out: Path,
+    controller: PathLike | None,
+    aims: Aims,
+    *,
+    all_variants: bool,
+    crossover: float | None,
+    budget: int,
+    seed: int,
+    jobs: int | None,
+    progress: Progress | None,
+) -> Tuning:
+    """Find gains for stated aims over all that a rig file names at once: `anhyst.tune`."""
+    if budget < 10:
+        raise InputError(
+            f"--budget: {budget} sets of gains are too few; give 10 or more",
+            code="out-of-range",
+            key="--budget",
+        )
+    kind = take_rig(rig, "tune")
+    kind.refuse_options(
+        "tune",
+        {
+            "--controller": controller,
+            "--overshoot": aims.overshoot_percent,
+            "--average": aims.average_m,
+            "--crossover": crossover,
+            "--error": aims.error_peak_m,
+            "--settling": aims.settling_time_s,
+            "--standstill": aims.standstill_rms_m,
+            "--effort": aims.current_rate_rms_A_per_s,
+        },
+    )
+    begin, used = time.perf_counter(), _processor_time()
+    tunes = capability(kind, HasTuning)
+    subject = tunes.tuning(rig, controller, crossover)
+    aims = subject.completed(aims)
+    names = subject.names() if all_variants else (subject.own,)
+    places = subject.places(out, names, tunes.files(rig, controller))
+    tuned, interrupted = _Task(aims, budget, seed, jobs).run(subject.loops(names, jobs), progress)
+    out.mkdir(parents=True, exist_ok=True)
+    result = Tuning(
+        rig=subject.rig,
+        controller=subject.controller,
+        plant=subject.plant,
+        own=subject.own,
+        aims=aims,
+        budget=budget,
+        seed=seed,
+        tuned=tuned,
+        written={name: places[name] for name in tuned},
+        interrupted=interrupted,
+        seconds=time.perf_counter() - begin,
+        cpu_seconds=_processor_time() - used,
+    )
+    for name, path in result.written.items():
+        subject.write(tuned[name], path, file_note(tuned[name], result))
+    write_results(result, out)
+    return result
+
+
+class TuningSubject(ABC):
+    """A rig and what is written for it."""
+
+    stem: str  # of the files that are written
+    rig: BodyRig | PiezoRig
+    controller: ControllerFile | None = None
+    plant: PlantCheck | None = None  # what the loops say about it
+    own: MethodName  # what is tuned where not all variants are
+
+    def completed(self, aims: Aims) -> Aims:
+        """Return aims with those that are usual for such a rig, where none is given."""
+        return aims
+
+    @abstractmethod
+    def names(self) -> Sequence[MethodName]:
+        """Return all variants."""
+
+    @abstractmethod
+    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+        """Read what is known, and make variants; some may not be possible."""
+
+    def write(self, tuned: Tuned, path: Path, note: str) -> None:
+        """Write what a simulation takes: a rig file, where no controller file has the gains."""
+        gains = tuned.found.loop.gains().items()
+        changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
+        rewrite_rig(self.rig.path, path, changes, note)
+
+    def places(
+        self, folder: Path, names: Sequence[MethodName], reads: Sequence[Path]
+    ) -> dict[MethodName, Path]:
+        """Return where the files go; find out first whether they can be written."""
+        files = {name: f"{self.stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names}
+        if folder.is_dir():
+            for name in (*files.values(), *RESULTS):
+                check_writable(folder / name, reads=reads)
+        elif folder.exists():
+            raise InputError(f"{folder}: is a file; name a folder", code="is-a-file")
+        else:
+            # A file of that name could be made there, and so could the folder.
+            above = next(one for one in folder.absolute().parents if one.exists())
+            check_writable(above / folder.name)
+        return {name: folder / file for name, file in files.items()}
+
+
+class HasTuning(Protocol):
+    """A kind of rig whose gains can be tuned."""
+
+    def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
+        """Return the rig file, and all files that it and a controller file name."""
+
+    def tuning(
+        self, rig: PathLike, controller: PathLike | None, crossover: float | None
+    ) -> TuningSubject:
+        """Read a rig file, with a controller file or the highest crossover, Hz, where it takes one."""
+
+
+class BearingSubject(TuningSubject):
+    """A bearing, whose controller file is written anew."""
+
+    stem = "controller"
+    rig: BodyRig
+    controller: ControllerFile
+
+    def __init__(self, rig: PathLike, controller: PathLike | None, _: float | None) -> None:
+        self.rig, self.controller = read_files(rig, controller)
+        self.own = self.controller.settings.compensation.variant
+
+    def completed(self, aims: Aims) -> Aims:
+        """Return aims with a largest overshoot of 2 %, where none is given."""
+        return aims if aims.overshoot_percent is not None else replace(aims, overshoot_percent=2.0)
+
+    def names(self) -> Sequence[MethodName]:
+        """Return all variants."""
+        return compared(self.rig, self.own)
+
+    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+        """Identify what is controlled, and make variants."""
+        ready = make_ready(self.rig, self.controller)
+        self.rig, knowledge = ready.rig, ready.knowledge()
+        self.plant = check_plant(ready.rig, knowledge)
+        setups = make_setups(ready.rig, self.controller, knowledge, tuple(names))
+        conditions = default_conditions(ready.rig)
+        return {name: BearingLoop(setup, conditions) for name, setup in setups.items()}
+
+    def write(self, tuned: Tuned, path: Path, note: str) -> None:
+        """Write the controller file with the gains that were found."""
+        assert isinstance(tuned.found.loop, BearingLoop)
+        settings = _portable(tuned.found.loop.setup.controller, self.controller, path.parent)
+        named = settings.model_copy(update={"name": f"tuned, {tuned.variant}"})
+        write_controller(path, named, note)
+
+
+class StageSubject(TuningSubject):
+    """A stage, whose rig file is written anew."""
+
+    stem = "rig"
+    own = OWN
+    rig: BodyRig
+
+    def __init__(self, rig: PathLike, _: PathLike | None, crossover: float | None) -> None:
+        self.rig = read_stage(rig)
+        check_calibration(self.rig)
+        self.most = math.inf if crossover is None else crossover
+        least = self.rig.settings.timing.rate_Hz / SLOWEST
+        if not self.most > least:
+            raise InputError(
+                f"--crossover: {self.most:g} Hz is not above {least:g} Hz, a thousandth of the "
+                "controller's rate; give a higher one",
+                code="out-of-range",
+                key="--crossover",
+            )
+
+    def names(self) -> Sequence[MethodName]:
+        """Return all variants."""
+        names = OF_AXES if self.rig.settings.several else COMPARED
+        return [
+            one for one in names if one not in PROBED or self.rig.settings.hall_probe is not None
+        ]
+
+    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+        """Identify what is controlled, and make variants."""
+        made, _ = make_variants(self.rig, identify_stage(self.rig), names)
+        scan = self.rig.settings.scan
+        work = partial(find_gains, motion=motion_of(scan, scan.train_m_per_s2))
+        feedforwards = all_of(work, list(made.values()), jobs=jobs)
+        return {
+            name: StageLoop(setup, gains, self.most)
+            for (name, setup), gains in zip(made.items(), feedforwards, strict=True)
+        }
+
+
+class PiezoSubject(TuningSubject):
+    """A piezo stage, whose rig file is written anew."""
+
+    stem = "rig"
+    own = "full"
+
+    def __init__(self, rig: PathLike, _: PathLike | None, __: float | None) -> None:
+        self.rig: PiezoRig = read_piezo_rig(rig)
+
+    def names(self) -> Sequence[MethodName]:
+        """Return all variants."""
+        return tuple(METHODS)
+
+    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+        """Identify what is controlled, and make variants."""
+        inverses = find_inverses(self.rig)
+        return {name: PiezoLoop(self.rig, name, inverses[METHODS[name]]) for name in names}
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What is the same for every variant."""
+
+    aims: Aims
+    budget: int
+    seed: int
+    jobs: int | None
+
+    def run(
+        self, loops: Mapping[MethodName, Tunable], progress: Progress | None
+    ) -> tuple[dict[MethodName, Tuned], bool]:
+        """Tune one after the other; ctrl-C ends it and keeps what there is."""
+        tuned: dict[MethodName, Tuned] = {}
+        for index, (name, loop) in enumerate(loops.items()):
+            part = _part(progress, index, len(loops))
+            search = GainSearch(loop, self.aims, self.budget, self.seed, part, self.jobs)
+            try:
+                gains = search.run()
+                reached = gains.check
+                limits = (
+                    gains.loop.limits(self.aims, reached, self.seed, self.jobs) if reached else []
+                )
+                if part is not None:
+                    part(1, 1)
+            except KeyboardInterrupt:
+                if not tuned:
+                    raise Interrupted("too early for any gains, nothing written") from None
+                return tuned, True
+            tuned[name] = Tuned(name, gains, tuple(limits), self.aims)
+            if gains.interrupted:
+                return tuned, True
+        return tuned, False
+
+
+def _portable(
+    settings: ControllerTable, controller: ControllerFile, folder: Path
+) -> ControllerTable:
+    """Return settings whose model is named as seen from another folder."""
+    if controller.model is None:
+        return settings
+    model = seen_from(folder, controller.model)
+    compensation = settings.compensation.model_copy(update={"model": model})
+    return settings.model_copy(update={"compensation": compensation})
+
+
+def _part(progress: Progress | None, index: int, count: int) -> Progress | None:
+    """Return the progress of one variant as a part of the whole."""
+    if progress is None:
+        return None
+
+    def update(done: float, total: float) -> None:
+        progress(index + done / total, count)
+
+    return update
+
+
+def _processor_time() -> float:
+    """Return the processor time of this process and those that it waited for, s."""
+    used = os.times()
+    return used.user + used.system + used.children_user + used.children_system

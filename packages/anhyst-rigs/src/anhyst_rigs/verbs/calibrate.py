@@ -1,0 +1,104 @@
+"""The verb ``calibrate``: the errors of magnets from the motion that they cause."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from anhyst.cli.shared import Part
+    from anhyst.control.controller_file import ControllerFile
+    from anhyst_rigs.rig.body import BodyRig
+    from anhyst_rigs.rig.fitting import IdentifiedMagnet
+    from anhyst_rigs.rig.recording import Recording
+    from anhyst_rigs.study.tracking.calibrate import Calibration
+    from anhyst.support.atomic import PathLike
+    from anhyst.support.kinds import MethodName
+
+PLACE = 34, "Rigs, simulated and real"
+
+
+def calibrate(
+    rig: BodyRig | PathLike,
+    recordings: Recording | PathLike | Sequence[Recording | PathLike],
+    out: PathLike | None = None,
+    *,
+    magnet: IdentifiedMagnet | None = None,
+    methods: Sequence[MethodName] = (),
+    controller: ControllerFile | PathLike | None = None,
+) -> Calibration:
+    """Estimate the errors of the magnets of a stage or a bearing from its motion.
+
+    Mass times acceleration, for a bearing including its load, is compared with the force that each
+    method predicts from the currents. The mass in the rig file is assumed to be correct. [spread]
+    defines how large the errors of the other parameters may be. To use the calibration in the next
+    simulate, name the file as control.calibration in the rig file.
+
+    Parameters
+    ----------
+    rig : BodyRig or path-like
+        Rig file of a bearing or a stage.
+    recordings : Recording, path-like, or a sequence of them, ``RUNS``
+        Recordings of the motion.
+    out : path-like, ``FILE``, optional
+        Calibration file (TOML) to write.
+    magnet : IdentifiedMagnet, optional, only in Python
+        What is known of the magnets; identified from the loops of the rig file if left out.
+    methods : sequence of str, only in Python
+        Methods to calibrate; all that the recordings suffice for if left out.
+    controller : ControllerFile or path-like, ``FILE``, optional
+        Controller file of a bearing. [default: 'controller.toml' next to the rig file]
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or does not fit the rig.
+
+    Examples
+    --------
+    anhyst calibrate examples/stage/rig.toml run.csv --out calibration.toml
+
+    anhyst calibrate examples/bearing/rig.toml run.csv --out calibration.toml
+    """
+    from anhyst_rigs.study.tracking.calibrate import calibrate as work
+
+    return work(rig, recordings, out, magnet=magnet, methods=methods, controller=controller)
+
+
+def warnings(result: Calibration) -> Iterator[str]:
+    """Name the method that no calibration makes fit."""
+    facts = result.facts()
+    for method in result.file.method:
+        if method.name == "full" and method.force_N > 0.0 and not method.fits:
+            yield f"{method.name}: {facts[method.name]}; a flux probe helps there"
+
+
+def show(result: Calibration, given: Mapping[str, Any]) -> Iterator[Part]:
+    """Return the estimated parameters, and how well each method fits then."""
+    from anhyst.cli.printing import TerminalTable
+
+    rows = TerminalTable("learnt from motion", ["method", "number", "value", "+/-", "before", ""])
+    for method in result.file.method:
+        for number in method.parameter:
+            values = (f"{value:.3g}" for value in (number.value, number.sigma, number.prior))
+            unseen = "frozen: not seen" if number.frozen else ""
+            rows.add_row(method.name, number.name, *values, unseen if method.taken else "not taken")
+    yield rows
+    yield from (f"{name}: {text}" for name, text in result.facts().items())
+    if given["out"] is not None and result.learnt:
+        yield f"written: {given['out']}"
+
+
+def refuse(result: Calibration, _: Mapping[str, Any]) -> None:
+    """Raise NegativeResult if nothing was learnt."""
+    from anhyst.support.errors import NegativeResult
+
+    if not result.learnt:
+        raise NegativeResult(
+            "nothing is taken: too little motion or force was asked for, or no law explains it",
+            code="nothing-learnt",
+        )

@@ -1,0 +1,193 @@
+"""The verb ``excite``: loops measured on a rig."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+if TYPE_CHECKING:
+    from anhyst.cli.shared import Part
+    from anhyst_rigs.study.excite.excite import Excitation
+    from anhyst_rigs.study.tracking.excitation import CalibratingMove
+    from anhyst.support.atomic import PathLike
+    from anhyst.support.jobs import Progress
+
+PLACE = 36, "Rigs, simulated and real"
+PROGRESS = "measuring"
+
+
+@overload
+def excite(
+    rig: PathLike,
+    out: PathLike,
+    *,
+    calibrate: Literal[False] = False,
+    plot: PathLike | None = None,
+    folder: PathLike | None = None,
+    xcp: str | None = None,
+    port: str | None = None,
+    progress: Progress | None = None,
+) -> Excitation: ...
+
+
+@overload
+def excite(
+    rig: PathLike, out: PathLike, *, calibrate: Literal[True], plot: PathLike | None = None
+) -> CalibratingMove: ...
+
+
+def excite(
+    rig: PathLike,
+    out: PathLike,
+    *,
+    calibrate: bool = False,
+    plot: PathLike | None = None,
+    folder: PathLike | None = None,
+    xcp: str | None = None,
+    port: str | None = None,
+    progress: Progress | None = None,
+) -> Excitation | CalibratingMove:
+    """Measure loops on a rig: design a drive within its limits, apply it and record the loops.
+
+    The armature is fixed at every gap. The drive consists of nested major loops, first-order
+    reversal curves, and minor loops around the operating point. The operating point is approached
+    from below, from above and with a decaying sine. Every record begins demagnetised, or
+    conditioned if the amplifier has no negative current. Current, its rate, force and I^2 t of the
+    winding stay within the limits of the rig file. The command reports where a limit reduced the
+    drive. For a piezo stage, it records displacement over voltage in the same way, and two fast
+    cycles. The rig is simulated. With `xcp` or `port`, it is a real rig whose armature is fixed at
+    one gap. Its controller drives the current and is stopped afterwards.
+
+    Parameters
+    ----------
+    rig : path-like
+        Rig file of any kind; with `calibrate`, the rig file of a stage.
+    out : path-like, ``FILE``
+        CSV file to write, with a sidecar .toml of the same name.
+    calibrate : bool
+        Instead, run the shortest motion of a stage that shows the errors of its magnets. FILE is
+        the recording for anhyst calibrate.
+    plot : path-like, ``FILE``, optional
+        Plot the drive and the loops, or the motion (png, svg or pdf).
+    folder : path-like, ``FOLDER``, optional
+        With `xcp` or `port`: the compiled folder of the firmware.
+    xcp : str, ``HOST:PORT``, optional
+        Measure through a force controller that runs independently and offers XCP at this address.
+    port : str, ``PORT``, optional
+        The same through a serial port with XCP.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    Excitation or CalibratingMove
+        The loops, the largest drive at each gap, and what limited it; or the motion.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read or written, a rig gives no loops, or no controller answers.
+
+    Examples
+    --------
+    anhyst excite rig.toml --out loops.csv; anhyst identify loops.csv --out model.toml
+
+    anhyst excite --calibrate examples/stage/rig.toml --out run.csv
+    """
+    from anhyst_rigs.reports.excitation import figure_excitation
+    from anhyst_rigs.study.bench import address_of, through
+    from anhyst_rigs.study.excite.excite import excite as work
+    from anhyst_rigs.study.tracking.excitation import excite_to_calibrate
+    from anhyst.support.atomic import check_path, check_picture, write_figure
+    from anhyst.support.errors import InputError
+
+    if calibrate:
+        if folder or xcp or port:
+            raise InputError(
+                "--calibrate: flies the virtual stage; leave --folder, --xcp and --port out",
+                code="option-not-for-this",
+                key="--calibrate",
+            )
+        return excite_to_calibrate(rig, out, plot=plot)
+    check_path(rig, "excite: rig", "the path of a rig file")
+    check_path(out, "excite: out")
+    if plot is not None:
+        check_picture(plot)
+    url = address_of(xcp, port)
+    if (url is None) is not (folder is None):
+        raise InputError(
+            "--folder: goes together with --xcp or --port, and they with it",
+            code="options-missing",
+            key="--folder",
+        )
+    how = None if folder is None or url is None else through(folder, url)
+    excitation = work(rig, out, progress, how)
+    if plot is not None:
+        write_figure(figure_excitation(excitation), plot)
+    return excitation
+
+
+def show(result: Excitation | CalibratingMove, given: Mapping[str, Any]) -> Iterator[Part]:
+    """Return what the drive reached, or what the motion shows, and what was written."""
+    from anhyst_rigs.study.excite.excite import Excitation
+
+    if isinstance(result, Excitation):
+        yield from _show_excitation(result)
+        written = [given["out"], given["out"].with_suffix(".toml"), given["plot"]]
+    else:
+        yield from _show_move(result)
+        written = [given["out"], given["plot"]]
+    yield from (f"written: {path}" for path in written if path is not None)
+
+
+def _show_excitation(excitation: Excitation) -> Iterator[Part]:
+    from anhyst.cli.printing import TerminalTable
+    from anhyst.support.wording import count_of
+
+    figures = excitation.as_dict()
+    specimen, unit = excitation.specimen, excitation.specimen.units[0]
+    gap = ["gap mm"] if specimen.gaps else []
+    reached, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
+    heads = [*gap, f"largest {unit}", reached, f"about {unit}", "limited by"]
+    drawn = TerminalTable(
+        f"{count_of(figures['loops'], 'loop')}, {figures['samples']} samples", heads
+    )
+    for place in excitation.places:
+        drawn.add_row(
+            *([f"{1e3 * place.gap:g}"] if gap else []),
+            f"{place.peak.value:.4g}",
+            f"{factor * place.force:.4g}",
+            f"{place.operating:.4g}",
+            place.peak.key,
+        )
+    minutes = figures["duration_s"] / 60.0
+    warmth = figures["warmth"]
+    warm = "" if warmth is None else f", I^2 t at most {100.0 * warmth:.0f} % of what trips"
+    yield drawn
+    yield f"{minutes:.1f} min of measuring, {figures[f'rate_{unit}_per_s']:.4g} {unit}/s{warm}"
+    yield from (f"note: {note}" for note in excitation.notes)
+
+
+def _show_move(result: CalibratingMove) -> Iterator[Part]:
+    import re
+
+    from anhyst.cli.printing import TerminalTable
+
+    move, work = result.move, result.work
+    kinds: dict[str, list[str]] = {}
+    for name in move.left:
+        kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
+    heads = ["left of what is stated", "after the move", "after its own set-point"]
+    drawn = TerminalTable(f"{move.duration_s:.2f} s", heads)
+    for kind, names in kinds.items():
+        lefts = [[f"{one.left[name]:.2f}" for name in names] for one in (move, work)]
+        drawn.add_row(kind, *(" to ".join(dict.fromkeys((min(one), max(one)))) for one in lefts))
+    drawn.add_row("duration, s", *(f"{one.duration_s:.2f}" for one in (move, work)))
+    drawn.add_row("condition number", *(f"{one.condition:.2g}" for one in (move, work)))
+    missed = ", ".join(name for name in work.hidden if name not in move.hidden)
+    yield drawn
+    for axis, leg in result.legs.items():
+        peaks = ", ".join(f"{one:.3g}" for one in leg.peaks)
+        yield f"{axis}: {peaks} m/s2 at {leg.speed:.3g} m/s"
+    yield f"stays hidden: {', '.join(move.hidden) or 'nothing'}"
+    yield f"its own set-point hides {missed}" if missed else "its own set-point shows as much"

@@ -1,0 +1,132 @@
+"""The verb ``fleet``: many magnets of one type."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from anhyst.cli.shared import Part
+    from anhyst.data.path import HistoryLike
+    from anhyst_rigs.study.fleet import Fleet
+    from anhyst.support.atomic import PathLike
+    from anhyst.support.jobs import Progress
+
+PLACE = 14, "From measurements to a model"
+PROGRESS = "magnets"
+REPORT = "report.html"
+
+Kind = Literal["full", "simplified"]
+"""Kinds of compensator that are made from a model alone."""
+Io = Literal["q15", "q31", "f32"]
+"""Formats of the signals."""
+
+
+def fleet(
+    magnets: PathLike,
+    out: PathLike,
+    *,
+    rate: float = 10_000.0,
+    tolerance: float = 1.0,
+    law: str = "auto",
+    gap_map: str = "auto",
+    kind: Kind = "full",
+    io: Io = "q31",
+    on: str = "host",
+    seed: int = 1,
+    history: HistoryLike | None = None,
+    scheduler: str | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> Fleet:
+    """Identify, compile, verify and evaluate many magnets of one type.
+
+    All magnets get the same law and gap map, so that their parameters can be compared. The result
+    contains the mean and the scatter of each parameter and names the outliers. It counts the
+    magnets within the tolerance, both with a controller for each magnet and with one model for all.
+    A bad file does not stop the run. The same command continues a stopped run. It writes
+    fleet.json, fleet.csv, report.html and a folder for each magnet. Exit code 1 if no magnet could
+    be evaluated.
+
+    Parameters
+    ----------
+    magnets : path-like, ``DIR``
+        Folder that contains a file or a folder of loops for each magnet.
+    out : path-like, ``DIR``
+        Output folder. An unfinished run continues.
+    rate : float, at least 1, ``HZ``
+        Control ticks per second.
+    tolerance : float, at least 1e-3, ``PERCENT``
+        Largest rms deviation of a good magnet from its loops, in per cent of the largest output.
+    law : str, ``LAW``
+        Law for all magnets; 'auto': the one selected for most of the first magnets.
+    gap_map : str, ``MAP``
+        Gap map for all magnets; 'auto' as for the law.
+    kind : str
+        Kind of compensator.
+    io : str
+        Format of the signals.
+    on : str, ``TARGETS``
+        Targets on which the C is verified, as for `verify`.
+    seed : int, at least 0, ``N``
+        Seed of all random numbers.
+    history : as of `read_loops`, optional
+    scheduler : str, ``ADDRESS``, optional
+        Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
+        have access to the same files. [default: processes of this machine]
+    jobs : int, optional, only in Python
+        Processes of this machine; as many as there are cores if left out.
+    progress : callable, optional
+        Called with magnets done and all.
+
+    Returns
+    -------
+    Fleet
+
+    Raises
+    ------
+    InputError
+        The folder holds no magnet, or a place cannot be written.
+    NegativeResult
+        No magnet could be evaluated.
+
+    Examples
+    --------
+    anhyst fleet magnets --out fleet --tolerance 0.5
+    """
+    from pathlib import Path
+
+    from anhyst.data.path import history_text
+    from anhyst.identification.identify import check_wanted
+    from anhyst_rigs.reports.fleet import write_fleet_report
+    from anhyst_rigs.study.fleet import fleet as work
+    from anhyst_rigs.study.fleet_magnets import FleetSettings
+    from anhyst.support.atomic import check_path
+    from anhyst.support.jobs import workers_of
+
+    check_path(magnets, "fleet: magnets", "the path of a folder")
+    check_path(out, "fleet: out")
+    check_wanted(law, gap_map, "default")
+    past = None if history is None else history_text(history)
+    settings = FleetSettings(rate, kind, io, law, gap_map, on, tolerance, seed, past)
+    with workers_of(scheduler):
+        result = work(magnets, out, settings, progress=progress, jobs=jobs)
+    write_fleet_report(Path(out) / REPORT, result)
+    return result
+
+
+def warnings(result: Fleet) -> Iterator[str]:
+    """Return what a user should know, and which magnets could not be evaluated."""
+    yield from result.warnings
+    yield from (f"{name}: {why}" for name, why in result.failed.items())
+
+
+def show(result: Fleet, given: Mapping[str, Any]) -> Iterator[Part]:
+    """Return the scatter of the parameters and the number of good magnets."""
+    from anhyst_rigs.reports.fleet import scatter_table
+
+    out = given["out"]
+    if result.spread is not None:
+        yield scatter_table(result, result.spread)
+    yield from (f"{name}: {text}" for name, text in result.facts().items())
+    yield f"written: {out / 'fleet.json'}, {out / 'fleet.csv'}, {out / REPORT}"

@@ -1,0 +1,146 @@
+"""The verb ``init``: loops to a rig that runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from anhyst_rigs.draft.drafting import Drafted
+    from anhyst.support.atomic import PathLike
+    from anhyst.support.jobs import Progress
+
+PLACE = 31, "Rigs, simulated and real"
+PROGRESS = "reading"
+
+MAX_NAMED = 6
+"""Maximum number of files that are named one by one."""
+
+
+def init(
+    out: PathLike,
+    loops: PathLike | Sequence[PathLike] | None = None,
+    *,
+    mass: float | None = None,
+    load: float | None = None,
+    gap: float | None = None,
+    force_control: bool = False,
+    stage: bool = False,
+    example: str | None = None,
+    progress: Progress | None = None,
+    **reading: Any,
+) -> Drafted:
+    """Create a rig from your measured loops, ready to run.
+
+    The command writes a folder with rig.toml, controller.toml and a copy of the loops. The folder
+    can be moved. Values that the loops show are taken from them. All other values are guessed by
+    rules and marked as guesses in the files. Existing files are not overwritten. Loops of
+    displacement over voltage give the rig.toml of a piezo stage.
+
+    Parameters
+    ----------
+    out : path-like, ``DIR``
+        Output folder.
+    loops : path-like or sequence of path-like, argument ``[LOOPS]``, optional
+        Measurement files, or folders of them.
+    mass : float, ``KG``, optional
+        Moving mass. [default: the load is the weight of the mass]
+    load : float, ``N``, optional
+        Force that opens the gap. [default: the weight of the mass, or half the force at the largest
+        gap]
+    gap : float, ``M``, optional
+        Operating gap. [default: the middle of the measured gaps]
+    force_control : bool
+        Create a rig for force control instead.
+    stage : bool
+        Create a stage instead. It follows set-points between two such magnets.
+    example : str, ``NAME``, optional
+        Copy a bundled example instead: 'bearing', 'electromagnet', 'magnetostrictive', 'piezo',
+        'solenoid', 'stage' or 'steels'.
+    progress : callable, optional
+        Called with bytes read and file size.
+    **reading
+        How the loops are read: the keywords of `read_loops`, and ``clean``, the cleaning steps.
+        They are written to the rig file.
+
+    Returns
+    -------
+    Drafted
+        The folder and its files, what was found and what was guessed.
+
+    Raises
+    ------
+    InputError
+        The loops cannot be read or do not fit, options do not go together, or one of the files
+        exists already.
+
+    Examples
+    --------
+    anhyst init loops.csv --mass 0.8 --load 60 --gap 0.45e-3 --out my
+
+    anhyst init loops.csv --force-control --out my
+
+    anhyst init loops.csv --stage --mass 10 --out my
+
+    anhyst init --example bearing --out my
+    """
+    import os
+
+    from anhyst.data.clean import ReadOptions
+    from anhyst.data.source import options_of
+    from anhyst.data.table import check_source, is_frame
+    from anhyst_rigs.draft.drafting import init_bearing, init_example, init_rig
+    from anhyst_rigs.draft.magnet import Wanted
+    from anhyst.support.atomic import check_path
+    from anhyst.support.errors import InputError, wrong_type
+
+    check_path(out, "init: out")
+    wanted, options = Wanted(mass, load, gap), options_of("init", **reading)
+    if force_control and wanted != Wanted():
+        raise InputError(
+            "--mass, --load and --gap belong to a bearing; leave out --force-control",
+            code="option-not-for-this",
+            key="--mass",
+        )
+    if stage and (force_control or load is not None):
+        raise InputError(
+            "--stage: takes --mass and --gap alone; leave out --force-control and --load",
+            code="option-not-for-this",
+            key="--stage",
+        )
+    if example is not None:
+        if loops or force_control or stage or wanted != Wanted() or options != ReadOptions():
+            raise InputError(
+                "--example is complete: leave out all but --out",
+                code="option-not-for-this",
+                key="--example",
+            )
+        return init_example(example, out)
+    if loops is not None and is_frame(loops):
+        raise wrong_type("init: loops", "a file, a folder or a list of files", loops)
+    if loops is None or (isinstance(loops, Sequence) and not loops):
+        raise InputError(
+            "nothing to begin with: name files with loops, or --example bearing", code="no-loops"
+        )
+    check_source(loops, "init: loops", "a file, a folder or a list of files")
+    paths = [loops] if isinstance(loops, str | os.PathLike) else list(loops)
+    if force_control or stage:
+        return init_rig(paths, out, options, progress, wanted if stage else None)
+    return init_bearing(paths, out, wanted, options, progress)
+
+
+def show(result: Drafted, _: Mapping[str, Any]) -> Iterator[str]:
+    """Return what was found, what was guessed, and what to run next."""
+    yield from result.found
+    if result.guessed:
+        yield "guessed:"
+        yield from (f"  {key}: {why}" for key, why in result.guessed.items())
+    count = sum(map(len, result.guesses.values()))
+    if count:
+        keys = "1 key is a guess" if count == 1 else f"{count} keys are guesses, each"
+        yield f"{keys} marked 'guess' in its line; write your numbers there"
+    named, others = result.files[:MAX_NAMED], len(result.files[MAX_NAMED:])
+    more = f" and {others} more" if others else ""
+    yield f"written to {result.out}: {', '.join(named)}{more}"
+    yield "next:"
+    yield from (f"  {command}" for command in result.run)

@@ -1,0 +1,111 @@
+"""The verb ``live``: a running rig in a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from anhyst_rigs.dashboard.recording import RecordingFile
+    from anhyst.support.atomic import PathLike
+    from anhyst.support.jobs import Progress
+
+PLACE = 41, "During operation"
+PACKAGES = ("orjson", "starlette", "uvicorn", "websockets")
+"""What the page needs in addition to anhyst."""
+
+
+def live(
+    rig: PathLike,
+    controller: PathLike | None = None,
+    *,
+    xcp: str | None = None,
+    port: str | None = None,
+    known: PathLike | None = None,
+    record: PathLike | None = None,
+    listen: str = "127.0.0.1:8642",
+    token: bool = False,
+    progress: Progress | None = None,
+    started: Callable[[str, str], None] | None = None,
+) -> RecordingFile | None:
+    """Show, operate and record a running rig in a browser.
+
+    The controller is compiled and built into the firmware. The firmware levitates the simulated
+    bearing, or drives the simulated magnet, in real time. With `xcp` or `port`, it already runs on
+    a board. A stage follows its set-point and a piezo stage its triangle, without firmware. The
+    page shows the signals and operates the rig. Ctrl-C stops the command.
+
+    Parameters
+    ----------
+    rig : path-like
+        Rig file of any kind. With `xcp` or `port`, the compiled folder of the firmware.
+    controller : path-like, ``FILE``, optional
+        Controller file. [default: 'controller.toml' next to the rig file]
+    xcp : str, ``HOST:PORT``, optional
+        Use a controller that runs independently and offers XCP at this address, instead of a
+        simulated rig.
+    port : str, ``PORT``, optional
+        The same through a serial port with XCP, such as /dev/ttyACM0.
+    known : path-like, ``--rig FILE``, optional
+        With `xcp` or `port`: rig file of the actuator, to measure and improve its model through the
+        controller.
+    record : path-like, ``FILE``, optional
+        Write every tick from the first one to a new .csv or .mf4 (MDF) file. The page writes its
+        recordings to the same folder, or to the working folder.
+    listen : str, ``ADDRESS``
+        HOST:PORT in digits, or PORT on this machine. Access from other machines requires `token`.
+    token : bool
+        Accept only browsers that present a token. The command prints the token.
+    progress : callable, optional
+        Called with what is done of opening the rig, and what there is in all.
+    started : callable, optional
+        Called with the address of the page, and the token or an empty text.
+
+    Returns
+    -------
+    RecordingFile or None
+        What was recorded.
+
+    Raises
+    ------
+    InputError
+        A package is not installed, a file cannot be read or written, an address is not free, or no
+        controller answers.
+
+    Examples
+    --------
+    anhyst live examples/bearing/rig.toml
+
+    anhyst live examples/piezo/rig.toml
+    """
+    from importlib.util import find_spec
+
+    from anhyst.support.errors import InputError
+
+    for name in PACKAGES:
+        if find_spec(name) is None:
+            raise InputError(
+                f"live: {name} is not installed: pip install 'anhyst[live]'",
+                code="not-installed",
+                key=name,
+            )
+    from anhyst_rigs.dashboard.verb import live as work
+
+    return work(
+        rig, controller, xcp=xcp, port=port, known=known, record=record, listen=listen,
+        token=token, progress=progress, started=started,
+    )  # fmt: skip
+
+
+def show_started(address: str, token: str) -> list[str]:
+    """Return what a terminal shows while it runs."""
+    return [*([f"token: {token}"] if token else []), f"{address}  ctrl-C ends it"]
+
+
+def show(result: RecordingFile | None, _: Mapping[str, Any]) -> list[str]:
+    """Return what was recorded."""
+    from anhyst.support.wording import count_of
+
+    if result is None:
+        return []
+    return [f"written: {result.path}, {count_of(result.rows, 'tick')}"]

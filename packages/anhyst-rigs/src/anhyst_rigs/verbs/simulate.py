@@ -1,0 +1,286 @@
+"""The verb ``simulate``: a rig of any kind, with and without compensation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+if TYPE_CHECKING:
+    from anhyst.cli.printing import TerminalTable
+    from anhyst.cli.shared import Part
+    from anhyst_rigs.reports.studies import Simulated, Studied
+    from anhyst_rigs.study.bearing.board_faults import Ending
+    from anhyst_rigs.study.bearing.on_board import BoardComparison
+    from anhyst_rigs.study.benefit import Benefit, Comparison
+    from anhyst.support.atomic import PathLike
+    from anhyst.support.jobs import Progress
+
+PLACE = 32, "Rigs, simulated and real"
+
+Board = Literal["library", "host", "qemu-mps2"]
+"""Boards without hardware."""
+
+
+@overload
+def simulate(
+    rig: PathLike,
+    controller: PathLike | None = None,
+    *,
+    out: PathLike | None = None,
+    monte_carlo: None = None,
+    benefit: Literal[False] = False,
+    board: None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Simulated: ...
+
+
+@overload
+def simulate(
+    rig: PathLike,
+    controller: PathLike | None = None,
+    *,
+    out: PathLike | None = None,
+    monte_carlo: int | None = None,
+    benefit: bool = False,
+    board: Board | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Studied: ...
+
+
+def simulate(
+    rig: PathLike,
+    controller: PathLike | None = None,
+    *,
+    out: PathLike | None = None,
+    monte_carlo: int | None = None,
+    benefit: bool = False,
+    board: Board | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Studied:
+    """Simulate a rig of any kind, with and without compensation of its hysteresis.
+
+    The C of the controller runs in the loop, in its number format, with a simulated magnet with
+    hysteresis, delay, converters and noise. In addition to the recording, the command writes
+    figures.json and report.html. They contain step responses, standstill, loads, faults and
+    sensitivity, for every kind of compensation with the same gains.
+
+    A stage follows set-points, and a piezo stage follows a triangle. A rig for force control runs
+    as with anhyst force-control.
+
+    Parameters
+    ----------
+    rig : path-like
+        Rig file of a bearing, a stage, a piezo stage, or force control.
+    controller : path-like, ``FILE``, optional
+        Controller file. [default: 'controller.toml' next to the rig file]
+    out : path-like, ``FILE``, required on the command line
+        Recording to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet; for force control, a folder.
+    monte_carlo : int, at least 1, ``N``, optional
+        Instead, run N plants with random drift, as defined in [spread] of the rig file. FILE then
+        ends in '.jsonl' and contains one line per plant. The same command continues an unfinished
+        run.
+    benefit : bool
+        Instead, map the gain of compensation over the loop width and the reversible part of the
+        iron, for a bearing also over the step height. FILE then ends in '.json'.
+    board : str, ``BOARD``, optional
+        Instead, run the firmware and inject faults while it levitates. The firmware is built for
+        'library' (in this process), 'host' (in its own process) or 'qemu-mps2' (an emulated
+        Cortex-M3). FILE then ends in '.json'.
+    scheduler : str, ``ADDRESS``, optional
+        Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
+        have access to the same files. [default: processes of this machine]
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    Simulation, TrackingStudy, PiezoTracking or ForceControl
+        Or instead: MonteCarlo, Benefit, BoardComparison. Without `out` nothing is written, and the
+        result has ``save``.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read or does not fit the others, or options do not go together.
+    NegativeResult
+        Levitation was lost before anything could be compared.
+
+    Examples
+    --------
+    anhyst simulate examples/bearing/rig.toml --out run/run.csv
+
+    anhyst simulate examples/piezo/rig.toml --out run/stage.csv
+
+    anhyst simulate examples/bearing/rig.toml --out plants/plants.jsonl --monte-carlo 1000
+
+    anhyst simulate examples/bearing/rig.toml --out map/benefit.json --benefit
+
+    anhyst simulate examples/bearing/rig.toml --out run/firmware.json --board library
+
+    anhyst simulate examples/stage/rig.toml --out run/scan.csv
+    """
+    from anhyst_rigs.reports.studies import (
+        HasBenefit,
+        HasBoard,
+        HasPlants,
+        HasSimulation,
+        map_benefit,
+    )
+    from anhyst_rigs.reports.studies import monte_carlo as run_plants
+    from anhyst_rigs.reports.study.task import SimulationTask
+    from anhyst.support.atomic import check_path
+    from anhyst.support.errors import InputError
+    from anhyst.support.jobs import workers_of
+    from anhyst.support.kinds import capability
+    from anhyst.support.toml_file import take_rig
+
+    check_path(rig, "simulate: rig", "the path of a rig file")
+    switches = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
+    chosen = [name for name, value in switches.items() if value]
+    if len(chosen) > 1:
+        raise InputError(
+            f"{' and '.join(chosen)} do not go together; give one of them",
+            code="options-together",
+            key=chosen[0],
+        )
+    kind = take_rig(rig, "simulate")
+    kind.refuse_options("simulate", {"--controller": controller, "--board": board})
+    if out is None and chosen:
+        raise InputError(f"{chosen[0]}: needs a place to write to", code="missing", key="--out")
+    task = SimulationTask(rig, controller, Path(out or "-"), out is not None, progress)
+    with workers_of(scheduler):
+        if monte_carlo is not None:
+            return run_plants(capability(kind, HasPlants), task, monte_carlo)
+        if benefit:
+            return map_benefit(capability(kind, HasBenefit), task)
+        if board is not None:
+            return capability(kind, HasBoard).run_board(task, board)
+        return capability(kind, HasSimulation).simulate(task)
+
+
+def warnings(result: Studied) -> Sequence[str]:
+    """Return what the loops say about the plant."""
+    plant = getattr(result, "plant", None)
+    return getattr(plant, "warnings", ())
+
+
+def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
+    """Return what a terminal shows of the study, whichever it is."""
+    from anhyst_rigs.reports import plants
+    from anhyst_rigs.reports.studies import HasSimulation, lines_of
+    from anhyst_rigs.reports.study.task import files_written
+    from anhyst_rigs.study.bearing.on_board import BoardComparison
+    from anhyst_rigs.study.benefit import Benefit
+    from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
+    from anhyst.support.kinds import capability, rig_kinds
+
+    out = given["out"]
+    if isinstance(result, BoardComparison):
+        yield from _show_firmware(result, out)
+    elif isinstance(result, Benefit):
+        yield from _show_map(result, out)
+    elif isinstance(result, MonteCarlo):
+        yield from lines_of(result, plants.printed(result), files_written(result, out))
+    else:
+        kind = capability(rig_kinds()[result.kind], HasSimulation)
+        yield from lines_of(result, kind.printed(result), kind.written(result, out))
+
+
+def refuse(result: Studied, _: Mapping[str, Any]) -> None:
+    """Raise NegativeResult if something was lost."""
+    from anhyst_rigs.study.bearing.on_board import BoardComparison
+    from anhyst_rigs.study.benefit import Benefit
+
+    if isinstance(result, BoardComparison):
+        result.refuse()
+    elif not isinstance(result, Benefit):
+        result.refuse_losses()
+
+
+def _show_firmware(comparison: BoardComparison, out: Path) -> Iterator[Part]:
+    yield _faults(comparison.endings)
+    yield (
+        f"firmware on {comparison.board} against the simulation: {comparison.differ} of "
+        f"{len(comparison.recorded)} ticks differ, from lift-off to a landing at "
+        f"{1e3 * comparison.landing_speed:.1f} mm/s"
+    )
+    yield f"written: {out}"
+
+
+def _faults(endings: Sequence[Ending]) -> TerminalTable:
+    from anhyst.cli.printing import TerminalTable
+
+    rows = TerminalTable(
+        "what went wrong in the air, and how it ended",
+        ["", "reason of the fault", "end", "after, ms", "at the rest, mm/s", "at the magnet, mm/s"],
+    )
+    for ending in endings:
+        end = (
+            f"levitates on, {1e6 * ending.away:.2g} um away"
+            if ending.levitates
+            else "lies without current"
+        )
+        rows.add_row(
+            ending.injection.name,
+            ending.reason.name.lower().replace("_", " ")
+            + ("" if ending.as_expected else " (wrong)"),
+            end,
+            "" if ending.levitates else f"{1e3 * ending.seconds:.0f}",
+            f"{1e3 * ending.rest_speed:.1f}" if ending.rest_speed else "",
+            f"{1e3 * ending.magnet_speed:.1f}" if ending.magnet_speed else "",
+        )
+    return rows
+
+
+def _show_map(benefit: Benefit, out: Path) -> Iterator[Part]:
+    from anhyst_rigs.reports.study.page import REPORT
+
+    baselines = {
+        "its strongest baseline without memory": [cell.strongest for cell in benefit.cells]
+    }
+    if all(cell.flux for cell in benefit.cells):
+        baselines["'flux', which measures"] = [cell.flux for cell in benefit.cells]
+    yield from (_map_against(benefit, name, compared) for name, compared in baselines.items())
+    yield (
+        f"'gain' and 'loss' where they are certain over {benefit.seeds} noise seeds, 'nothing to "
+        "gain' where both overshoot a step by less than three times the rms of their standstill"
+    )
+    yield f"written: {out}, {out.parent / REPORT}"
+
+
+def _map_against(
+    benefit: Benefit, baseline: str, comparisons: Sequence[Mapping[str, Comparison]]
+) -> TerminalTable:
+    from anhyst.cli.printing import TerminalTable
+
+    first = benefit.metrics[0]
+    cases = dict.fromkeys(cell.case for cell in benefit.cells)
+    rows = TerminalTable(
+        f"{first.title} of 'full' over that of {baseline}",
+        ["loop width, reversible part", *map(_case, cases)],
+    )
+    for iron in dict.fromkeys(cell.iron for cell in benefit.cells):
+        mine = [
+            comparison[first.key]
+            for cell, comparison in zip(benefit.cells, comparisons, strict=True)
+            if cell.iron == iron
+        ]
+        share = "" if iron.reversible_fraction is None else f", {iron.reversible_fraction:g}"
+        rows.add_row(
+            f"{100.0 * iron.loop_width:.1f} %{share}",
+            *(
+                "lost"
+                if comparison.quotient is None
+                else f"{comparison.quotient.value:.2f} {comparison.outcome}"
+                for comparison in mine
+            ),
+        )
+    return rows
+
+
+def _case(case: float | str) -> str:
+    return f"{1e6 * case:g} um" if isinstance(case, float) else case

@@ -1,0 +1,182 @@
+"""The verb ``tune``: gains of a rig for stated requirements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from anhyst.cli.shared import Part
+    from anhyst_rigs.study.tuning.result import Tuning
+    from anhyst.support.atomic import PathLike
+    from anhyst.support.jobs import Progress
+
+PLACE = 33, "Rigs, simulated and real"
+PROGRESS = "tuning"
+
+
+def tune(
+    rig: PathLike,
+    out: PathLike,
+    controller: PathLike | None = None,
+    *,
+    all_variants: bool = False,
+    overshoot: float | None = None,
+    peak: float = 3.0,
+    settling: float | None = None,
+    average: float | None = None,
+    error: float | None = None,
+    standstill: float | None = None,
+    effort: float | None = None,
+    crossover: float | None = None,
+    budget: int = 240,
+    seed: int = 0,
+    scheduler: str | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> Tuning:
+    """Find the gains of a rig for stated requirements, and what limits them.
+
+    For a bearing, the settling time is minimised. Each set of gains must suit all gaps and steps of
+    the rig file, with its load and with two thirds of it. It is tested first in linear loops, then
+    in the nonlinear loop with hysteresis, noise, delay and limits. The best set is tested with
+    every noise seed and with a swept sine. The command writes the new controller file, tuning.json,
+    tuning.md and pareto.png.
+
+    For a stage, the command finds the corner frequencies of its PID that minimise the moving
+    average on the training set-point. It evaluates them on the test set-point and on random plants,
+    as defined in [spread]. It writes a new rig file instead of a controller file.
+
+    For a piezo stage, the command finds the integrator and the notch filter that minimise the rms
+    error on its triangle, on random plants as defined in [spread].
+
+    Exit code 1 if no gains fulfil the requirements. Ctrl-C keeps the best gains found until then.
+
+    Parameters
+    ----------
+    rig : path-like
+        Rig file of a bearing, a stage or a piezo stage.
+    out : path-like, ``DIR``
+        Output folder.
+    controller : path-like, ``FILE``, optional
+        Initial controller file of a bearing. [default: 'controller.toml' next to the rig file]
+    all_variants : bool
+        Tune every kind of compensation separately, and compare them.
+    overshoot : float, ``PERCENT``, optional
+        Largest overshoot of any step of a bearing. [default: 2]
+    peak : float, ``RATIO``
+        Largest peak of the sensitivity.
+    settling : float, ``SECONDS``, optional
+        Longest settling time (for a stage, into 50 nm). For a bearing, it is minimised in any case.
+    average : float, ``METRES``, optional
+        Largest moving average of a stage. It is minimised in any case.
+    error : float, ``METRES``, optional
+        Largest error of a stage or a piezo stage.
+    standstill : float, ``METRES``, optional
+        Largest rms at standstill: of the gap for a bearing, of the error for a stage.
+    effort : float, ``A/S``, optional
+        Largest rms rate of change of the current.
+    crossover : float, ``HERTZ``, optional
+        Highest crossover frequency of a stage, below its resonances. Simulated stages have no
+        resonances. [default: a twentieth of the control rate]
+    budget : int, ``N``
+        Number of gain sets to try in the nonlinear loop.
+    seed : int, at least 0, ``N``
+        Seed of all random numbers.
+    scheduler : str, ``ADDRESS``, optional
+        Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
+        have access to the same files. [default: processes of this machine]
+    jobs : int, optional, only in Python
+        Processes of this machine; as many as there are cores if left out.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    Tuning
+        Written even if requirements are missed.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, written, or does not fit the others; or an option is not for this
+        kind of rig.
+    NegativeResult
+        No gains hold the body.
+    Interrupted
+        Ctrl-C, too early for any gains.
+
+    Examples
+    --------
+    anhyst tune examples/bearing/rig.toml --out tuned
+
+    anhyst tune examples/stage/rig.toml --out tuned --peak 2
+    """
+    from pathlib import Path
+
+    from anhyst_rigs.reports.tuning import write_pareto
+    from anhyst_rigs.study.tuning.aims import Aims
+    from anhyst_rigs.study.tuning.tuning import tune as work
+    from anhyst.support.atomic import check_path
+    from anhyst.support.jobs import workers_of
+
+    check_path(rig, "tune: rig", "the path of a rig file")
+    folder = Path(check_path(out, "tune: out"))
+    aims = Aims(overshoot, peak, settling, standstill, effort, error, average)
+    with workers_of(scheduler):
+        result = work(
+            rig, folder, controller, aims, all_variants=all_variants, crossover=crossover,
+            budget=budget, seed=seed, jobs=jobs, progress=progress,
+        )  # fmt: skip
+    write_pareto(result, folder)
+    return result
+
+
+def warnings(result: Tuning) -> tuple[str, ...]:
+    """Return what the loops say about the plant."""
+    return tuple(result.plant.warnings) if result.plant else ()
+
+
+def as_json(result: Tuning, _: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the result for JSON."""
+    from anhyst_rigs.study.tuning.result import figures_of
+
+    return figures_of(result)
+
+
+def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[Part]:
+    """Return what was reached, what limits it, and what was written."""
+    from anhyst.cli.printing import TerminalTable
+    from anhyst_rigs.study.tuning.result import aims_text, heads, rows, worth
+
+    head, out = heads(result)[:-1], given["out"]
+    reached = TerminalTable(f"tuned for {aims_text(result)}", head)
+    for row in rows(result):
+        reached.add_row(*row[: len(head)])
+    yield reached
+    yield (
+        f"worst of all conditions, mean of {result.rig.settings.noise_seeds} noise seeds with its "
+        "95 % interval"
+    )
+    for name, tuned in result.tuned.items():
+        yield from (f"what limits '{name}': {one.text}" for one in tuned.limits)
+    for name, tuned in result.tuned.items():
+        if tuned.found.check:
+            yield from (f"'{name}': {text}" for text in tuned.found.check.notes)
+    yield f"verdict: {worth(result)}"
+    yield from result.plant.lines if result.plant else ()
+    yield f"{result.seconds:.0f} s, {result.cpu_seconds:.0f} s of processor time"
+    yield from (f"written: {path}" for path in result.written.values())
+    yield f"written: {out / 'tuning.json'}, {out / 'tuning.md'}, {out / 'pareto.png'}"
+
+
+def refuse(result: Tuning, _: Mapping[str, Any]) -> None:
+    """Raise an error if the search was interrupted or requirements were missed."""
+    from anhyst_rigs.study.tuning.result import shortfall
+    from anhyst.support.errors import Interrupted, NegativeResult
+
+    if result.interrupted:
+        kept = ", ".join(str(path) for path in result.written.values())
+        raise Interrupted(f"the best so far, not checked, is in {kept}")
+    if (missed := shortfall(result)) is not None:
+        raise NegativeResult(missed, code="aims-missed")

@@ -1,0 +1,75 @@
+"""The verb ``watch``: whether a model still fits its magnet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from anhyst.data.loops import Loops
+    from anhyst.model.actuator import Model
+    from anhyst_rigs.study.watch import Watched
+    from anhyst.support.atomic import PathLike
+
+PLACE = 42, "During operation"
+
+
+def watch(
+    model: Model | PathLike,
+    recording: Loops | PathLike | Mapping[str, Any],
+    *,
+    least: float | None = None,
+    run_length: float = 1e5,
+    **reading: Any,
+) -> Watched:
+    """Check whether a model still fits its magnet, or since when and by how much it has drifted.
+
+    The first cycles of the current in the recording show the residual of the model while it fits.
+    Every later cycle is compared with them. Exit code 1 if the model has drifted.
+
+    Parameters
+    ----------
+    model : Model or path-like
+        A model.toml.
+    recording : Loops, path-like, data frame or dict
+        CSV of one run with t_s, I_A, F_N and gap_m. The gap may move.
+    least : float, ``N``, optional
+        Smallest drift that matters. [default: a thousandth of the largest force of the model]
+    run_length : float, at least 100, ``CYCLES``
+        Mean number of cycles until a false alarm.
+    **reading : only in Python
+        How a file or columns are read, as of `read_loops`.
+
+    Returns
+    -------
+    Watched
+
+    Raises
+    ------
+    InputError
+        The recording is not a single run, or has no time or gap.
+
+    Examples
+    --------
+    anhyst watch model.toml monday.csv
+    """
+    from anhyst_rigs.study.watch import watch_recording
+
+    return watch_recording(model, recording, reading, least=least, run_length=run_length)
+
+
+def show(result: Watched, given: Mapping[str, Any]) -> list[str]:
+    """Return what a terminal shows."""
+    is_known = result.finding.drifted is None and not result.finding.learning
+    return [str(result)] if is_known else []
+
+
+def refuse(result: Watched, given: Mapping[str, Any]) -> None:
+    """Raise NegativeResult if the model has drifted."""
+    from anhyst.support.errors import InputError, NegativeResult
+
+    if result.finding.drifted is not None:
+        raise NegativeResult(str(result), code="drifted")
+    if result.finding.learning:
+        recording = given["recording"]
+        raise InputError(f"{recording}: too short to say: {result}; record more", code="too-short")

@@ -1,0 +1,52 @@
+"""The verb ``xcp``: a measurement tool reaches a controller behind a serial port."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+PLACE = 43, "During operation"
+
+
+def xcp(port: str, listen: int = 5555, *, started: Callable[[int], None] | None = None) -> None:
+    """Offer XCP over TCP for a controller on a serial port, for CANape, INCA or pyxcp.
+
+    XCP uses the link of the controller, so that one cable is enough. One tool can connect at a
+    time. The firmware sets the limits, the key and the heartbeat. Ctrl-C stops the command.
+
+    Parameters
+    ----------
+    port : str, ``PORT``
+        Link of a controller: /dev/ttyACM0, COM3 or socket://HOST:PORT.
+    listen : int, 0 to 65535, ``NUMBER``
+        TCP port on this machine for the tool; 0 selects a free one.
+    started : callable, optional
+        Called with that port once it listens.
+
+    Raises
+    ------
+    InputError
+        The port cannot be opened, or the firmware does not carry XCP.
+
+    Examples
+    --------
+    anhyst xcp /dev/ttyACM0
+    """
+    from anhyst_rigs.link.client import ControllerLink
+    from anhyst_rigs.link.xcp import XcpBridge
+    from anhyst.support.atomic import check_path
+
+    check_path(port, "xcp: port", "the port of a controller")
+    with ControllerLink(port) as controller:
+        bridge = XcpBridge(controller, listen)
+        if started is not None:
+            started(bridge.port)
+        try:
+            while True:
+                bridge.serve_one()
+        finally:
+            bridge.close()
+
+
+def show_started(port: int) -> list[str]:
+    """Return what a terminal shows while it runs."""
+    return [f"XCP on TCP: 127.0.0.1:{port}  ctrl-C ends it"]

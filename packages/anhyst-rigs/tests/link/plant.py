@@ -1,0 +1,39 @@
+"""A plant for tests of the link: as simple as its sensors allow."""
+
+from __future__ import annotations
+
+from random import Random
+
+from anhyst_rigs.link.virtual_boards import Reading
+
+NOISE = 1e-4
+
+
+class NoisyPlant:
+    """Force proportional to the current, a gap that is held, sensors with noise.
+
+    Attributes
+    ----------
+    reading : dict
+        Values to show instead, by the name of the sensor, for tests of bad sensors.
+    drives : list of float
+        What was driven, tick by tick.
+    """
+
+    def __init__(self) -> None:
+        self.reading: dict[str, float] = {}
+        self.drives: list[float] = []
+        self._flows = 0.0
+        self._next = 0.0
+        self._random = Random(1)
+
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
+        """Let the current of the tick before flow."""
+        current = currents[0]
+        self.drives.append(current)
+        self._flows, self._next = self._next, current
+        shown = {"gap": 0.5, "force": 0.5 * self._flows, "current": self._flows}
+        for name in shown:
+            shown[name] += self._random.gauss(0.0, NOISE)
+        shown |= self.reading
+        return Reading(shown["gap"], shown["force"], shown["current"])

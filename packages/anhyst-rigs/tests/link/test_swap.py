@@ -1,0 +1,96 @@
+"""Another block while current flows: for the same signals, and along the ramp."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anhyst.compensate.simplified import build_simplified
+from anhyst_rigs.link.client import ControllerLink, Refused
+from anhyst_rigs.link.frames import Reason
+from anhyst_rigs.link.virtual_boards import Running
+from anhyst.support.block_words import Scales, regenerate
+from anhyst.support.states import Command
+from tests.actuators import SIZES, closed_form, compiled, magnet, ranges
+
+from .conftest import RATE
+from .handmade import KIND
+
+FULL = (1 << 31) - 1
+STEP = 1.0 / (0.020 * RATE)
+"""Of the ramp from full current to zero, which stands in ``info.ramp``."""
+
+
+def made_for(scales: Scales) -> list[int]:
+    """Return the board's own actuator compiled for other scales; its gaps are taken from them."""
+    law = closed_form("reluctance")
+    made = build_simplified(magnet(), scales, ranges("reluctance")[1], SIZES, law=law)
+    return regenerate(made.words.tolist(), 7)
+
+
+def weaker(part: float) -> list[int]:
+    """Return the board's block with all currents so much smaller."""
+    block = compiled(KIND)
+    words = block.words.copy()
+    for name in ("GAP_BIAS", "GAP_FLUX_ARM", "GAP_FIELD_ARM"):
+        first, entries = block.tables[name]
+        words[first : first + entries] = np.rint(words[first : first + entries] * part)
+    return regenerate(words.tolist(), 8)
+
+
+def at_full_demand(board: Running, controller: ControllerLink) -> None:
+    controller.command(Command.ARM)
+    controller.command(Command.RUN)
+    controller.demand(FULL)
+    board.bus.step(4)
+    assert board.bus.drive > 0.6
+
+
+@pytest.mark.parametrize("name", ["demand", "current", "gap_low", "gap_high"])
+def test_a_block_made_for_another_board_is_refused_in_one_line(
+    board: Running, controller: ControllerLink, name: str
+) -> None:
+    at_full_demand(board, controller)
+    own, drive = ranges("reluctance")[0], board.bus.drive
+    other = 1.25 * getattr(own, name)
+    with pytest.raises(Refused) as refused:
+        controller.write_block(made_for(replace(own, **{name: other})))
+    assert refused.value.reason is Reason.SCALE
+    text = str(refused.value)
+    unit = {"demand": "N", "current": "A"}.get(name, "m")
+    mine, theirs = re.findall(rf"([\d.e-]+) {unit}\b", text)
+    assert float(mine) == pytest.approx(other, rel=1e-6)
+    assert float(theirs) == pytest.approx(getattr(own, name), rel=1e-6)
+    assert "\n" not in text
+    board.bus.step(3)
+    assert board.bus.drive == pytest.approx(drive, abs=1e-3)
+    assert controller.status().generation == 0
+
+
+def follow(board: Running, controller: ControllerLink, words: list[int]) -> list[float]:
+    """Put a block in force, and return the currents from the one before it on."""
+    drives = [board.bus.drive]
+    controller.write_block(words)
+    for _ in range(30):
+        board.bus.step()
+        drives.append(board.bus.drive)
+    return drives
+
+
+def test_a_swap_at_full_demand_moves_the_current_along_the_ramp(
+    board: Running, controller: ControllerLink
+) -> None:
+    at_full_demand(board, controller)
+    less = follow(board, controller, weaker(0.8))
+    again = follow(board, controller, regenerate(compiled(KIND).words.tolist(), 9))
+    for drives, factor in ((less, 0.8), (again, 1.25)):
+        assert np.abs(np.diff(drives)).max() <= STEP * (1.0 + 1e-6)
+        # What was driven on the way counts: too much of it leaves the iron on its falling branch.
+        assert drives[-1] == pytest.approx(factor * drives[0], rel=0.08)
+        assert abs(drives[-1] - drives[-2]) < 0.1 * STEP
+    controller.demand(0)
+    board.bus.step()
+    assert board.bus.drive < 0.2  # from then on as fast as ever

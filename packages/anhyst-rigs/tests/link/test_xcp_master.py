@@ -1,0 +1,100 @@
+"""The product's own master of XCP on a serial port: what a line can spoil, and what it carries."""
+
+from __future__ import annotations
+
+import os
+import threading
+import tty
+from collections.abc import Iterator
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from anhyst_rigs.link.client import Refused
+from anhyst_rigs.link.frames import Setting
+from anhyst_rigs.link.wire import framed
+from anhyst_rigs.link.xcp import AnswerLost, XcpLine, XcpMaster
+from anhyst.support.states import Command, State
+from anhyst.support.xcp_map import SIGNALS
+from tests.refusals import refused
+
+from .conftest import RATE
+from .nucleo import Chip
+from .test_xcp_lines import chip, terminal_of
+
+__all__ = ["chip"]
+
+
+def test_the_nucleo_is_measured_and_commanded_over_its_second_serial_port(chip: Chip) -> None:
+    with terminal_of(chip) as port, closing(XcpMaster(port)) as master:
+        assert master.name == "handmade"
+        assert master.every == 3  # at 4 kHz ten signals of every third tick, of 92 kB/s
+        assert RATE == 4000
+        rows = master.take(0)
+        while len(rows) < 40:
+            rows = np.concatenate((rows, master.take(int(rows[-1, 0]) + 1)))
+        assert (np.diff(rows[:, 0]) == master.every).all()
+        assert len(set(rows[:, 1 + master.signals.index("gap")])) == 2  # its noise
+        assert {one.name for one in SIGNALS} > set(master.signals)
+        master.write_setting(Setting.DEMAND_SLEW, 12345)
+        assert master.read_setting(Setting.DEMAND_SLEW) == 12345
+        with refused("refused state", Refused):
+            master.command(Command.RUN)
+        assert master.command(Command.ARM) is State.READY
+        assert master.command(Command.IDLE) is State.IDLE
+
+
+class Terminal:
+    """The other end of a serial port: bytes in, bytes out."""
+
+    def __init__(self) -> None:
+        self.ours, theirs = os.openpty()
+        tty.setraw(theirs)
+        self.url = os.ttyname(theirs)
+        self._theirs = theirs
+
+    def close(self) -> None:
+        os.close(self.ours)
+        os.close(self._theirs)
+
+
+@pytest.fixture
+def terminal() -> Iterator[Terminal]:
+    with closing(Terminal()) as opened:
+        yield opened
+
+
+def on_line(packet: bytes) -> bytes:
+    return framed(packet, 5, serial=True)
+
+
+def test_what_a_line_spoils_is_skipped_and_what_follows_is_taken(terminal: Terminal) -> None:
+    with closing(XcpLine(terminal.url, 2.0)) as line:
+        good = [on_line(bytes((0, 0, n, 7))) for n in range(4)]
+        broken = bytearray(good[1])
+        broken[6] ^= 4
+        os.write(terminal.ours, b"\x11\x22\x33" + good[0] + bytes(broken) + good[2] + good[3])
+        found = line.take()
+        while len(found) < 12:
+            found += line.take()
+        assert found == b"".join(bytes((0, 0, n, 7)) for n in (0, 2, 3))
+        assert line.skipped == 3 + len(broken)
+
+
+def test_a_lost_answer_is_said_and_the_next_one_is_not_mistaken(terminal: Terminal) -> None:
+    def answer() -> None:
+        """Lose the first answer, send it late, then be in step."""
+        os.read(terminal.ours, 64)
+        os.read(terminal.ours, 64)  # the question whether both are in step
+        os.write(terminal.ours, on_line(b"\xff\1") + on_line(b"\xfe\0"))
+        os.read(terminal.ours, 64)
+        os.write(terminal.ours, on_line(b"\xff\2"))
+
+    with closing(XcpLine(terminal.url, 2.0)) as line:
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with refused("answer-lost", AnswerLost):
+            line.ask(b"\xfd")
+        assert line.ask(b"\xfd") == b"\xff\2"
+        thread.join()

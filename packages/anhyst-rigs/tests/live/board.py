@@ -1,0 +1,79 @@
+"""A stand-in for a board: the firmware as a process, whose plant keeps its own time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from anhyst_rigs.link.virtual_boards import Plant, PlantBus, run_host
+from anhyst.support.errors import InputError
+
+POLL_S = 0.002
+
+LATE_S = 0.02
+"""Where this machine stood for longer, the board stood too: no board runs after lost time."""
+
+
+@dataclass
+class Board:
+    """A firmware that runs by the clock on the wall.
+
+    Attributes
+    ----------
+    url : str
+        Its own link.
+    xcp : str
+        Where it offers XCP.
+    skip : int
+        Ticks that the plant goes on alone for, at the next opportunity: the controller misses them.
+    ahead : int
+        Ticks that pass at once at the next opportunity.
+    pull : callable
+        Ends it, as a cable pulled out or its power does.
+    """
+
+    url: str
+    xcp: str
+    bus: PlantBus
+    pull: Callable[[], None]
+    skip: int = 0
+    ahead: int = 0
+
+
+@contextmanager
+def running(
+    firmware: Path, plant: Plant, rate: float, link: str = "pty", xcp: int = 0
+) -> Iterator[Board]:
+    """Let a firmware run by the clock until the test ends."""
+    done = threading.Event()
+    with run_host(firmware, plant, link, xcp) as host:
+        board = Board(host.url, f"socket://127.0.0.1:{host.xcp}", host.bus, done.set)
+
+        def run() -> None:
+            last, owed = time.monotonic(), 0.0
+            try:
+                while not done.wait(POLL_S):
+                    board.bus.skip(board.skip)
+                    board.skip = 0
+                    now = time.monotonic()
+                    owed += min(now - last, LATE_S) * rate + board.ahead
+                    board.ahead = 0
+                    board.bus.step(int(owed))
+                    last, owed = now, owed % 1.0
+            except InputError:
+                pass  # the test ended the firmware
+            finally:
+                if host.wire is not None:
+                    host.wire.close()  # the firmware ends with it
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        try:
+            yield board
+        finally:
+            done.set()
+            thread.join()

@@ -1,0 +1,204 @@
+"""A bench, a server and a browser for the tests of the page."""
+
+from __future__ import annotations
+
+import pickle
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from anhyst_rigs.dashboard.improver import Improver
+from anhyst_rigs.dashboard.recording import start_recording
+from anhyst_rigs.dashboard.session import LiveSession
+from anhyst_rigs.dashboard.verb import listen_on, make_server, opened
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.bench.force import ForceBench
+from anhyst_rigs.rig.bench.protocol import Bench
+from anhyst_rigs.study.improve import DrawnLoop
+from anhyst_rigs.study.prepared import Prepared, PreparedForce
+from anhyst_rigs.study.tracking.beside import BenchLearner
+from tests.live.improving import unknown_iron
+from tests.once import made_once
+from tests.rig import forces
+from tests.study import bearings
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+
+@pytest.fixture(scope="session")
+def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Firmware of the example for the virtual bench."""
+    return bearings.firmware(tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def host_firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same for a board that runs by itself."""
+    return bearings.firmware(tmp_path_factory, "host")
+
+
+@pytest.fixture(scope="session")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> PreparedForce:
+    """A force rig with an iron that its controller does not know."""
+
+    def make(folder: Path) -> None:
+        (folder / "prepared").write_bytes(pickle.dumps(unknown_iron(folder / "rig")))
+
+    folder = made_once(tmp_path_factory, "improve", make)
+    found: PreparedForce = pickle.loads((folder / "prepared").read_bytes())
+    return found
+
+
+@pytest.fixture
+def bench(firmware: Path) -> Iterator[BearingBench]:
+    opened = BearingBench(bearings.single(), firmware)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def force_bench(tmp_path_factory: pytest.TempPathFactory) -> ForceBench:
+    """A solenoid; to be closed with its session."""
+    return ForceBench(forces.example(), forces.program(tmp_path_factory))
+
+
+@dataclass(frozen=True)
+class Served:
+    """A session that is served."""
+
+    session: LiveSession
+    port: int
+    end: Callable[[], None]
+
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}/"
+
+
+@contextmanager
+def serving(
+    bench: Bench,
+    folder: Path,
+    token: str = "",
+    record: Path | None = None,
+    improver: Improver | None = None,
+    curves: Sequence[DrawnLoop] = (),
+    learner: BenchLearner | None = None,
+) -> Iterator[Served]:
+    """Serve a session of a bench, which is closed with it."""
+    recording = start_recording(record, bench.signals, bench.rate) if record else None
+    session = LiveSession(bench, recording, folder, improver, curves, learner)
+    taken = listen_on("127.0.0.1", 0)
+    port = int(taken.getsockname()[1])
+    title = "bearing" if improver is None else "solenoid"
+    server = make_server(session, title, ("127.0.0.1", port), token)
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [taken]})
+
+    def end() -> None:
+        server.should_exit = True
+        thread.join()
+        session.close()
+        taken.close()
+
+    session.start()
+    thread.start()
+    try:
+        yield Served(session, port, end)
+    finally:
+        end()
+
+
+Serve = Callable[..., Served]
+
+
+@pytest.fixture
+def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
+    """Serve a session until the test ends: of the bearing, where no other bench is given."""
+    folder = tmp_path / "work"
+    folder.mkdir()
+    with ExitStack() as stack:
+
+        def start(
+            bench: Bench | None = None, prepared: Prepared | None = None, **given: Any
+        ) -> Served:
+            improver, learner = None, None
+            if prepared is not None:
+                bench, improver, learner = opened(prepared)
+            bench = bench or BearingBench(bearings.single(), request.getfixturevalue("firmware"))
+            return stack.enter_context(
+                serving(bench, folder, improver=improver, learner=learner, **given)
+            )
+
+        yield start
+
+
+@pytest.fixture(scope="module")
+def bearing(firmware: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A bearing that is served to all tests of a module, which leave it in any state."""
+    bench = BearingBench(bearings.single(), firmware)
+    with serving(bench, tmp_path_factory.mktemp("work")) as served:
+        yield served
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """The system's Chromium."""
+    api = pytest.importorskip(
+        "playwright.sync_api", reason="playwright is not installed: pip install playwright"
+    )
+    with api.sync_playwright() as started:
+        chromium = started.chromium.launch(
+            executable_path=shutil.which("chromium"), args=["--no-sandbox"]
+        )
+        yield chromium
+        chromium.close()
+
+
+@contextmanager
+def shown(browser: Browser, served: Served) -> Iterator[Page]:
+    """Open the page of a session; at the end nothing may have gone wrong in it."""
+    wrong: list[str] = []
+    context = browser.new_context(viewport={"width": 1440, "height": 860})
+    page = context.new_page()
+    page.set_default_timeout(180_000)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on(
+        "console",
+        lambda message: (
+            wrong.append(message.text)
+            if message.type == "error" and "REFUSED" not in message.text
+            else None
+        ),
+    )
+    page.goto(served.address)
+    try:
+        yield page
+    finally:
+        context.close()
+    assert wrong == []
+
+
+Show = Callable[[Served], "Page"]
+
+
+@pytest.fixture
+def show(browser: Browser) -> Iterator[Show]:
+    """Open pages until the test ends."""
+    with ExitStack() as stack:
+        yield lambda served: stack.enter_context(shown(browser, served))
+
+
+def wait_for(check: Callable[[], object], seconds: float = 180.0) -> None:
+    """Wait until something is true; give up where it never will be, on a busy machine too."""
+    end = time.monotonic() + seconds
+    while not check():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.01)

@@ -1,0 +1,112 @@
+"""Ways to the XCP of a firmware that are cut and mended: TCP, and a serial port."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import threading
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+from anhyst_rigs.link.wire import framed, split
+
+_POLL_S = 0.02
+
+
+class Way:
+    """A way that carries until its test ends, except while it is cut."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        self.cut = threading.Event()
+        self.ended = threading.Event()
+
+    @property
+    def carries(self) -> bool:
+        return not self.cut.is_set() and not self.ended.is_set()
+
+
+def connected(address: str) -> socket.socket:
+    host, _, port = address.removeprefix("socket://").rpartition(":")
+    return socket.create_connection((host, int(port)))
+
+
+@contextmanager
+def tcp_line(address: str) -> Iterator[Way]:
+    """Yield a TCP address that leads to another; cut, both ends stay open and hear nothing."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        way = Way(f"socket://127.0.0.1:{listener.getsockname()[1]}")
+
+        def run() -> None:
+            while not way.ended.is_set():
+                if select.select([listener], [], [], _POLL_S)[0]:
+                    near, _ = listener.accept()
+                    with near, connected(address) as far:
+                        _carry(near, far, way)
+
+        yield from _running(way, run)
+
+
+def _carry(near: socket.socket, far: socket.socket, way: Way) -> None:
+    """Carry bytes until one end hangs up or the way ends."""
+    with suppress(OSError):
+        while not way.ended.is_set():
+            ends = select.select([near, far], [], [], _POLL_S)[0]
+            for end in ends if way.carries else ():
+                data = end.recv(1 << 16)
+                if not data:
+                    return
+                (far if end is near else near).sendall(data)
+            if ends and not way.carries:
+                way.ended.wait(_POLL_S)
+
+
+@contextmanager
+def serial_port(address: Callable[[], str]) -> Iterator[Way]:
+    """Yield a serial port that carries the XCP of a TCP address, whenever somebody is there."""
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    way = Way(os.ttyname(theirs))
+
+    def run() -> None:
+        while not way.ended.wait(_POLL_S):
+            with suppress(OSError), connected(address()) as far:
+                _reframe(ours, far, way)
+
+    try:
+        yield from _running(way, run)
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def _reframe(ours: int, far: socket.socket, way: Way) -> None:
+    """Carry packets, with checksums on the serial port, until the controller is gone."""
+    commands, samples = b"", b""
+    while not way.ended.is_set():
+        ends = select.select([ours, far.fileno()], [], [], _POLL_S)[0]
+        if ours in ends:
+            message = split(commands + os.read(ours, 1 << 16), serial=True)
+            commands = message.rest
+            for packet in message.packets if way.carries else ():
+                far.sendall(framed(packet))
+        if far.fileno() in ends:
+            data = far.recv(1 << 16)
+            if not data:
+                return
+            came = split(samples + data)
+            samples = came.rest
+            for packet in came.packets if way.carries else ():
+                os.write(ours, framed(packet, serial=True))
+
+
+def _running(way: Way, run: Callable[[], None]) -> Iterator[Way]:
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield way
+    finally:
+        way.ended.set()
+        thread.join()

@@ -1,0 +1,178 @@
+"""A bearing on the page: it learns while it levitates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst_rigs.dashboard.verb import opened
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.drift import Drift, changed, drifted_file
+from anhyst_rigs.rig.fitting import calibrated
+from anhyst_rigs.study.prepared import PreparedBearing, block_of
+from anhyst_rigs.study.tracking.beside import BearingLearner
+from anhyst_rigs.study.tracking.learner import Learner
+from anhyst.support.block_words import GENERATION_AT, regenerate
+from anhyst.support.states import Command
+from tests.live.conftest import Serve, Show, wait_for
+from tests.live.test_page import press, ready, until
+from tests.refusals import refused
+from tests.study import bearings
+
+WRONG = Drift(pinning=0.2, gap_offset=10e-6)
+
+
+def prepared(firmware: Path) -> PreparedBearing:
+    """The example, whose plant is not what its controller was made for."""
+    of = bearings.single()
+    rig = changed(of.rig, {"spread.gap_zero_m": 5e-6})
+    rig = replace(rig, settings=drifted_file(rig.settings, WRONG))
+    return PreparedBearing(replace(of, rig=rig), bearings.knowledge().model, firmware)
+
+
+class Beside:
+    """A bench and its learner in step, without a session."""
+
+    def __init__(self, found: PreparedBearing) -> None:
+        self.prepared = found
+        bench, improver, learner = opened(found)
+        assert isinstance(bench, BearingBench)
+        assert improver is not None
+        assert isinstance(learner, BearingLearner)
+        improver.close()
+        self.bench, self.learner = bench, learner
+
+    def advance(self, seconds: float, swing: float = 0.0) -> None:
+        for _ in range(round(200 * seconds)):
+            side = 1.0 if self.bench.tick // 2000 % 2 else -1.0
+            self.bench.demand(bearings.GAP + side * swing)
+            self.learner.take(self.bench.advance(100), lambda act: act())
+
+    def lift(self) -> None:
+        self.advance(0.01)
+        self.bench.command(Command.DEMAGNETISED)
+        self.bench.command(Command.LIFT)
+        self.advance(0.45)
+
+    def off(self) -> float:
+        """What the force was off by in the last second that was looked at, N."""
+        return self.learner.laps[-1].average
+
+
+@pytest.fixture
+def beside(firmware: Path) -> Iterator[Beside]:
+    found = Beside(prepared(firmware))
+    found.lift()
+    yield found
+    found.bench.close()
+
+
+@pytest.mark.slow
+def test_a_bearing_that_learns_in_the_air_leaves_a_fifth_of_its_force_error(beside: Beside) -> None:
+    beside.advance(1.0, 40e-6)
+    before = beside.off()
+    assert beside.learner.laps[-1].values == {}
+    beside.learner.turn(True)
+    beside.advance(3.0, 40e-6)
+    assert beside.off() < before / 5.0
+    last = beside.learner.laps[-1]
+    assert last.refused == 0
+    for value, sigma, applied, stated in last.values.values():
+        assert abs(value) <= 4.0 * stated
+        assert sigma < stated
+        assert abs(value - applied) < 0.5 * stated
+    # still: whatever load swings, nothing teaches
+    beside.advance(1.2)
+    count, values = len(beside.learner.laps), beside.learner.laps[-1].values
+    beside.bench.load(158.0)
+    beside.advance(1.1)
+    beside.bench.load(150.0)
+    assert (len(beside.learner.laps), beside.learner.laps[-1].values) == (count, values)
+    beside.learner.revert()
+    beside.learner.turn(False)
+    beside.advance(2.0, 40e-6)
+    assert beside.off() > 0.8 * before
+    assert beside.learner.laps[-1].values == {}
+
+
+@pytest.mark.slow
+def test_what_makes_the_force_worse_is_taken_back_and_ends_learning(
+    beside: Beside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beside.learner.turn(True)
+    beside.advance(2.0, 40e-6)
+    monkeypatch.setattr(Learner, "learn", lambda *_: None)
+    monkeypatch.setattr(
+        Learner, "step", lambda learner, _: learner.applied.update(gap_zero_m=-2e-5)
+    )
+    beside.advance(3.5, 40e-6)
+    monkeypatch.undo()
+    assert not beside.learner.on
+    assert "without what was learnt" in beside.learner.status()["trouble"]
+    beside.advance(2.0, 40e-6)
+    assert beside.off() < 1.1 * beside.learner.status()["before"]["full"]
+
+
+@pytest.mark.slow
+def test_rows_that_were_missed_are_waited_out_until_no_current_flows(beside: Beside) -> None:
+    beside.advance(1.0, 40e-6)
+    beside.bench.advance(100)  # rows that nobody saw
+    count = len(beside.learner.laps)
+    beside.advance(1.3, 40e-6)
+    assert len(beside.learner.laps) == count
+    assert "land, and lift again" in beside.learner.status()["trouble"]
+    beside.bench.command(Command.LAND)
+    beside.advance(0.8)
+    beside.bench.command(Command.LIFT)
+    beside.advance(0.5)
+    beside.advance(1.5, 40e-6)
+    assert len(beside.learner.laps) > count
+
+
+def test_a_model_that_somebody_else_swapped_in_stays_in_force(firmware: Path) -> None:
+    beside = Beside(prepared(firmware))
+    other = calibrated(bearings.knowledge(), wider=0.5).model
+    words = block_of(beside.prepared.compile(other)).words.tolist()
+    generation = beside.bench.read_block()[GENERATION_AT] + 1
+    beside.bench.swap_block(regenerate(words, generation))
+    beside.learner.turn(True)
+    beside.learner.revert()
+    assert not beside.learner.on
+    assert "another model" in beside.learner.status()["trouble"]
+    assert np.array_equal(beside.bench.read_block(), regenerate(words, generation))
+    beside.bench.close()
+
+
+def test_a_pair_that_shares_one_block_is_not_learnt_on(firmware: Path) -> None:
+    beside = Beside(prepared(firmware))
+    known = bearings.knowledge()
+    learner = BearingLearner(bearings.pair(), known, lambda _: [], beside.bench)
+    with refused("not-learnt-here"):
+        learner.turn(True)
+    assert "share one block" in learner.status()["refused"]
+    beside.bench.close()
+
+
+@pytest.mark.slow
+@pytest.mark.needs("chromium")
+def test_the_page_shows_what_a_bearing_learns(serve: Serve, show: Show, firmware: Path) -> None:
+    served = serve(prepared=prepared(firmware))
+    page = show(served)
+    ready(page)
+    press(page, "demagnetised")
+    page.get_by_role("button", name="lift", exact=True).click()
+    session = served.session
+    wait_for(lambda: session.bench.tick > 10_000)
+    page.get_by_role("tab", name="9 learning").click()
+    press(page, "learn from the motion")
+    page.get_by_role("button", name="start", exact=True).click()
+    page.wait_for_selector("#learnt tbody tr")
+    assert "±" in page.locator("#learnt tbody tr").first.inner_text()
+    until(page, "document.getElementById('gained').textContent.includes('N before')")
+    press(page, "revert")
+    press(page, "stop learning")
+    page.keyboard.press("Escape")

@@ -1,0 +1,82 @@
+"""The bench's own rows say whether the model in force still fits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst_rigs.dashboard.improver import Improver
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.bench.force import ForceBench
+from anhyst_rigs.rig.bench.protocol import Signal
+from anhyst_rigs.study.improve import BenchWatch
+from anhyst_rigs.study.prepared import PreparedBearing, PreparedForce
+from anhyst.support.numeric import FloatArray
+from tests.live.improving import pinned_more, swung
+from tests.refusals import refused
+from tests.study import bearings
+
+RATE = 1000.0
+LEARNT = 14
+"""Cycles of a second before anything drifts."""
+
+
+@pytest.fixture(scope="module")
+def usual(prepared: PreparedForce) -> FloatArray:
+    return swung(prepared, LEARNT + 10)
+
+
+def watched(prepared: PreparedForce, *parts: FloatArray) -> BenchWatch:
+    watch = BenchWatch(prepared.model, ForceBench.signals, RATE)
+    for part in parts:
+        watch.take(part)
+    return watch
+
+
+@pytest.mark.slow
+def test_pinning_that_becomes_a_fifth_more_is_found_within_ten_seconds(
+    prepared: PreparedForce, usual: FloatArray
+) -> None:
+    fine = watched(prepared, usual).status()
+    assert fine["state"] == "fits"
+    assert fine["cycles"] >= LEARNT + 8
+    begin = round(LEARNT * RATE)
+    drifted = swung(pinned_more(prepared, 1.2), LEARNT + 10)
+    found = watched(prepared, usual[:begin], drifted[begin:]).status()
+    assert found["state"] == "drifted"
+    assert found["left_N"] > found["usual_N"]
+    assert found["gain_N"] == pytest.approx(found["left_N"] - found["usual_N"])
+    assert f"leaves {found['left_N']:.3g} N rms instead of" in found["text"]
+
+
+def test_what_is_found_does_not_depend_on_how_rows_arrive(
+    prepared: PreparedForce, usual: FloatArray
+) -> None:
+    pieces = np.array_split(usual, 577)
+    assert watched(prepared, *pieces).status() == pytest.approx(watched(prepared, usual).status())
+
+
+def test_a_bench_that_does_not_say_enough_is_refused(prepared: PreparedForce) -> None:
+    with refused("no-such-signal: gap_read"):
+        BenchWatch(prepared.model, [Signal("current_read", "A", "")], RATE)
+
+
+@pytest.mark.slow
+def test_a_pair_of_magnets_is_refused_for_its_rows_say_the_sum_of_two_forces(
+    firmware: Path, bench: BearingBench
+) -> None:
+    single = PreparedBearing(bearings.single(), bearings.knowledge().model, firmware)
+    pair = replace(single, setup=replace(single.setup, rig=bearings.pair_rig()))
+    for prepared, watched in ((single, True), (pair, False)):
+        improver = Improver(prepared, bench)
+        if watched:
+            BenchWatch(improver.to_watch().model, bench.signals, bench.rate).take(
+                bench.advance(400)
+            )
+        else:
+            with refused("force-of-a-pair"):
+                improver.to_watch()
+        improver.close()

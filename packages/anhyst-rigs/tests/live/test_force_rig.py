@@ -1,0 +1,95 @@
+"""A force rig on the page: its force is the target, in newtons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from anhyst_rigs.dashboard.generator import Generator
+from anhyst_rigs.dashboard.session import LiveSession
+from anhyst_rigs.rig.bench.force import ForceBench
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, State
+from tests.live.conftest import Serve, Show, wait_for
+from tests.live.test_page import last, press, ready, state_is, until
+from tests.refusals import refused
+
+
+@pytest.fixture
+def session(force_bench: ForceBench) -> Iterator[LiveSession]:
+    opened = LiveSession(force_bench)
+    opened.start()
+    yield opened
+    opened.close()
+
+
+def up(session: LiveSession) -> None:
+    wait_for(lambda: session.status()["state"] == State.IDLE)
+    session.do(lambda: session.bench.command(Command.DEMAGNETISED))
+    session.do(lambda: session.bench.command(Command.RUN))
+
+
+def test_a_run_begins_at_zero_and_a_generator_stays_within_the_range(session: LiveSession) -> None:
+    with refused("wrong-state demand"):
+        session.do(lambda: session.bench.demand(10.0))
+    up(session)
+    session.do(lambda: session.bench.demand(10.0))
+    assert session.status()["target"] == 10.0
+    begin = session.bench.tick + 1
+    with refused("out-of-range generator: 21 N; 40 N"):
+        session.do(lambda: session.generate(Generator("sine", 11.0, 2.0, begin)))
+    session.do(lambda: session.generate(Generator("sine", 5.0, 2.0, begin)))
+    with refused("out-of-range"):
+        session.do(lambda: session.bench.demand(2.0))
+    session.do(lambda: session.stop("somebody"))
+    assert session.status()["generator"] is None
+    wait_for(lambda: session.status()["state"] == State.READY)
+    tick = session.bench.tick
+    wait_for(lambda: session.bench.tick > tick + 0.5 * session.bench.rate)  # no current any more
+    session.do(lambda: session.bench.command(Command.RUN))
+    assert session.status()["target"] == 0.0
+    assert not session.ended
+
+
+def test_a_generator_ends_where_the_bench_takes_no_more_of_it(
+    force_bench: ForceBench, session: LiveSession
+) -> None:
+    up(session)
+    session.do(lambda: session.bench.demand(10.0))
+    begin = session.bench.tick + 1
+    session.do(lambda: session.generate(Generator("sine", 5.0, 2.0, begin)))
+    seen: list[FloatArray] = []
+    session.listen(seen.append)
+    session.do(lambda: force_bench.command(Command.IDLE))  # past the page
+    wait_for(lambda: len(seen) > 20)
+    assert session.status()["generator"] is None
+    assert "generator off: demand: a force is demanded in the state run" in session.log[-1].text
+    assert np.all(np.diff(np.concatenate(seen)[:, 0]) == 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.needs("chromium")
+def test_a_force_is_demanded_and_its_step_is_drawn(
+    serve: Serve, show: Show, force_bench: ForceBench
+) -> None:
+    page = show(serve(bench=force_bench))
+    ready(page)
+    state_is(page, "idle")
+    press(page, "demagnetised")
+    press(page, "run")
+    state_is(page, "run")
+    page.locator("#target").fill("20")
+    page.locator("#go").click()
+    until(page, "document.querySelector('#panel').innerText.includes('now 20 N')")
+    wait_for(lambda: abs(last(page, "force") - 20.0) < 1.0)
+    assert page.locator("#load").count() == 0
+    page.keyboard.press("Tab")
+    page.get_by_role("tab", name="3 steps").click()
+    page.wait_for_selector("#steps tbody tr")
+    assert page.locator("#steps tbody tr td").nth(2).inner_text() == "20 N"
+    page.get_by_role("tab", name="2 loop").click()
+    until(page, "document.getElementById('loop').innerText.includes('force − demand: rms')")
+    page.keyboard.press("Escape")
+    state_is(page, "ready")

@@ -1,0 +1,73 @@
+"""Rows on their way to a page: nothing of a spike is lost, and no page makes the bench wait."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+from anhyst_rigs.dashboard.browsers import MOST, Outbox, Run, encode, thin
+from anhyst.support.numeric import FloatArray
+
+
+def rows(first: int, count: int) -> FloatArray:
+    ticks = np.arange(first, first + count, dtype=float)
+    return np.column_stack((ticks, np.sin(ticks / 50.0), np.zeros(count)))
+
+
+def test_a_spike_of_one_tick_survives_any_thinning() -> None:
+    outbox = Outbox()
+    for n in range(500):
+        block = rows(1 + 1000 * n, 1000)
+        if n == 123:
+            block[456, 2] = -7.0
+        outbox.put(block)
+    (run,) = outbox.take()
+    assert (run.first, run.last, run.thinned) == (1, 500_000, True)
+    assert run.rows[:, 2].min() == -7.0
+    assert np.count_nonzero(run.rows[:, 2]) == 1
+    assert np.all(np.diff(run.rows[:, 0]) >= 0.0)
+
+
+def test_a_page_that_takes_nothing_holds_a_bounded_number_of_rows() -> None:
+    outbox = Outbox()
+    for n in range(2000):
+        outbox.put(rows(1 + 1000 * n, 997))  # three ticks are missing each time
+        assert outbox.waiting <= MOST
+    runs = outbox.take()
+    assert len(runs) < 100
+    assert runs[-1].last == 1999 * 1000 + 997
+
+
+def test_a_page_that_keeps_up_gets_every_row() -> None:
+    outbox, got = Outbox(), []
+    for n in range(50):
+        outbox.put(rows(1 + 333 * n, 333))
+        got += outbox.take()
+    assert not any(run.thinned for run in got)
+    assert np.array_equal(np.concatenate([run.rows for run in got]), rows(1, 50 * 333))
+
+
+def test_missing_ticks_begin_another_run() -> None:
+    outbox = Outbox()
+    outbox.put(np.delete(rows(1, 100), slice(40, 45), axis=0))
+    assert [(run.first, run.last) for run in outbox.take()] == [(1, 40), (46, 100)]
+
+
+def test_a_frame_holds_what_the_run_holds() -> None:
+    block = rows(10**9, 5)
+    data = encode(Run(10**9, 10**9 + 4, block, False))
+    assert struct.unpack_from("<IIdd", data) == (5, 2, 1e9, 1e9 + 4)
+    assert np.array_equal(np.frombuffer(data, "<f8", 5, 24), block[:, 0])
+    columns = np.frombuffer(data, "<f4", 10, 64).reshape(2, 5)
+    assert np.array_equal(columns, block[:, 1:].T.astype("f4"))
+    assert len(data) == 64 + 40 + 4
+
+
+def test_thinning_keeps_the_extremes_of_each_stretch() -> None:
+    block = rows(1, 1000)
+    pairs = thin(block, 10)
+    assert len(pairs) == 10
+    for n, stretch in enumerate(np.split(block, 5)):
+        assert np.array_equal(pairs[2 * n], stretch.min(axis=0))
+        assert np.array_equal(pairs[2 * n + 1], stretch.max(axis=0))

@@ -1,0 +1,53 @@
+"""From measuring to swapping without leaving the page, in a real browser."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from anhyst_rigs.study.prepared import PreparedForce
+from anhyst.support.states import State
+from tests.live.conftest import Serve, Show, wait_for
+from tests.live.test_page import press, ready, state_is, until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+pytestmark = [pytest.mark.needs("chromium"), pytest.mark.slow]
+
+
+def cell(page: Page, column: int) -> float:
+    """Return a figure of the comparison of both models, N."""
+    text = page.locator("#misfits tbody tr").first.locator("td").nth(column).inner_text()
+    return float(text.removesuffix(" N"))
+
+
+def test_an_unknown_iron_is_improved_without_leaving_the_page(
+    serve: Serve, show: Show, prepared: PreparedForce
+) -> None:
+    served = serve(prepared=prepared)
+    page = show(served)
+    ready(page)
+    page.get_by_role("tab", name="improve").click()
+    assert page.get_by_role("button", name="2. identify").is_disabled()
+    page.get_by_label("current_A").fill("5")
+    press(page, "1. measure")
+    until(page, "document.getElementById('notice').textContent.includes('current_A: is not above')")
+    page.get_by_label("current_A").fill("1.2")
+    press(page, "1. measure")
+    page.get_by_role("button", name="2. identify").click()
+    page.get_by_role("button", name="3. compile").click()
+    page.get_by_role("button", name="4. swap").click()
+    until(page, "document.getElementById('improving').textContent.startsWith('new model in force')")
+    assert cell(page, 2) < 0.3 * cell(page, 0)
+    with page.expect_download() as saved:
+        press(page, "save files")
+    assert saved.value.suggested_filename in {"loops.csv", "loops.toml", "model.toml"}
+    state_is(page, "idle")
+    press(page, "condition")
+    wait_for(lambda: served.session.status()["state"] == State.READY)
+    press(page, "watch for drift")
+    until(page, "document.getElementById('watched').dataset.watch === 'learning'")
+    press(page, "swap back")
+    until(page, "document.getElementById('improving').textContent.startsWith('model before')")

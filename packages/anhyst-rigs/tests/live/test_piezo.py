@@ -1,0 +1,184 @@
+"""A piezo stage on the page: driven, switched, recorded, stopped; and from the command line."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+import anhyst
+from anhyst.cli.app import main
+from anhyst_rigs.dashboard.generator import Generator
+from anhyst_rigs.dashboard.session import LiveSession
+from anhyst_rigs.dashboard.verb import opened
+from anhyst_rigs.study import bench as opening
+from anhyst_rigs.study.bench import prepared_once
+from anhyst_rigs.study.prepared import PreparedPiezo
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray, rms
+from anhyst.support.states import Command, State
+from tests.cli.command import unwrapped
+from tests.live.conftest import Serve, Show, wait_for
+from tests.live.test_page import last, press, ready, seen, state_is, until
+from tests.live.test_recorder import numbers
+from tests.study import piezos
+
+RIG = piezos.EXAMPLE / "rig.toml"
+
+
+def test_a_generator_moves_it_beside_its_triangle_and_is_refused_beyond_the_stack() -> None:
+    session = LiveSession(opened(piezos.prepared())[0])
+    rows: list[FloatArray] = []
+    session.listen(rows.append)
+    names = [one.name for one in session.bench.signals]
+    try:
+        session.start()
+        session.do(lambda: session.bench.command(Command.RUN))
+        session.do(lambda: session.generate(Generator("sine", 2e-6, 5.0, session.bench.tick + 1)))
+        wait_for(lambda: session.bench.tick > 6000)
+        place = np.concatenate(rows)[3000:, 1 + names.index("position")]
+        assert place.max() > 34.5e-6
+        assert session.status()["next"] == ""
+        assert session.status()["refused"]["run"]
+        session.do(lambda: session.generate(Generator("sine", 4e-6, 5.0, session.bench.tick + 1)))
+        session.do(lambda: session.bench.demand(8e-6))
+        wait_for(lambda: session.status()["generator"] is None)
+        assert "lower the target or the stroke" in session.log[-1].text
+        assert session.status()["state"] == State.RUN
+    finally:
+        session.close()
+
+
+@pytest.mark.slow
+@pytest.mark.needs("chromium")
+def test_it_is_driven_switched_and_recorded_on_the_page(
+    serve: Serve, show: Show, tmp_path: Path
+) -> None:
+    record = tmp_path / "run.csv"
+    served = serve(prepared=piezos.prepared(), record=record)
+    page = show(served)
+    ready(page)
+    state_is(page, "ready")
+    tabs = [tab.text_content() for tab in page.locator("#tabs button").all() if tab.is_visible()]
+    assert [str(one).split()[1] for one in tabs] == [
+        "scope", "loop", "steps", "parameters", "log", "levitation", "spectrum",
+    ]  # fmt: skip
+    assert "run" in page.locator("#next").inner_text()
+    assert seen(page, "[...page.scope.chosen]") == ["error", "force", "voltage"]
+    press(page, "run")
+    state_is(page, "run")
+    until(page, "document.getElementById('next').textContent === ''")
+    wait_for(lambda: last(page, "lap") > 4)
+    page.locator("body").press("c")
+    until(page, "document.getElementById('compensation').textContent === 'off (C)'")
+    off = served.session.applied
+    wait_for(lambda: served.session.bench.tick > off + 5000)
+    page.keyboard.press("2")
+    until(page, "window.anhyst.loop.drawn?.ticks.length > 1000")
+    shown = page.locator("#loop").inner_text()
+    assert "position − demand: rms" in shown
+    assert " nm" in shown
+    page.keyboard.press("6")
+    assert not page.locator("#improve").is_visible()
+    page.keyboard.press("Escape")
+    state_is(page, "ready")
+    page.locator("#target").fill("10")
+    page.locator("#go").click()
+    until(page, "document.querySelector('#panel').innerText.includes('now 10 µm')")
+    tick = served.session.bench.tick
+    wait_for(lambda: served.session.bench.tick > tick + 3000)
+    served.end()
+    rows = numbers(record)
+    names = [one.name for one in served.session.bench.signals]
+    error = rows[:, 2 + names.index("error")]
+    lap = rows[:, 2 + names.index("lap")]
+    assert np.array_equal(rows[:, 0], np.arange(1, len(rows) + 1))
+    assert rms(error[off - 3001 : off - 1]) < 0.2 * rms(error[off + 999 : off + 3999])
+    assert lap[off - 1] == lap[off - 2] + 1.0  # where a period begins
+    assert np.abs(np.diff(rows[:, 2 + names.index("voltage")])[off - 3 : off + 1]).max() < 1.0
+    notes = [line for line in record.read_text().splitlines() if line.startswith("#")]
+    for text in ("run", "compensation = 0", "emergency stop", "target"):
+        assert any(text in line for line in notes), text
+    columns = {"t_s": rows[:, 1], "U_V": rows[:, 2 + names.index("voltage")],
+               "x_m": rows[:, 2 + names.index("position_read")]}  # fmt: skip
+    whole = {name: values[lap == 3.0] for name, values in columns.items()}
+    (loop,) = anhyst.read_loops(whole).loops
+    assert np.ptp(loop.output) == pytest.approx(30e-6, rel=0.03)
+
+
+@pytest.mark.slow
+def test_it_is_prepared_once_and_anew_where_its_file_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    rig = tmp_path / "rig.toml"
+    rig.write_text(RIG.read_text(encoding="utf-8"), encoding="utf-8")
+    with prepared_once(rig, None) as first:
+        assert isinstance(first, PreparedPiezo)
+    prepares: list[object] = []
+
+    def again(*given: object) -> PreparedPiezo:
+        prepares.append(given)
+        return first
+
+    monkeypatch.setattr(opening, "prepare_bench", again)
+    with prepared_once(rig, None) as second:
+        assert isinstance(second, PreparedPiezo)
+        assert prepares == []
+        benches = first.open(), second.open()
+    for one in benches:
+        one.command(Command.RUN)
+    assert np.array_equal(benches[0].advance(500), benches[1].advance(500))
+    rig.write_text(rig.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    with prepared_once(rig, None):
+        assert len(prepares) == 1
+    with (
+        pytest.raises(InputError, match="a piezo stage has no controller"),
+        prepared_once(rig, rig),
+    ):
+        pass  # kept before, and refused all the same
+
+
+@pytest.mark.slow
+def test_the_command_runs_it_and_its_recording_is_what_a_bench_gives_and_inspect_reads(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.csv"
+    command = [sys.executable, "-m", "anhyst.cli.app", "live", str(RIG), "--listen", "0"]
+    with subprocess.Popen(
+        [*command, "--record", str(path)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")},
+    ) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().split()[0].removesuffix("/")
+            # The page answers before the bench ticks: a command of then would be of tick 0.
+            wait_for(lambda: path.is_file() and path.stat().st_size > 2e4)
+            with connect(f"ws{address[4:]}/live", origin=Origin(address), max_size=None) as line:
+                line.send(json.dumps({"do": "command", "name": "run", "id": 1}))
+                wait_for(lambda: path.stat().st_size > 2e6)
+        finally:
+            process.send_signal(signal.SIGINT)
+        assert f"written: {path}" in unwrapped(process.stdout.read())
+    assert process.returncode == 0
+    rows = numbers(path)
+    (begun,) = np.flatnonzero(np.diff(rows[:, -1]) == 1.0)[:1]  # the first period
+    bench = piezos.bench()
+    same = [bench.advance(int(begun) + 1)]
+    bench.command(Command.RUN)
+    same.append(bench.advance(len(rows) - int(begun) - 1))
+    assert np.array_equal(np.delete(rows, 1, axis=1), np.concatenate(same))
+    given = ["--columns", "position_read_m=x_m", "--loop", "lap"]
+    assert main(["inspect", str(path), *given]) == 0
+    # The stage has a resonance at 480 Hz, which its triangle excites.
+    assert "the output resonates near 4" in unwrapped(capsys.readouterr().out)

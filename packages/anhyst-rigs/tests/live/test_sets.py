@@ -1,0 +1,115 @@
+"""Parameter sets: saved whole, in one folder alone, and staged to be put in force on one tick."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from anhyst_rigs.dashboard.sets import ENDING, ParameterSets, values_for
+from anhyst_rigs.rig.bench.protocol import Parameter
+from tests.live.conftest import Serve, Served, Show, wait_for
+from tests.live.test_page import ready, until
+from tests.refusals import refused
+
+
+def parameters(damping: float = 2.5, mass: float = 0.1) -> list[Parameter]:
+    return [
+        Parameter("damping", "N s/m", 0.0, 10.0, "of the load drive", damping),
+        Parameter("mass", "kg", 0.0, 1.0, "", mass),
+    ]
+
+
+def test_a_set_reads_back_bit_for_bit_and_gives_what_differs(tmp_path: Path) -> None:
+    sets = ParameterSets(tmp_path)
+    sets.save("soft 1", parameters(0.1 + 0.2))
+    assert sets.names == ParameterSets(tmp_path).names == ("soft 1",)
+    held = sets.read("soft 1")
+    assert held["damping"] == {"value": 0.1 + 0.2, "unit": "N s/m"}
+    assert values_for(parameters(0.3), held) == {"damping": 0.1 + 0.2}
+    assert values_for(parameters(0.1 + 0.2), held) == {}
+    assert [one.name for one in tmp_path.iterdir()] == [f"soft 1{ENDING}"]
+
+
+def test_a_set_is_not_written_over(tmp_path: Path) -> None:
+    sets = ParameterSets(tmp_path)
+    sets.save("one", parameters())
+    with refused("exists-already"):
+        sets.save("one", parameters(1.0))
+    assert sets.read("one")["damping"]["value"] == 2.5
+
+
+@pytest.mark.parametrize("name", ["../one", "a/b", "", ".one", "a\0", "C:\\x", 61 * "a"])
+def test_no_other_folder_is_touched(tmp_path: Path, name: str) -> None:
+    folder = tmp_path / "work"
+    folder.mkdir()
+    (tmp_path / f"one{ENDING}").write_text("{}")
+    sets = ParameterSets(folder)
+    with refused("bad-name set"):
+        sets.save(name, parameters())
+    with refused("bad-name set"):
+        sets.read(name)
+    assert sorted(one.name for one in tmp_path.rglob("*")) == [f"one{ENDING}", "work"]
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("no json", "not-a-parameter-set"),
+        ('{"format": "other"}', "not-a-parameter-set"),
+        ('{"format": "anhyst-parameters"}', "missing"),
+        ('{"format": "anhyst-parameters", "parameters": {"mass": 1}}', "no-value-with-unit"),
+        (
+            '{"format": "anhyst-parameters", "parameters": {"mass": {"value": NaN, "unit": ""}}}',
+            "no-value-with-unit",
+        ),
+    ],
+)
+def test_a_file_that_is_no_set_is_refused(tmp_path: Path, text: str, why: str) -> None:
+    (tmp_path / f"one{ENDING}").write_text(text)
+    with refused(why):
+        ParameterSets(tmp_path).read("one")
+
+
+def test_a_set_of_another_bench_is_refused(tmp_path: Path) -> None:
+    sets = ParameterSets(tmp_path)
+    sets.save("one", parameters())
+    with refused("unknown-parameter: mass"):
+        values_for(parameters()[:1], sets.read("one"))
+    other = [parameters()[0], parameters()[1]._replace(unit="g")]
+    with refused("units-differ mass: kg; g"):
+        values_for(other, sets.read("one"))
+
+
+def load_damping(served: Served) -> Parameter:
+    return next(one for one in served.session.parameters if one.name == "load_damping")
+
+
+@pytest.mark.slow
+@pytest.mark.needs("chromium")
+def test_sets_are_saved_compared_staged_and_rolled_back(serve: Serve, show: Show) -> None:
+    served = serve()
+    page = show(served)
+    ready(page)
+    page.keyboard.press("4")
+    one = load_damping(served)
+    old, new = one.value, 0.5 * one.high
+    page.locator("#set-name").fill("before")
+    page.locator("#set-save").click()
+    until(page, "document.getElementById('set-second').options.length === 2")
+    page.get_by_label(one.name, exact=True).fill(str(new))
+    page.locator("#apply").click()
+    wait_for(lambda: load_damping(served).value == new)
+    page.select_option("#set-second", "before")
+    until(page, "document.querySelectorAll('#differences td').length === 3")
+    cells = page.locator("#differences td").all_inner_texts()
+    assert cells == [f"{new:g} {one.unit}", f"{old:g} {one.unit}", f"{old - new:g} {one.unit}"]
+    page.locator("#set-stage").click()
+    page.get_by_role("button", name="apply 1 staged").click()
+    wait_for(lambda: load_damping(served).value == old)
+    page.locator("#log").evaluate("() => document.activeElement.blur()")
+    page.keyboard.press("b")
+    wait_for(lambda: load_damping(served).value == new)
+    path = served.session.recorder.folder / f"before{ENDING}"
+    assert json.loads(path.read_text())["parameters"][one.name]["value"] == old

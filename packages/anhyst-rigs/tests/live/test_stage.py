@@ -1,0 +1,417 @@
+"""A stage on the page: it learns from its laps while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from anhyst_rigs.dashboard.orders import perform
+from anhyst_rigs.dashboard.recording import start_recording
+from anhyst_rigs.dashboard.session import LiveSession
+from anhyst_rigs.dashboard.verb import opened
+from anhyst_rigs.rig.stage.loop import Feedforward, make_stage
+from anhyst_rigs.study.prepared import PreparedStage
+from anhyst_rigs.study.tracking.beside import StageLearner
+from anhyst_rigs.study.tracking.calibrate import calibrate
+from anhyst_rigs.study.tracking.learner import Learner
+from anhyst_rigs.study.tracking.motion import Motion
+from anhyst.support.states import Command
+from tests.live.conftest import Serve, Show, wait_for
+from tests.live.test_page import press, ready, state_is, until
+from tests.refusals import refused
+from tests.study import bearings, stages
+from tests.study.test_balancing import short
+
+SUBSTEPS = 4
+WRONG = 3.0
+"""A drawn plant of which most of the error of the compensator is what can be learnt."""
+
+
+def prepared(**control: object) -> PreparedStage:
+    setups = tuple(stages.setup(name, SUBSTEPS, **control) for name in ("single-valued", "full"))
+    return PreparedStage(bearings.knowledge(), setups, (Feedforward(), Feedforward()))
+
+
+class Beside:
+    """A bench and its learner in step, without a session."""
+
+    def __init__(self, found: PreparedStage | None = None) -> None:
+        found = found or prepared()
+        self.bench = found.open()
+        self.learner = StageLearner(found.magnet, self.bench)
+
+    def advance(self, ticks: int) -> None:
+        while ticks > 0:
+            count = min(ticks, 200)
+            self.learner.take(self.bench.advance(count), lambda act: act())
+            ticks -= count
+
+    def laps(self, count: int = 1) -> None:
+        seen = len(self.learner.laps)
+        while len(self.learner.laps) < seen + count:
+            self.advance(200)
+
+
+@pytest.fixture
+def beside() -> Beside:
+    return Beside()
+
+
+def start(beside: Beside) -> None:
+    beside.bench.apply({"plant": WRONG})
+    beside.bench.command(Command.RUN)
+
+
+def test_a_stage_that_learns_from_its_laps_leaves_a_third_of_its_error(beside: Beside) -> None:
+    start(beside)
+    beside.laps()
+    before = beside.learner.laps[-1]
+    assert before.values == {}
+    assert not before.learning
+    beside.learner.turn(True)
+    beside.laps(5)
+    after = beside.learner.laps[-1]
+    assert after.average < before.average / 3.0
+    assert after.refused == 0
+    assert set(after.values) >= {"scale_1", "scale_2", "width"}
+    assert beside.learner.status()["before"]["full"] >= before.average / 2.0
+
+
+def test_a_stage_whose_motion_would_teach_something_else_is_not_learnt_on(beside: Beside) -> None:
+    bench = beside.bench
+    slow = bench.rig.settings.changed({"amplifier.bandwidth_Hz": 1000.0})
+    bench.rig = replace(bench.rig, settings=slow)
+    learner = StageLearner(bearings.knowledge(), bench)
+    with refused("amplifier-too-slow amplifier.bandwidth_Hz"):
+        learner.turn(True)
+    learner.turn(False)
+    assert not learner.on
+    assert learner.status()["refused"]
+
+
+def test_what_was_learnt_is_forgotten_on_one_tick_and_learnt_again(beside: Beside) -> None:
+    start(beside)
+    beside.learner.turn(True)
+    beside.laps(4)
+    learnt = beside.learner.laps[-1].average
+    beside.learner.turn(False)
+    due = beside.learner.revert()
+    beside.laps(2)
+    assert due <= beside.bench.laps[-1].begin
+    assert beside.learner.laps[-1].values == {}
+    assert beside.learner.laps[-1].average > 2.0 * learnt
+
+
+def test_a_swap_that_waits_for_the_body_to_rest_is_taken_back_by_a_revert(beside: Beside) -> None:
+    other = Beside()
+    for one in (beside, other):
+        start(one)
+        one.laps()
+    beside.learner.turn(True)
+    beside.laps()
+    beside.advance(200)  # what was learnt waits
+    other.advance(beside.bench.tick - other.bench.tick)
+    beside.learner.turn(False)
+    beside.learner.revert()
+    beside.laps(2)
+    other.laps(2)
+    ratio = beside.learner.laps[-1].average / other.learner.laps[-1].average
+    assert 0.8 < ratio < 1.25
+
+
+def test_laps_that_wait_to_be_looked_at_when_all_is_forgotten_teach_nothing(
+    beside: Beside,
+) -> None:
+    start(beside)
+    beside.learner.turn(True)
+    waiting = [beside.bench.advance(200) for _ in range(60)]
+    beside.learner.revert()
+    for rows in waiting:
+        beside.learner.take(rows, lambda act: act())
+    assert [one.values for one in beside.learner.laps] == [{}, {}]
+
+
+def test_laps_of_what_was_forgotten_are_no_measure_of_what_is_learnt_next(beside: Beside) -> None:
+    start(beside)
+    beside.learner.turn(True)
+    beside.laps(6)
+    before = beside.learner.status()["before"]["full"]
+    last = beside.learner.laps[-1].lap
+    waiting = [beside.bench.advance(200)]
+    while beside.bench.laps[-1].number < last + 4:
+        waiting.append(beside.bench.advance(200))
+    beside.learner.revert()
+    for rows in waiting:
+        beside.learner.take(rows, lambda act: act())
+    assert beside.learner.status()["before"]["full"] == before
+    beside.laps(6)
+    assert beside.learner.on
+    assert beside.learner.status()["trouble"] == ""
+
+
+def test_at_rest_no_number_moves_however_long(
+    beside: Beside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start(beside)
+    beside.learner.turn(True)
+    beside.laps(3)
+    beside.bench.command(Command.STOP)
+    beside.advance(2000)
+    before = beside.learner.laps[-1].values, len(beside.learner.laps)
+    learner = dict(beside.learner._learners)["full"]
+    estimate, applied = dict(learner.values), dict(learner.applied)
+    beside.bench.load(5.0)
+    beside.advance(1_000_000)
+    assert (beside.learner.laps[-1].values, len(beside.learner.laps)) == before
+    assert (learner.values, learner.applied) == (estimate, applied)
+    # what its iron remembers is not known any more: the first lap after it teaches nothing
+    taken: list[int] = []
+    learn = Learner.learn
+
+    def count(learner: Learner, motion: Motion) -> bool:
+        taken.append(1)
+        return learn(learner, motion)
+
+    monkeypatch.setattr(Learner, "learn", count)
+    beside.bench.command(Command.RUN)
+    beside.laps()
+    assert taken == []
+    beside.laps()
+    assert taken == [1]
+
+
+def test_a_lap_that_was_broken_off_or_missed_in_part_teaches_nothing(beside: Beside) -> None:
+    start(beside)
+    beside.learner.turn(True)
+    beside.advance(3000)
+    beside.bench.command(Command.STOP)
+    beside.advance(4000)
+    assert len(beside.learner.laps) == 0
+    beside.bench.command(Command.RUN)
+    beside.advance(3000)
+    beside.bench.advance(200)  # rows that nobody saw
+    beside.advance(9000)
+    assert [one.lap for one in beside.learner.laps] == [3]
+
+
+def test_what_makes_the_error_grow_is_taken_back_and_ends_learning(
+    beside: Beside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start(beside)
+    beside.learner.turn(True)
+    beside.laps(5)
+    good = beside.learner.laps[-1]
+    # an estimator gone astray: one current is believed to do a hundredth more than it does
+    monkeypatch.setattr(Learner, "learn", lambda learner, _: learner.values.update(scale_1=0.01))
+    beside.laps(6)
+    assert max(one.average for one in beside.learner.laps) > 2.0 * good.average
+    monkeypatch.undo()
+    assert not beside.learner.on
+    assert "grew from" in beside.learner.status()["trouble"]
+    beside.laps(2)
+    assert beside.learner.laps[-1].average < 1.5 * good.average
+
+
+@pytest.mark.slow
+def test_another_plant_is_no_reason_to_take_back_what_was_learnt(beside: Beside) -> None:
+    start(beside)
+    beside.learner.turn(True)
+    beside.laps(4)
+    beside.bench.apply({"plant": WRONG + 4.0})
+    beside.laps(4)
+    assert beside.learner.on
+    assert beside.learner.status()["trouble"] == ""
+
+
+def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -> None:
+    start(beside)
+    beside.learner.turn(True)  # from the first tick on
+    beside.laps(2)
+    assert beside.learner.status()["before"]["full"] == beside.learner.laps[0].average
+    beside.bench.apply({"compensation": 0.0})
+    beside.laps(3)
+    methods = [one.method for one in beside.learner.laps]
+    assert methods[:2] == ["full", "full"]
+    assert methods[-1] == "single-valued"
+    last = beside.learner.laps[-1]
+    assert last.values == {}
+    assert last.refused > 0  # its law does not explain the motion
+    assert "nothing is taken" in beside.learner.status()["said"]["single-valued"]
+
+
+@pytest.fixture
+def session() -> Iterator[LiveSession]:
+    bench, improver, learner = opened(prepared())
+    found = LiveSession(bench, improver=improver, learner=learner)
+    found.start()
+    yield found
+    found.close()
+
+
+def order(session: LiveSession, **fields: object) -> Callable[[], object]:
+    return lambda: session.do(lambda: perform(session, "test", fields))
+
+
+def test_a_session_runs_learns_and_takes_it_back(session: LiveSession) -> None:
+    assert session.status()["next"] == "press run" or session.bench.tick == 0
+    wait_for(lambda: session.bench.tick > 0)
+    order(session, do="apply", values={"plant": WRONG})()
+    order(session, do="learn", on=True)()  # from the first tick on
+    order(session, do="command", name="run")()
+    learner = session.learner
+    assert learner is not None
+    wait_for(lambda: len(learner.laps) >= 3 and learner.laps[-1].values)
+    assert session.status()["learn"]["on"] is True
+    order(session, do="learn", revert=True)()
+    order(session, do="learn", on=False)()
+    count = len(learner.laps)
+    wait_for(lambda: len(learner.laps) > count + 1)
+    assert learner.laps[-1].values == {}
+    session.do(lambda: session.stop("test"))
+    wait_for(lambda: session.status()["next"] == "press run")
+    assert not session.ended
+    with refused("unknown-command"):
+        order(session, do="command", name="lift")()
+
+
+def test_a_bench_that_does_not_learn_refuses_to() -> None:
+    with_file = prepared()
+    session = LiveSession(with_file.open())
+    session.start()
+    try:
+        with refused("not-for-this-kind learn"):
+            order(session, do="learn", on=True)()
+    finally:
+        session.close()
+
+
+@pytest.mark.slow
+@pytest.mark.needs("chromium")
+def test_the_page_shows_what_a_stage_learns_and_takes_it_back(serve: Serve, show: Show) -> None:
+    served = serve(prepared=prepared())
+    page = show(served)
+    ready(page)
+    state_is(page, "ready")
+    served.session.do(lambda: served.session.apply({"plant": WRONG}))
+    press(page, "run")
+    state_is(page, "run")
+    page.get_by_role("tab", name="improve").click()
+    press(page, "learn from the motion")
+    page.wait_for_selector("#learnt tbody tr")
+    assert "±" in page.locator("#learnt tbody tr").first.inner_text()
+    until(page, "document.getElementById('gained').textContent.includes('nm before')")
+    with page.expect_download() as saved:
+        page.locator("#csv").click()
+    assert saved.value.path().read_text().startswith("t_s,method,average_m,peak_m,")
+    press(page, "stop learning")
+    press(page, "revert")
+    until(page, "!document.querySelector('#learnt tbody tr')")
+    page.keyboard.press("c")
+    until(page, "document.getElementById('compensation').textContent === 'off (C)'")
+    until(page, "document.getElementById('gained').textContent.startsWith('single-valued')")
+    page.keyboard.press("Escape")
+    state_is(page, "ready")
+    assert page.locator("#next").inner_text() == "press run"
+
+
+def test_laps_that_ended_meanwhile_are_left_out_and_counted(
+    beside: Beside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[Motion] = []
+    monkeypatch.setattr(Learner, "learn", lambda _, motion: taken.append(motion))
+    start(beside)
+    beside.learner.turn(True)
+    beside.laps()
+    waiting = [beside.bench.advance(200)]
+    while beside.bench.laps[-1].number < beside.learner.laps[-1].lap + 4:
+        waiting.append(beside.bench.advance(200))
+    for rows in waiting:
+        beside.learner.take(rows, lambda act: act())
+    assert [one.learning for one in beside.learner.laps] == [True, False, False, True]
+    assert len(taken) == 2
+    assert beside.learner.status()["left_out"] == 2
+    beside.learner.revert()
+    assert beside.learner.status()["left_out"] == 0
+
+
+def several() -> PreparedStage:
+    """The ten magnets of which all but the widths of their loops is drawn, with short set-points."""
+    known = bearings.knowledge()
+    setups = tuple(make_stage(short(), known, name) for name in ("single-valued", "full"))
+    return PreparedStage(known, setups, (Feedforward(), Feedforward()))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [prepared, several])
+def test_a_recording_from_the_first_tick_on_can_be_calibrated_from(
+    make: Callable[[], PreparedStage], tmp_path: Path
+) -> None:
+    found = make()
+    bench = found.open()
+    session = LiveSession(bench, start_recording(tmp_path / "run.mf4", bench.signals, bench.rate))
+    session.do(lambda: bench.apply({"plant": WRONG}))
+    session.do(lambda: session.bench.command(Command.RUN))
+    session.start()
+    wait_for(lambda: len(bench.laps) > 2)
+    session.close()
+    learnt = calibrate(
+        found.setups[0].rig, tmp_path / "run.mf4", magnet=found.magnet, methods=["full"]
+    )
+    assert learnt.learnt
+    assert learnt.file.method[0].fits
+
+
+@pytest.mark.slow
+def test_a_body_of_several_coordinates_learns_from_its_laps_too() -> None:
+    beside = Beside(several())
+    start(beside)
+    beside.laps(2)
+    before = min(one.average for one in beside.learner.laps)
+    beside.learner.turn(True)
+    beside.laps(4)
+    learnt = beside.learner.laps[-1]
+    assert learnt.average < before / 2.0
+    assert learnt.refused == 0
+    # what works is told from what was stated; what carries the weight begins where it was switched on
+    for name in ("scale_1", "scale_4", "gap_zero_2_m", "scale_7", "centre_z_m"):
+        value, sigma, applied, stated = learnt.values[name]
+        assert sigma < stated
+        assert abs(value) < 4.0 * stated
+        assert abs(value - applied) < 0.5 * stated
+    # set down and lifted at once, its iron carries the weight on another branch
+    for command in (Command.STOP, Command.LAND, Command.LIFT):
+        beside.bench.command(command)
+        beside.advance(1600)
+    beside.bench.command(Command.RUN)
+    beside.laps(2)
+    again = beside.learner.laps[-1]
+    assert again.average < before / 2.0
+    assert again.refused == 0
+    assert again.values
+    assert "more than" not in beside.learner.status()["said"]["full"]
+
+
+@pytest.mark.slow
+@pytest.mark.needs("chromium")
+def test_the_page_shows_what_a_body_of_many_numbers_learns_by_kind_and_by_magnet(
+    serve: Serve, show: Show
+) -> None:
+    served = serve(prepared=several())
+    page = show(served)
+    ready(page)
+    state_is(page, "ready")
+    served.session.do(lambda: served.session.apply({"plant": WRONG}))
+    press(page, "run")
+    page.keyboard.press("6")
+    press(page, "learn from the motion")
+    page.wait_for_selector("#learnt tbody tr")
+    heads = page.locator("#learnt tbody th").all_inner_texts()
+    assert {one.rpartition("_")[0] for one in heads} == {"scale"}
+    page.select_option("#learnt-kind", label="magnet x2")
+    assert page.locator("#learnt tbody th").all_inner_texts() == ["scale_2", "gap_zero_2_m"]
+    page.select_option("#learnt-kind", "body")
+    assert "centre_z_m" in page.locator("#learnt tbody th").all_inner_texts()
+    page.keyboard.press("Escape")

@@ -1,0 +1,62 @@
+"""The irons of examples/irons, for the tests, and the generator of their loops."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from anhyst._core import Piece
+from anhyst_rigs.rig.parts.iron import AnySteel, DuhemSteel, PreisachSteel
+from anhyst.support.numeric import FloatArray
+from tests.plant.rigs import example_steel
+
+FOLDER = Path(__file__).resolve().parents[2] / "examples" / "irons"
+
+
+@cache
+def generator() -> ModuleType:
+    """Return ``make_loops.py`` of the folder."""
+    spec = importlib.util.spec_from_file_location("make_iron_loops", FOLDER / "make_loops.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # its dataclasses look themselves up there
+    spec.loader.exec_module(module)
+    return module
+
+
+STEELS: dict[str, AnySteel] = generator().tables()
+PREISACH = {name: s for name, s in STEELS.items() if isinstance(s, PreisachSteel)}
+DUHEM = {name: s for name, s in STEELS.items() if isinstance(s, DuhemSteel)}
+WITH_CELLS = STEELS | {"cells": example_steel()}
+WIPED_OUT = PREISACH | {"cells": example_steel()}
+"""Those that keep their turning points."""
+
+
+def width(steel: AnySteel) -> float:
+    """Return a field that goes with the coercivity of a steel, A/m."""
+    if isinstance(steel, PreisachSteel):
+        return steel.pinning_A_per_m
+    return steel.coercivity_A_per_m if isinstance(steel, DuhemSteel) else 150.0
+
+
+def fields(turns: list[float], samples: int) -> FloatArray:
+    """Return straight lines from turn to turn, so many samples each, with the first turn."""
+    at = np.linspace(0.0, len(turns) - 1.0, samples * (len(turns) - 1) + 1)
+    return np.asarray(np.interp(at, np.arange(len(turns)), turns))
+
+
+def run(steel: AnySteel, path: list[float] | FloatArray) -> FloatArray:
+    """Return the flux density of a demagnetised piece along fields, T."""
+    found: FloatArray = Piece(steel.plant()).run(np.asarray(path, dtype=np.float64))[:, 1]
+    return found
+
+
+def work(field: FloatArray, density: FloatArray) -> float:
+    """Return the integral of H over B along a path, J/m^3."""
+    return float(np.sum(0.5 * (field[1:] + field[:-1]) * np.diff(density)))

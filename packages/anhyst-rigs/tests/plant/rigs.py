@@ -1,0 +1,64 @@
+"""Bearings for the tests: the example's with some keys changed."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from anhyst._core import Plant
+from anhyst_rigs.rig.body import BodyRig, read_bearing
+from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.rig.magnet_table import OPENS, LikeTable
+from anhyst_rigs.rig.parts.iron import CellSteel
+from anhyst_rigs.rig.parts.magnet import Poles
+from anhyst_rigs.rig.plant import make_plant
+
+PATH = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
+GAP = 0.45e-3
+
+OPEN_LOOP: dict[str, Any] = {
+    "load.force_N": 0.0,
+    "load.encoder_step_m": 0.0,
+    "timing.delay_ticks": 0.0,
+    "amplifier.dac_bits": 24,
+}
+"""Nothing late, nothing on a grid that would be seen, no load drive."""
+
+STIFF: dict[str, Any] = OPEN_LOOP | {
+    "amplifier.supply_V": 1e6,
+    "amplifier.bandwidth_Hz": 25e3,
+}
+"""Holds a current whatever is induced."""
+
+
+@cache
+def _example() -> RigFile:
+    return read_bearing(PATH).settings
+
+
+def rig(changes: dict[str, Any] | None = None, pair: bool = False) -> BodyRig:
+    """Return the example's rig with other values, by the names of its attributes.
+
+    A pair has a second magnet on the other side, as far from the armature at `GAP`.
+    """
+    file = _example()
+    if pair:
+        second = LikeTable(name="opposite", like="magnet", direction=OPENS, gap_m=GAP)
+        file = file.changed({"magnets": [file.magnet, second], "control.bias_N": 100.0})
+    file = file.changed(changes or {})
+    return BodyRig(PATH, RigFile.model_validate(file.model_dump(by_alias=True)))
+
+
+def bearing(changes: dict[str, Any] | None = None, seed: int = 0, pair: bool = False) -> Plant:
+    return make_plant(rig(changes, pair), seed)
+
+
+def example_steel() -> CellSteel:
+    steel = rig().settings.steel
+    assert isinstance(steel, CellSteel)
+    return steel
+
+
+def example_poles() -> Poles:
+    return rig().settings.magnet.poles

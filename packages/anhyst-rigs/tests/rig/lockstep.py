@@ -1,0 +1,55 @@
+"""A bearing stepped tick by tick in Python, as the plant bus knows it: what the loop in C is held to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anhyst_rigs.link.virtual_boards import Reading
+from anhyst_rigs.rig.bearing.loop import BearingSetup, position_control
+from anhyst_rigs.rig.plant import current_loops, make_plant
+
+
+class SteppedBearing:
+    """Signals as fractions of full scale."""
+
+    def __init__(self, setup: BearingSetup, seed: int = 0) -> None:
+        self.bearing = make_plant(setup.rig, seed)
+        self.load = setup.rig.settings.load.force_N
+        self._scales = position_control(setup).settings("fixed")
+        self._loop = current_loops(setup.rig)[0]
+        self._read, self._integral = np.zeros((2, len(setup.rig.settings.placed))).tolist()
+        self._last: float | None = None
+
+    def amperes(self, drives: tuple[float, ...]) -> list[float]:
+        """Return what fractions of full scale are, A."""
+        return [drive * self._scales["current_full"] for drive in drives[: len(self._read)]]
+
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
+        """Go on with the currents of the tick before, and read the sensors."""
+        del tick  # the bearing counts for itself
+        if self._last is not None:
+            self.bearing.advance(self._amplifiers(self.amperes(currents)), self._last)
+        self._last = self.load
+        (gap,), self._read, *_ = self.bearing.read()
+        full = self._scales["current_full"]
+        return Reading(
+            gap=0.0,
+            force=0.0,
+            current=self._read[0] / full,
+            further=tuple(current / full for current in self._read[1:]),
+            position=(self._scales["gap_middle"] - gap) / self._scales["position_full"],
+        )
+
+    def _amplifiers(self, reference: list[float]) -> list[float]:
+        """Return the references, or voltages that bring them about, as the amplifiers need."""
+        loop = self._loop
+        if loop["gain"] == 0.0:
+            return reference
+        error = np.subtract(reference, self._read).tolist()
+        volts = []
+        for i, wanted in enumerate(reference):
+            voltage = loop["resistance"] * wanted + loop["gain"] * error[i] + self._integral[i]
+            volts.append(min(max(voltage, -loop["limit"]), loop["limit"]))
+            if abs(voltage) < loop["limit"]:
+                self._integral[i] += loop["reset"] * error[i]
+        return volts

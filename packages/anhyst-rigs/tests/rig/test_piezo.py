@@ -1,0 +1,104 @@
+"""A piezo stage from its file: what it does by itself, and what its compensator follows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst._core import PiezoLoop
+from anhyst_rigs.rig.piezo import at_rest, controller_numbers, read_piezo_rig
+from anhyst_rigs.study.piezo import follow, judged_from, measure, reference
+from anhyst.support.numeric import FloatArray, rms
+from tests.refusals import refused
+from tests.study import piezos
+
+
+@pytest.mark.parametrize("resonance", [480.0, 3000.0])
+def test_a_stage_rings_at_its_resonance_however_high(resonance: float) -> None:
+    changes = {"flexure.resonance_Hz": resonance, "flexure.damping_ratio": 0.01}
+    rig = replace(piezos.rig(), settings=piezos.rig().settings.changed(changes))
+    dt = 1e-5
+    place = rig.motion(dt).run(np.full(4000, 20.0))
+    late = place[2000:] - np.convolve(place, np.ones(200) / 200, "same")[2000:]
+    crossings = np.flatnonzero((late[:-1] < 0.0) & (late[1:] >= 0.0))[1:-1]
+    parts = crossings - late[crossings] / (late[crossings + 1] - late[crossings])
+    period = (parts[-1] - parts[0]) / (len(parts) - 1) * dt
+    assert 1.0 / period == pytest.approx(resonance, rel=3e-3)
+
+
+def still(load: float, ticks: int = 4000) -> FloatArray:
+    """Return the places of a stage that is held at 20 um by its controller, under a load."""
+    rig, drive = piezos.rig(), at_rest(piezos.inverses()["full"])
+    loop = PiezoLoop(rig.motion(rig.dt), rig.settings.position_sensor.step_m)
+    loop.control(drive.native, **controller_numbers(rig, drive))
+    wanted, none = np.full(ticks, 20e-6), np.zeros(ticks)
+    loop.run(wanted, wanted, none, none)
+    places: FloatArray = loop.run(wanted, wanted, none, none + load)[:, 0]
+    return places
+
+
+def test_a_load_moves_the_stage_by_what_it_says_until_the_integrator_takes_it_back() -> None:
+    away = still(1e-6) - still(0.0)
+    overshoot = away.max() / 1e-6
+    assert away[0] == 0.0
+    assert 1.5 < overshoot < 1.95  # a step on a resonance that is hardly damped
+    assert abs(away[-100:].mean()) < 3e-9
+
+
+def test_a_loop_without_a_controller_does_not_run() -> None:
+    rig, none = piezos.rig(), np.zeros(3)
+    loop = PiezoLoop(rig.motion(rig.dt), rig.settings.position_sensor.step_m)
+    with pytest.raises(ValueError, match="no controller is in force"):
+        loop.run(none, none, none, none)
+
+
+def test_a_compensator_that_follows_a_voltage_knows_the_stack_as_one_that_drove_it() -> None:
+    drove, followed = (at_rest(piezos.inverses()["full"]) for _ in range(2))
+    way = np.concatenate([np.linspace(5e-6, 3e-5, 500), np.linspace(3e-5, 1e-5, 400)])
+    voltages = drove.run(way)
+    expected = followed.follow(voltages, np.zeros(way.size))
+    assert np.abs(expected - way).max() < 2e-9
+    assert followed.solve(2e-5) == pytest.approx(drove.solve(2e-5), abs=1e-3)
+    assert abs(followed.solve(2e-5) - at_rest(drove).solve(2e-5)) > 0.5  # which knows nothing
+
+
+@pytest.mark.parametrize(
+    ("code", "was", "now"),
+    [
+        ("too-many-creeps stack[1]", "[0.15, 1.2, 11.0, 90.0]", str([1.0] * 9)),
+        ("greater-than-equal stack[1].creep_times_s[1]", "[0.15,", "[1e-6,"),
+        ("greater-than-equal case[1].cycles", "cycles = 6", "cycles = 2"),  # nothing to judge
+        ("too-long case[1]", "corner_s = 4.2e-3", "corner_s = 0.06"),
+        ("out-of-range case[1].frequency_Hz", "rate_Hz = 10000.0", "rate_Hz = 100.0"),
+        ("less-than-equal body[1].resonance_Hz", "resonance_Hz = 480.0", "resonance_Hz = 9e9"),
+        ("less-than-equal body[1].damping_ratio", "damping_ratio = 0.03", "damping_ratio = 20.0"),
+        ("greater-than amplifier[1].high_V", "high_V = 150.0", "high_V = 0.0"),
+    ],
+)
+def test_what_the_plant_cannot_follow_or_nobody_can_judge_is_refused(
+    code: str, was: str, now: str, tmp_path: Path
+) -> None:
+    text = (piezos.EXAMPLE / "rig.toml").read_text(encoding="utf-8")
+    if "creeps" in code:
+        text = text.replace("[0.007, 0.006, 0.006, 0.008]", str([0.001] * 9))
+    assert was in text
+    (tmp_path / "rig.toml").write_text(text.replace(was, now), encoding="utf-8")
+    with refused(code):
+        read_piezo_rig(tmp_path / "rig.toml")
+
+
+def test_a_stack_that_runs_away_is_named() -> None:
+    settings = piezos.rig().settings.changed({"stack.beta_per_V": 1e6})
+    with refused("stack-leaves-all-bounds stack[1]"):
+        measure(replace(piezos.rig(), settings=settings))
+
+
+def test_a_position_that_no_converter_rounds_is_read_as_it_is() -> None:
+    settings = piezos.rig().settings.changed({"position_sensor.step_m": 0.0})
+    rig = replace(piezos.rig(), settings=settings)
+    run = follow(rig, reference(rig), piezos.inverses()["full"])
+    assert not run.lost
+    assert rms(run["error_m"][judged_from(rig) :]) < 3e-8

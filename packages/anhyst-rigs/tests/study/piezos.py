@@ -1,0 +1,37 @@
+"""The bundled piezo stage, and what makes voltages of displacements for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+from anhyst.compensate.force_controller import ForceController
+from anhyst_rigs.rig.bench.piezo import PiezoBench
+from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
+from anhyst_rigs.study.piezo import find_inverses
+from anhyst_rigs.study.prepared import PreparedPiezo
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "piezo"
+
+
+@cache
+def rig() -> PiezoRig:
+    """Return the example."""
+    return read_piezo_rig(EXAMPLE / "rig.toml")
+
+
+@cache
+def inverses() -> Mapping[str, ForceController]:
+    """Return every way from displacement to voltage; none of them remembers anything."""
+    return find_inverses(rig())
+
+
+def prepared() -> PreparedPiezo:
+    """Return what a bench of it is opened from."""
+    return PreparedPiezo(rig(), (inverses()["single-valued"], inverses()["full"]))
+
+
+def bench() -> PiezoBench:
+    """Return its bench, before the first tick."""
+    return prepared().open()

@@ -1,0 +1,29 @@
+"""The bundled bearing with so little to try that a tuning takes seconds."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from anhyst_rigs.rig.bearing.loop import BearingSetup
+from anhyst_rigs.study.tuning.bearing import BearingLoop
+from anhyst_rigs.study.tuning.trial import Condition
+from tests.study import bearings
+
+HERE = (Condition(0.45e-3, 150.0), Condition(0.45e-3, 100.0))
+
+LESS = {
+    "step.also_gaps_m": [],
+    "step.heights_m": [10e-6, 50e-6],
+    "step.hold_s": 0.03,
+    "noise_seeds": 2,
+}
+
+
+@cache
+def setup() -> BearingSetup:
+    return bearings.with_rig(bearings.single("linearised", "fixed"), LESS)
+
+
+def loop(conditions: tuple[Condition, ...] = HERE) -> BearingLoop:
+    """Return it as what is tuned."""
+    return BearingLoop(setup(), conditions)

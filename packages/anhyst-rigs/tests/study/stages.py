@@ -1,0 +1,75 @@
+"""The bundled stage with short set-points; its magnets are those of the bundled bearing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.drift import Drift
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, track
+from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
+from anhyst_rigs.rig.tables import FrameTable
+from anhyst_rigs.study.tracking.simulate import TrackingStudy, explore_stage
+from anhyst.support.kinds import MethodName
+from tests.study import bearings
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "stage"
+SHORT = {
+    "speed_m_per_s": 0.25,
+    "cruise_s": 0.03,
+    "train_m_per_s2": [22.0, 12.0],
+    "test_m_per_s2": [22.0, 10.0, 18.0],
+}
+
+WRONG = Drift(
+    pinning=0.12, gap_offset=0.5e-6, first_scale=0.007, second_scale=-0.005, eddy=40e-6,
+    flux_gain=0.006,
+)  # fmt: skip
+"""A plant that is off in everything."""
+
+
+def stage(substeps: int = 8, stray_m: float | None = None, **control: Any) -> BodyRig:
+    """Return the example with other sub-steps, another stray, other keys of [control]."""
+    rig = read_stage(EXAMPLE / "rig.toml")
+    file = rig.settings
+    update: dict[str, Any] = {
+        "timing": file.timing.model_copy(update={"substeps": substeps}),
+        "control": file.control.model_copy(update=control),
+        "noise_seeds": 2,
+    }
+    if stray_m is not None:
+        update["frame"] = FrameTable(stray_m=stray_m)
+    short = file.replaced(file.scan, file.scan.model_copy(update=SHORT))
+    return replace(rig, settings=short.model_copy(update=update))
+
+
+def setup(method: MethodName, substeps: int = 8, **changes: Any) -> StageSetup:
+    return make_stage(stage(substeps, **changes), bearings.knowledge(), method)
+
+
+def unseen(rig: BodyRig) -> SetPoint:
+    """SetPoint on which nothing was tuned."""
+    return motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
+
+
+@cache
+def study() -> TrackingStudy:
+    """The compensator and what it is measured against."""
+    return explore_stage(stage(), bearings.knowledge(), ("single-valued", "play", "full"))
+
+
+def training() -> SetPoint:
+    """SetPoint that is learnt on."""
+    scan = stage().settings.scan
+    return motion_of(scan, scan.train_m_per_s2)
+
+
+@cache
+def recorded(drift: Drift = WRONG) -> Recording:
+    """Return the motion of a plant under the compensator as it was fitted."""
+    return track(replace(setup("full"), drift=drift), training(), Feedforward(), 1)

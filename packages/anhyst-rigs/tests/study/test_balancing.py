@@ -1,0 +1,220 @@
+"""A body of several coordinates whose magnets are not what they seem, and what its motion teaches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.calibration import CENTRE
+from anhyst_rigs.rig.drift import Drift, changed, draw_plant
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, track
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.engine.monte_carlo import monte_carlo
+from anhyst_rigs.study.plants import ERRORS_OF_AXES, stage_plants
+from anhyst_rigs.study.tracking.bodies import AxesLaw
+from anhyst_rigs.study.tracking.calibrate import calibrate
+from anhyst_rigs.study.tracking.learner import Learner, fit
+from anhyst_rigs.study.tracking.measures import cross_talk, measure
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
+from tests.refusals import refused
+from tests.study import bearings, stages
+from tests.study.test_axes import EXAMPLES, PLANAR, planar
+
+
+def short(pinning_percent: float = 0.0) -> BodyRig:
+    """Return the example with short set-points; what widths must be learnt, is compiled anew."""
+    scan = {f"scan.{key}": value for key, value in stages.SHORT.items()}
+    spread = {"spread.pinning_percent": pinning_percent}
+    return changed(planar(), {**scan, **spread, "noise_seeds": 2})
+
+
+@cache
+def plant(number: int = 1) -> Drift:
+    return draw_plant(short().settings, 29, number)[0]
+
+
+@cache
+def recorded(method: MethodName = "full") -> Recording:
+    scan = short().settings.scan
+    motion = motion_of(scan, scan.train_m_per_s2)
+    setup = make_stage(short(), bearings.knowledge(), method)
+    return track(replace(setup, drift=plant()), motion, Feedforward(), 1)
+
+
+def left(setup: StageSetup, way: str = "x") -> tuple[float, float]:
+    """Return moving average along a way and largest error about z on a set-point never learnt on.
+
+    Along y its accelerations are halved.
+    """
+    scan = short().settings.scan
+    peaks = [one / (1 + (way == "y")) for one in scan.test_m_per_s2]
+    there = changed(short(), {"scan.direction": [float(axis == way) for axis in "xyz"]})
+    motion = motion_of(scan, peaks)
+    run = track(replace(setup, rig=there, drift=plant()), motion, Feedforward(), 2)
+    return measure(run, motion, scan.slit_s).average_m, cross_talk(run, motion, ["rz"])["rz_rad"]
+
+
+def taught(method: MethodName, run: Recording) -> Learner:
+    learner = Learner(AxesLaw(short(), bearings.knowledge(), method))
+    learner.learn(learner.law.motion(run.columns))
+    return learner
+
+
+def test_one_recording_balances_ten_magnets_and_their_body() -> None:
+    learner = taught("full", recorded())
+    average, about = left(make_stage(short(), bearings.knowledge(), "full"))
+    after, less = left(learner.law.stage(learner.found))
+    assert after < 0.2 * average
+    assert less < 0.4 * about
+    assert learner.found.fits
+    assert learner.found.value("centre_z_m") == pytest.approx(plant().place_z, abs=0.2e-3)
+
+
+def test_flux_probes_are_balanced_the_same_way() -> None:
+    average, about = left(make_stage(short(), bearings.knowledge(), "flux"))
+    learner = taught("flux", recorded("flux"))
+    after, less = left(learner.law.stage(learner.found))
+    assert after < average
+    assert less < 0.2 * about
+
+
+def test_what_a_motion_keeps_of_a_law_is_never_that_of_another() -> None:
+    law = AxesLaw(short(), bearings.knowledge(), "single-valued")
+    motion, zero = law.motion(recorded().columns), dict.fromkeys(law.names, 0.0)
+    law.net(motion, zero)
+    place = id(law)
+    del law
+    laws = [AxesLaw(short(), bearings.knowledge(), "play")]
+    while id(laws[-1]) != place and len(laws) < 100:  # until one stands where the first one stood
+        laws.append(AxesLaw(short(), bearings.knowledge(), "play"))
+    expected = laws[-1].net(laws[-1].motion(recorded().columns), zero)
+    assert (laws[-1].net(motion, zero) == expected).all()
+
+
+def test_what_no_motion_showed_stays_and_is_said() -> None:
+    found = {one.name: one for one in taught("full", recorded()).found.parameter}
+    unseen = found["gap_zero_5_m"]  # of the pair along y, which rests
+    assert (unseen.value, unseen.sigma, unseen.frozen) == (0.0, unseen.prior, True)
+    assert not found["scale_1"].frozen
+    assert found["scale_1"].sigma < 0.7 * found["scale_1"].prior
+
+
+def test_magnets_that_hardly_pull_learn_nothing_from_the_sum_of_all_scales() -> None:
+    """It is held, since a payload tells the same: y1 and y2 pull 5 N along x, the others up to 120."""
+    learner = taught("full", recorded())
+    for _ in range(6):
+        assert learner.learn(learner.law.motion(recorded().columns))
+    hidden = {"scale_5", "scale_6"}
+    assert not hidden & {*learner.seen}
+    assert all(learner.values[name] == 0.0 for name in hidden)
+    assert {f"scale_{number}" for number in range(1, 11)} - hidden <= {*learner.seen}
+
+
+def test_a_body_that_is_as_the_file_says_is_left_alone_whatever_the_dead_time() -> None:
+    rig = changed(short(), {"timing.delay_ticks": 2.0})
+    setup, scan = make_stage(rig, bearings.knowledge(), "full"), rig.settings.scan
+    run = track(setup, motion_of(scan, scan.train_m_per_s2), Feedforward(), 1)
+    law = AxesLaw(rig, bearings.knowledge(), "full")
+    found = fit(law, [law.motion(run.columns)])
+    assert found.fits
+    assert found.residual_N < 0.0015 * found.force_N
+    for one in found.parameter:
+        assert abs(one.value) < 0.8 * one.prior, one.name
+    assert abs(found.value("centre_z_m")) < 0.2e-3
+
+
+def test_a_gap_that_is_stuck_teaches_nothing() -> None:
+    learner, run = taught("full", recorded()), recorded()
+    before = dict(learner.values)
+    for column, off in (("gap_read_2_m", 30e-6), ("command_3_A", 0.2)):
+        wrong = {column: run[column] + off * (np.arange(len(run)) > len(run) // 2)}
+        assert not learner.learn(learner.law.motion({**run.columns, **wrong}))
+    assert learner.values == before
+
+
+def test_the_verb_writes_a_file_that_the_rig_file_names(tmp_path: Path) -> None:
+    for name in ("rig.toml", "loops.csv", "loops.toml"):
+        (tmp_path / name).write_bytes((EXAMPLES / "planar" / name).read_bytes())
+    recorded("flux").save(tmp_path / "run.csv")
+    rig = replace(short(), path=tmp_path / "rig.toml")
+    out = tmp_path / "calibration.toml"
+    found = calibrate(rig, tmp_path / "run.csv", out, magnet=bearings.knowledge(), methods=["flux"])
+    assert found.learnt
+    named = changed(rig, {"control.calibration": "calibration.toml"})
+    learnt = named.learnt("flux")
+    assert learnt is not None
+    setup = make_stage(named, bearings.knowledge(), "flux")
+    assert setup.correction is not None
+    assert setup.correction[9, 2] == 1.0 + learnt.value("scale_10") != 1.0
+    text = out.read_text()
+    for wrong in ("skale_1", "scale_99", "scale_01", "scale", "width", "wi_3dth"):
+        out.write_text(text.replace('"scale_1"', f'"{wrong}"'))
+        with pytest.raises(InputError, match=wrong) as caught:
+            replace(named, settings=named.settings.model_copy()).learnt("flux")
+        assert caught.value.code == "unknown-name"
+    fewer = [line for line in text.splitlines() if '"scale_10"' not in line]
+    out.write_text("\n".join(fewer))
+    with refused("unknown-name scale_10: calibration.toml"):  # of nine magnets
+        replace(named, settings=named.settings.model_copy()).learnt("flux")
+
+
+def test_a_recording_without_what_was_read_is_refused() -> None:
+    kept = {name: run for name, run in recorded().columns.items() if name != "gap_read_7_m"}
+    with refused("column-missing gap_read_7_m"):
+        calibrate(short(), Recording(kept), magnet=bearings.knowledge())
+    turned = {
+        **recorded().columns,
+        **{f"demand_{a}_N": -recorded()[f"demand_{a}_N"] for a in "xyz"},
+    }
+    with refused("wrong-sign demand_N"):
+        calibrate(short(), Recording(turned), magnet=bearings.knowledge())
+
+
+def test_a_flux_that_is_no_number_and_a_clock_that_stands_are_refused() -> None:
+    read = recorded("flux").columns
+    for wrong, why in (("flux_read_3_T", "not-finite flux_read_3_T"), ("t_s", "rate-differs t_s")):
+        off = {wrong: np.full(len(read["t_s"]), np.nan if wrong != "t_s" else 0.0)}
+        with refused(why):
+            calibrate(short(), Recording({**read, **off}), magnet=bearings.knowledge())
+
+
+def test_keys_of_spread_belong_to_one_coordinate_or_to_several(tmp_path: Path) -> None:
+    place = tmp_path / "rig.toml"
+    place.write_text(PLANAR.replace("[spread]", "[spread]\neddy_s = 1e-5"))
+    with refused("not-for-this-kind spread.eddy_s: rig.toml"):
+        read_stage(place)
+    one = (EXAMPLES / "stage" / "rig.toml").read_text()
+    place.write_text(one.replace("[spread]", "[spread]\ncentre_m = 1e-4"))
+    with refused("not-for-this-kind spread.centre_m: rig.toml"):
+        read_stage(place)
+
+
+def test_every_magnet_and_head_is_drawn_by_itself() -> None:
+    drift = plant()
+    assert len({one.first_scale for one in drift.magnets}) == 10
+    assert len({one.place_x for one in drift.heads}) == 6
+    alone = drift.alone(ERRORS_OF_AXES["centre of mass"])
+    assert not any(one.as_dict() for one in alone.magnets)
+    assert (alone.place_x, alone.mass, alone.heads) == (drift.place_x, 0.0, ())
+    assert drift.as_dict()["magnet_3_gap_offset_m"] == drift.magnets[2].gap_offset
+    assert drift.alone(ERRORS_OF_AXES["all"]) == drift
+    assert len(CENTRE) == 3
+
+
+@pytest.mark.slow
+def test_plants_of_several_coordinates_are_flown_with_each_error_alone(tmp_path: Path) -> None:
+    plants = stage_plants(short(5.0), bearings.knowledge(), ("full",))
+    found = monte_carlo(plants, tmp_path / "p.jsonl", 2, jobs=2)
+    rows = found.as_dict()["variants"]["full"]
+    assert [row["error"] for row in rows["average_m"]] == [*ERRORS_OF_AXES]
+    by_error = dict(zip(ERRORS_OF_AXES, rows["rz_rad"], strict=True))
+    assert by_error["none"]["worst"] < 0.2 * by_error["all"]["worst"]
+    assert by_error["Hall gain"]["worst"] == by_error["none"]["worst"]  # 'full' has no probe

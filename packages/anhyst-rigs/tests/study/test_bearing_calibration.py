@@ -1,0 +1,261 @@
+"""A bearing that learns from its motion: what a recording teaches, what it must not, what it is for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst import Calibration, InputError, calibrate
+from anhyst.control.controller_file import ControllerFile
+from anhyst_rigs.dashboard.recording import start_recording
+from anhyst_rigs.rig.bearing.loop import BearingSetup, compiled_model, fit_magnets, make_setup
+from anhyst_rigs.rig.bearing.scenario import parts_of_run
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.rig.calibration import CalibratedMethod, CalibrationFile
+from anhyst_rigs.rig.drift import NO_DRIFT, Drift, changed, drifted_plant, with_iron
+from anhyst_rigs.rig.fitting import calibrated
+from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.study.bearing.experiments import following
+from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.plants import BearingWork
+from anhyst_rigs.study.tracking.bodies import BearingLaw
+from anhyst.support.numeric import rms
+from anhyst.support.states import Command
+from tests.study import bearings
+
+WRONG = Drift(pinning=0.2, gap_offset=10e-6)
+"""The plant of the table: wider loops, and a gap that reads too much."""
+UNSURE = {"spread.gap_zero_m": 5e-6}
+"""What the rig file says of the gap, which no motion moves by more than four times that."""
+
+
+def rig(two: bool = False) -> BodyRig:
+    return changed(bearings.pair_rig() if two else bearings.example(), UNSURE)
+
+
+def setup(two: bool = False) -> BearingSetup:
+    return bearings.pair() if two else bearings.single()
+
+
+def flown(of: BearingSetup, scenario: Scenario, drift: Drift = WRONG) -> Recording:
+    return SimulatedLoop(of, plant=drifted_plant(of.rig, drift, 1)).run(scenario)
+
+
+@cache
+def recorded(two: bool = False) -> Recording:
+    """Lift-off and the steps of the example, with a plant that has drifted."""
+    mine = setup(two)
+    return flown(mine, parts_of_run(mine.rig, mine.controller)[0])
+
+
+def taught(run: Recording | Path, two: bool = False, out: Path | None = None) -> Calibration:
+    table = bearings.pair_controller() if two else bearings.controller().settings
+    file = ControllerFile(bearings.controller().path, table)
+    known = bearings.knowledge()
+    return calibrate(rig(two), run, out, magnet=known, methods=["full"], controller=file)
+
+
+@cache
+def learnt(two: bool = False) -> CalibratedMethod:
+    (found,) = taught(recorded(two), two).file.method
+    return found
+
+
+def corrected(folder: Path, two: bool = False) -> BodyRig:
+    """The rig, which names what was learnt."""
+    assert taught(recorded(two), two, folder / "calibration.toml").learnt
+    named = changed(rig(two), {"control.calibration": "calibration.toml"})
+    return replace(named, path=folder / "rig.toml")
+
+
+def with_columns(**others: np.ndarray) -> Recording:
+    return Recording({**recorded().columns, **others})
+
+
+def force_error(of: BearingSetup, drift: Drift) -> float:
+    """Of the second period of the slow triangle, N."""
+    scenario, begin = following(of, of.rig.settings.trajectories[0])
+    run = flown(of, scenario, drift).part(begin, scenario.ticks)
+    return rms(run["force_N"] - run["demand_N"])
+
+
+@pytest.mark.slow
+def test_gap_zero_and_width_are_found_from_the_steps_of_usual_work() -> None:
+    found = learnt()
+    assert found.fits
+    assert found.value("gap_zero_m") == pytest.approx(10e-6, abs=2.5e-6)
+    assert found.value("width") == pytest.approx(0.2, abs=0.05)
+    assert abs(found.value("scale_1")) < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("two", [False, True], ids=["one magnet", "a pair"])
+def test_the_calibrated_bearing_is_as_good_as_one_that_never_drifted(
+    tmp_path: Path, two: bool
+) -> None:
+    table = bearings.pair_controller() if two else bearings.controller().settings
+    after = make_setup(corrected(tmp_path, two), table, bearings.knowledge(), "full", "fixed")
+    nominal = force_error(setup(two), NO_DRIFT)
+    assert force_error(setup(two), WRONG) > 2.5 * nominal
+    assert force_error(after, WRONG) < 1.2 * nominal
+
+
+@pytest.mark.slow
+def test_overshoot_after_calibration_is_that_of_a_bearing_that_never_drifted(
+    tmp_path: Path,
+) -> None:
+    table = bearings.controller().settings
+    after = make_setup(corrected(tmp_path), table, bearings.knowledge(), "full", "fixed")
+
+    def overshoot(of: BearingSetup, drift: Drift) -> float:
+        """Of the highest step, which noise moves least, %."""
+        return float(BearingWork({"full": of}).run("full", drift, 1)["overshoot_percent"][-1])
+
+    assert overshoot(after, WRONG) < 1.2 * overshoot(setup(), NO_DRIFT) + 0.05
+
+
+@pytest.mark.slow
+def test_the_block_is_of_the_model_that_motion_corrected(tmp_path: Path) -> None:
+    found, known, own = learnt(), bearings.knowledge(), corrected(tmp_path)
+    model = compiled_model(own, known, "full")
+    assert model.nodes == pytest.approx(np.add(known.model.nodes, found.value("gap_zero_m")))
+    scale = 1.0 + found.value("scale_1")
+    before, after = (one.over_schedule("c_H", 0.45e-3) for one in (known.model, model))
+    assert after == pytest.approx(scale * before)
+    with pytest.raises(InputError, match="share one block"):
+        compiled_model(corrected(tmp_path, True), known, "full")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("two", [False, True], ids=["one magnet", "a pair"])
+def test_a_controller_expects_the_force_that_was_learnt(two: bool) -> None:
+    table = bearings.pair_controller() if two else bearings.controller().settings
+    law = BearingLaw(rig(two), table, bearings.knowledge(), "full")
+    motion, zero = law.motion(recorded(two).columns), 4e-6
+    values = dict.fromkeys(law.names, 0.0) | {"scale_1": 0.01, "gap_zero_m": zero}
+    each = [calibrated(bearings.knowledge(), 0.01, zero, over=2.0 * zero)]
+    each += [calibrated(bearings.knowledge(), 0.0, -zero, over=2.0 * zero)] if two else []
+    total, net = bearings.TOTAL, np.zeros(motion.ticks.size)
+    gap = np.interp(motion.ticks + motion.late, motion.ticks, motion.read["gap_read_m"])
+    commands = [motion.read[name] for name in ("command_A", "command_2_A")]
+    for number, one in enumerate(fit_magnets(law.rig, table, each, "full", "f64")):
+        at = total - gap if number else gap
+        pulled = one.fresh().follow(np.ascontiguousarray(commands[number]), at)
+        net += (-1.0) ** number * motion.filtered(pulled, motion.late)
+    off = (net - law.net(motion, values))[motion.compared]
+    assert rms(off) < 1e-3 * motion.force
+
+
+@pytest.mark.slow
+def test_of_another_iron_it_is_said_that_the_law_does_not_fit_and_nothing_is_taken() -> None:
+    other = replace(setup(), rig=with_iron(bearings.example(), 0.3, 1.0))
+    run = flown(other, parts_of_run(other.rig, other.controller)[0], NO_DRIFT)
+    found = taught(run)
+    assert not found.file.method[0].fits
+    assert not found.learnt
+
+
+def test_hanging_still_under_a_load_that_swings_teaches_nothing() -> None:
+    script = bearings.lifted(setup())
+    for swing in (8.0, -8.0, 4.0):
+        script.set_load(150.0 + swing).hold(0.1)
+    run = flown(setup(), script.build())
+    columns = {name: row for name, row in run.columns.items() if name != "load_N"}
+    for one in (run, Recording(columns)):
+        found = taught(one)
+        assert not found.learnt
+        (method,) = found.file.method
+        assert all(number.frozen and number.value == 0.0 for number in method.parameter)
+
+
+@pytest.mark.slow
+def test_what_the_live_page_recorded_of_the_firmware_teaches_the_same(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    bench = BearingBench(bearings.single(), bearings.firmware(tmp_path_factory))
+    place = tmp_path / "run.csv"
+    file = start_recording(place, bench.signals, bench.rate)
+    file.put(bench.advance(120))
+    for command in (Command.DEMAGNETISED, Command.LIFT):
+        bench.command(command)
+    file.put(bench.advance(9000))
+    for height in (-25e-6, 25e-6, -50e-6, 50e-6):
+        bench.demand(bearings.GAP + height)
+        file.put(bench.advance(1500))
+    file.close()
+    bench.close()
+    (found,) = taught(place).file.method
+    assert found.fits
+    assert found.taken
+    # this plant has not drifted
+    assert abs(found.value("width")) < 0.05
+    assert abs(found.value("gap_zero_m")) < 6e-6
+
+
+FAULTS: dict[str, Callable[[Recording], Recording]] = {
+    "gap stuck": lambda run: with_columns(gap_read_m=np.full(len(run), run["gap_read_m"][0])),
+    "gap 20 % off": lambda run: with_columns(gap_read_m=1.2 * run["gap_read_m"]),
+    "command absent": lambda run: with_columns(command_A=0.0 * run["command_A"]),
+    "command 30 % off": lambda run: with_columns(command_A=1.3 * run["command_A"]),
+    "load not as recorded": lambda run: with_columns(load_N=0.8 * run["load_N"]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", FAULTS)
+def test_after_a_fault_nothing_is_taken(fault: str) -> None:
+    assert not taught(FAULTS[fault](recorded())).learnt
+
+
+def test_a_recording_without_what_is_needed_is_refused() -> None:
+    run = bearings.run(setup(), bearings.lifted(setup()).hold(0.001).build())
+    kept = {name: row for name, row in run.columns.items() if name != "state"}
+    with pytest.raises(InputError, match="no column state"):
+        taught(Recording(kept))
+    with pytest.raises(InputError, match="begins while a current flows"):
+        taught(run.part(len(run) - 200, len(run)))
+
+
+def test_a_reading_beyond_all_numbers_is_refused() -> None:
+    run = bearings.run(setup(), bearings.lifted(setup()).hold(0.001).build())
+    for name, value in (("gap_read_m", 1e300), ("load_N", -1e300), ("state", np.nan)):
+        wrong = np.where(np.arange(len(run)) == len(run) // 2, value, run[name])
+        with pytest.raises(InputError, match=f"{name} holds what is no number"):
+            taught(Recording({**run.columns, name: wrong}))
+
+
+def naming(folder: Path) -> Path:
+    """The example's rig file, which names a calibration beside it."""
+    place, kind = bearings.copy_known(folder), 'kind = "levitation"'
+    text = place.read_text(encoding="utf-8")
+    place.write_text(text.replace(kind, f'calibration = "calibration.toml"\n{kind}'), "utf-8")
+    return place
+
+
+def test_a_calibration_that_says_nothing_of_the_controllers_method_is_refused(
+    tmp_path: Path,
+) -> None:
+    method = CalibratedMethod(name="play", residual_N=0.0, force_N=0.0, fits=True, parameter=[])
+    file = CalibrationFile(
+        format="anhyst-calibration",
+        version=1,
+        rig=bearings.example().settings.name,
+        mass_kg=2.0,
+        method=[method],
+    )
+    Calibration(file).save(tmp_path / "calibration.toml")
+    with pytest.raises(InputError, match="says nothing of 'full'"):
+        make_ready(*read_files(naming(tmp_path), None))
+
+
+def test_what_is_to_be_found_may_be_named_before(tmp_path: Path) -> None:
+    run = bearings.run(setup(), bearings.lifted(setup()).hold(0.001).build())
+    with pytest.raises(InputError, match="begins while"):
+        calibrate(naming(tmp_path), run.part(len(run) - 200, len(run)))

@@ -1,0 +1,136 @@
+"""Another model in the air: the control goes on, and what the models differ by fades."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+from anhyst.compensate.block import Block
+from anhyst.compensate.methods import HysteresisInverse
+from anhyst.control.controller_file import ControllerFile, write_controller
+from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup, position_control
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.fitting import IdentifiedMagnet
+from anhyst_rigs.study.bearing.on_board import build_firmware
+from anhyst.support.block_words import regenerate
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Phase, State
+from tests.once import made_once
+from tests.study import bearings
+from tests.study.bearings import GAP
+
+OTHERS = {
+    "more pinning, a fifth less current": {"thresholds": 1.5, "c_H": 0.8},
+    "less pinning, a tenth more current": {"thresholds": 0.6, "c_H": 1.1},
+}
+AWAY = 6e-6
+"""Farthest from where it hovers, m; without a limit 10.6 um and 7.9 um were seen of these."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """A firmware and what it levitates."""
+
+    program: Path
+    setup: BearingSetup
+    variant: MethodName
+
+    @property
+    def step(self) -> float:
+        """Of the ramp to zero, in a tick, and two of the converter on top, A."""
+        given = position_control(self.setup).settings("fixed")
+        return (given["release"] + 2 * given["current_step"]) / 2.0**31 * given["current_full"]
+
+    def block(self, factors: dict[str, float]) -> Block:
+        """Return the block of the same magnet with other parameters, for the same signals."""
+        known = bearings.knowledge()
+        values, cells = dict(known.model.parameters), known.model.cells
+        assert cells is not None
+        for name, factor in factors.items():
+            if name == "thresholds":
+                cells = replace(cells, thresholds=factor * cells.thresholds)
+                continue
+            before = values[name]
+            assert isinstance(before, float)
+            values[name] = before * factor
+        model = replace(known.model, parameters=MappingProxyType(values), cells=cells)
+        other = IdentifiedMagnet(known.loops, model)
+        rig, table = self.setup.rig, self.setup.controller
+        law = make_setup(rig, table, other, self.variant, "fixed").compensator.parameters
+        assert isinstance(law, HysteresisInverse)
+        assert isinstance(law.block, Block)
+        return law.block
+
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module", params=["full", "simplified"])
+def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Built:
+    variant: MethodName = request.param
+    table = bearings.controller().settings
+    chosen = table.compensation.model_copy(update={"variant": variant})
+    table = table.model_copy(update={"compensation": chosen})
+    rig, known = bearings.example(), bearings.knowledge()
+
+    def make(folder: Path) -> None:
+        write_controller(folder / "controller.toml", table, variant)
+        file = ControllerFile(folder / "controller.toml", table)
+        build_firmware(rig, file, known, "library", folder)
+
+    folder = made_once(tmp_path_factory, f"run-{variant}", make)
+    return Built(folder / "firmware", make_setup(rig, table, known, variant, "fixed"), variant)
+
+
+@pytest.fixture(scope="module")
+def usual(built: Built) -> FloatArray:
+    return hovering(built, None)
+
+
+def hovering(built: Built, other: Block | None) -> FloatArray:
+    """Hover for 0.1 s, with another block from the second tick on or as before."""
+    with closing(BearingBench(built.setup, built.program)) as running:
+        running.run(bearings.lifted(built.setup).hold(0.02).build())
+        rows = [running.step()]
+        if other is not None:
+            running.link.write_block(regenerate(other.words.tolist(), 9))
+        rows += [running.step() for _ in range(2000)]
+        assert running.state is State.RUN
+        assert Phase(running.link.status().codes.phase) is Phase.HOVER
+    return np.array([[row["gap"], row["command"]] for row in rows])
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_swap_in_the_air_moves_the_current_by_a_step_beside_what_is_asked(
+    built: Built, usual: FloatArray, name: str
+) -> None:
+    swapped = hovering(built, built.block(OTHERS[name]))
+    drive, own = swapped[:, 1], usual[:, 1]
+    assert drive[0] == own[0]
+    # The first tick asks for the same force with either; current for force is the other model's.
+    asked = abs(own[1] - own[0])
+    assert 0.0 < abs(drive[1] - own[1]) <= built.step + asked
+    most = np.abs(np.diff(own)).max()
+    assert np.abs(np.diff(drive)).max() < 2.0 * most + built.step
+    assert np.abs(swapped[:, 0] - GAP).max() < AWAY
+    assert np.abs(swapped[-200:, 0] - GAP).max() < 0.3e-6
+
+
+def test_a_swap_while_conditioning_begins_it_again_along_the_ramp(built: Built) -> None:
+    other = built.block(OTHERS["less pinning, a tenth more current"])
+    with closing(BearingBench(built.setup, built.program)) as running:
+        running.advance(200)
+        running.command(Command.CONDITION)
+        before = np.array([running.step()["command"] for _ in range(1500)])
+        assert before[-1] > 0.5
+        slope = np.abs(np.diff(before)).max()
+        running.link.write_block(regenerate(other.words.tolist(), 9))
+        after = np.array([running.step()["command"] for _ in range(3000)])
+    assert np.abs(np.diff(after, prepend=before[-1])).max() <= slope + built.step
+    assert after.min() >= 0.0

@@ -1,0 +1,350 @@
+"""Calibration from motion: what a recording teaches of the magnets, and what it must not."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from anhyst import Calibration, InputError, calibrate
+from anhyst_rigs.rig.calibration import CalibratedMethod, ParameterName
+from anhyst_rigs.rig.drift import NO_DRIFT, Drift
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, track
+from anhyst_rigs.study.tracking.measures import measure
+from anhyst_rigs.study.tracking.simulate import explore_stage
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
+from tests.refusals import refused
+from tests.study import bearings, stages
+from tests.study.stages import WRONG, recorded, training
+
+SLIT = 0.01
+
+
+def taught(
+    runs: Recording | Sequence[Recording], methods: Sequence[MethodName] = ("full",)
+) -> Calibration:
+    return calibrate(stages.stage(), runs, magnet=bearings.knowledge(), methods=methods)
+
+
+@cache
+def learnt(method: MethodName = "full", drift: Drift = WRONG) -> CalibratedMethod:
+    (found,) = taught(recorded(drift), [method]).file.method
+    return found
+
+
+def corrected(method: MethodName = "full") -> StageSetup:
+    return make_stage(stages.stage(), bearings.knowledge(), method, learnt(method))
+
+
+def with_columns(**changed: np.ndarray) -> Recording:
+    return Recording({**recorded().columns, **changed})
+
+
+def test_numbers_that_are_off_are_found_from_one_scan() -> None:
+    found = learnt()
+    assert found.fits
+    assert found.value("scale_1") == pytest.approx(0.007, abs=0.0025)
+    assert found.value("scale_2") == pytest.approx(-0.005, abs=0.0025)
+    assert found.value("lag_s") == pytest.approx(40e-6, abs=15e-6)
+    assert found.value("width") == pytest.approx(0.12, abs=0.08)
+    for one in found.parameter:
+        assert one.frozen == (one.name == "gap_zero_m")
+        assert one.sigma < one.prior or one.frozen
+
+
+@pytest.mark.slow
+def test_on_a_plant_that_is_as_it_should_be_little_is_found() -> None:
+    for one in learnt(drift=NO_DRIFT).parameter:
+        assert abs(one.value) <= 0.5 * one.prior, one.name
+
+
+@pytest.mark.slow
+def test_what_was_learnt_pays_on_a_set_point_that_was_never_seen() -> None:
+    motion = stages.unseen(stages.stage())
+
+    def left(setup: StageSetup) -> float:
+        run = track(replace(setup, drift=WRONG), motion, Feedforward(), 2)
+        return measure(run, motion, SLIT).force_rms_N
+
+    parts: dict[MethodName, float] = {"full": 0.5, "flux": 0.5, "play": 1.0, "fused": 0.5}
+    for method, part in parts.items():
+        assert left(corrected(method)) < part * left(stages.setup(method)), method
+    assert left(corrected()) < 0.4 * left(corrected("play"))
+    assert left(corrected("fused")) < 0.8 * left(corrected("flux"))
+
+
+@pytest.mark.slow
+def test_the_gain_of_a_probe_is_found_whatever_it_corrects() -> None:
+    for method in ("flux", "fused"):
+        found = learnt(method)
+        assert found.fits
+        for number in (1, 2):
+            probe = found.value(f"scale_{number}")
+            assert probe == pytest.approx(-WRONG.flux_gain, abs=0.001)
+
+
+@pytest.mark.slow
+def test_the_mass_is_the_scale_of_force_and_goes_into_the_scales() -> None:
+    heavier = stages.stage().settings.changed({"body.mass_kg": 10.05})
+    rig = replace(stages.stage(), settings=heavier)
+    (found,) = calibrate(rig, recorded(), magnet=bearings.knowledge(), methods=["full"]).file.method
+    assert found.fits
+    for name in ("scale_1", "scale_2"):
+        assert 0.0008 < found.value(name) - learnt().value(name) < 0.004
+
+
+@pytest.mark.slow
+def test_where_the_law_does_not_fit_nothing_is_taken_or_written(tmp_path: Path) -> None:
+    heavier = stages.stage().settings.changed({"body.mass_kg": 15.0})
+    rig, out = replace(stages.stage(), settings=heavier), tmp_path / "calibration.toml"
+    found = calibrate(rig, recorded(), out, magnet=bearings.knowledge(), methods=["full"])
+    assert not found.learnt
+    assert not out.exists()
+    assert "nothing is taken" in found.facts()["full"]
+
+
+def test_numbers_that_do_not_fit_correct_nothing() -> None:
+    found = learnt().model_copy(update={"fits": False})
+    assert learnt().value("scale_1") != 0.0
+    assert found.value("scale_1") == 0.0
+    assert found.widths(2) == [0.0, 0.0]
+    assert not found.taken
+
+
+@pytest.mark.slow
+def test_two_recordings_teach_more_than_one() -> None:
+    again = track(replace(stages.setup("full"), drift=WRONG), training(), Feedforward(), 2)
+    (found,) = taught([recorded(), again]).file.method
+    for one, both in zip(learnt().parameter, found.parameter, strict=True):
+        assert both.sigma < one.sigma or both.frozen
+
+
+def test_nothing_moves_where_hardly_any_force_was_demanded(tmp_path: Path) -> None:
+    gently = replace(training(), peaks=(0.5, 0.5), speed=0.01)
+    setup = replace(stages.setup("full"), drift=WRONG)
+    run, out = track(setup, gently, Feedforward(), 1), tmp_path / "calibration.toml"
+    whole = calibrate(stages.stage(), run, out, magnet=bearings.knowledge(), methods=["full"])
+    (found,) = whole.file.method
+    assert {one.value for one in found.parameter} == {0.0}
+    assert all(one.frozen for one in found.parameter)
+    assert not whole.learnt
+    assert not found.fits
+    assert not out.exists()
+
+
+@pytest.mark.slow
+def test_a_motion_that_the_law_cannot_explain_is_said_and_corrects_nothing() -> None:
+    stuck = with_columns(command_A=np.full(len(recorded()), 1.0))
+    (found,) = taught(stuck).file.method
+    assert not found.fits
+    assert {one.value for one in found.parameter} == {0.0}
+    assert all(one.frozen for one in found.parameter)
+
+
+@pytest.mark.slow
+def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_noise() -> None:
+    assert learnt("full").fits
+    assert learnt("flux").fits
+    play = learnt("play")  # with one play in place of the iron's memory
+    assert play.fits
+    assert play.residual_N > 2.0 * learnt("full").residual_N
+    assert not learnt("single-valued").fits
+    noisy = stages.stage().settings.changed({"position_sensor.noise_m": 5e-9})
+    rig = replace(stages.stage(), settings=noisy)
+    made = replace(make_stage(rig, bearings.knowledge(), "full"), drift=WRONG)
+    run = track(made, training(), Feedforward(), 1)
+    (found,) = calibrate(rig, run, magnet=bearings.knowledge(), methods=["full"]).file.method
+    assert found.fits
+
+
+@pytest.mark.slow
+def test_no_number_leaves_what_the_rig_file_states_of_it() -> None:
+    far = with_columns(command_A=1.2 * recorded()["command_A"])
+    (found,) = taught(far).file.method
+    assert all(abs(one.value) <= 4.0 * one.prior + 1e-12 for one in found.parameter)
+
+
+@pytest.mark.slow
+def test_corrections_of_nothing_change_no_bit_and_single_precision_follows() -> None:
+    made, motion = stages.setup("full"), training()
+    nothing = np.array([[1.0, 0.0, 1.0, 0.0]] * 2)
+    same = track(replace(made, correction=nothing), motion, Feedforward(), 1)
+    assert (same.table == track(made, motion, Feedforward(), 1).table).all()
+    single = make_stage(stages.stage(format="f32"), bearings.knowledge(), "full", learnt())
+    runs = [track(replace(single, law=law), motion, Feedforward(), 1) for law in ("f64", "f32")]
+    assert np.abs(runs[0]["error_m"] - runs[1]["error_m"]).max() < 5e-9
+
+
+@pytest.mark.first(1)
+@pytest.mark.parametrize("column", [0, 2])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_a_correction_that_is_no_factor_is_refused(column: int, value: float) -> None:
+    rows = np.array([[1.0, 0.0, 1.0, 0.0]] * 2)
+    rows[1, column] = value
+    with pytest.raises(ValueError, match="not valid"):
+        track(replace(stages.setup("full"), correction=rows), training(), Feedforward())
+
+
+@pytest.mark.slow
+def test_the_file_that_a_rig_names_corrects_its_variants(tmp_path: Path) -> None:
+    taught(recorded()).save(tmp_path / "calibration.toml")
+    rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
+    named = make_stage(rig, bearings.knowledge(), "full")
+    assert named.correction is not None
+    assert (named.correction == corrected().correction).all()
+    assert make_stage(rig, bearings.knowledge(), "play").correction is None
+    heavier = rig.settings.changed({"body.mass_kg": 10.05})
+    with pytest.raises(InputError) as caught:
+        make_stage(replace(rig, settings=heavier), bearings.knowledge(), "full")
+    assert caught.value.code == "mass-differs"
+
+
+@pytest.mark.slow
+def test_a_written_recording_teaches_the_same(tmp_path: Path) -> None:
+    recorded().save(tmp_path / "run.csv")
+    (found,) = calibrate(
+        stages.stage(), tmp_path / "run.csv", magnet=bearings.knowledge(), methods=["full"]
+    ).file.method
+    assert found == learnt()
+
+
+def test_a_recording_that_does_not_fit_the_rig_is_refused_by_what_it_lacks(tmp_path: Path) -> None:
+    def error_of(run: Recording) -> InputError:
+        run.save(tmp_path / "run.csv")
+        with pytest.raises(InputError) as caught:
+            calibrate(stages.stage(), tmp_path / "run.csv", magnet=bearings.knowledge())
+        return caught.value
+
+    columns = recorded().columns
+    less = {name: values for name, values in columns.items() if name != "gap_read_m"}
+    assert (lacks := error_of(Recording(less))).code == "column-missing"
+    assert lacks.key == "gap_read_m"
+    every = {name: values[::2] for name, values in columns.items()}
+    assert error_of(Recording(every)).code == "rate-differs"
+    short = {name: values[:2] for name, values in columns.items()}
+    assert error_of(Recording(short)).code == "too-short"
+
+
+@pytest.mark.parametrize(
+    ("rows", "code"),
+    [
+        pytest.param(lambda n: n > 2, "", id="all but the first ticks"),
+        pytest.param(lambda n: n >= int(np.argmax(np.abs(np.diff(recorded()["position_m"])))),
+                     "begins-in-motion", id="from the middle on"),
+        pytest.param(lambda n: n != n.size // 2, "ticks-missing", id="one tick less"),
+        pytest.param(lambda n: abs(n - n.size // 2) > 8, "ticks-missing", id="a gap"),
+    ],
+)  # fmt: skip
+def test_a_recording_is_of_every_tick_from_rest_on(
+    rows: Callable[[np.ndarray], np.ndarray], code: str
+) -> None:
+    kept = rows(np.arange(len(recorded())))
+    part = Recording({name: values[kept] for name, values in recorded().columns.items()})
+    if not code:
+        assert taught(part).file.method[0].fits
+        return
+    with refused(code):
+        taught(part)
+
+
+def test_a_recording_teaches_once_and_only_what_is_there(tmp_path: Path) -> None:
+    recorded().save(tmp_path / "run.csv")
+    for same in (tmp_path / "." / "run.csv", recorded()):
+        with refused("recordings-not-once"):
+            calibrate(stages.stage(), [tmp_path / "run.csv", same], magnet=bearings.knowledge())
+    with refused("recordings-not-once"):
+        taught([])
+    with refused("no-such-method"):
+        taught(recorded(), ["ratio"])
+    with refused("not-finite: command_A"):
+        taught(with_columns(command_A=np.full(len(recorded()), np.nan)))
+
+
+def test_a_current_is_not_taken_for_a_force(tmp_path: Path) -> None:
+    recorded().save(tmp_path / "run.csv")
+    text = (tmp_path / "run.csv").read_text()
+    (tmp_path / "run.csv").write_text(text.replace("command_A", "command_N", 1))
+    with refused("unit-of-another-kind: command_N"):
+        calibrate(stages.stage(), tmp_path / "run.csv", magnet=bearings.knowledge())
+
+
+def test_a_demand_of_the_wrong_sign_is_refused() -> None:
+    with refused("wrong-sign demand_N"):
+        taught(with_columns(demand_N=-recorded()["demand_N"]))
+
+
+def test_a_calibration_without_the_law_itself_is_refused_before_any_work(tmp_path: Path) -> None:
+    taught(recorded(), ["flux"]).save(tmp_path / "calibration.toml")
+    rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
+    with refused("method-missing control.calibration"):
+        explore_stage(rig, bearings.knowledge())
+
+
+def test_an_amplifier_whose_lag_would_be_taken_for_the_iron_s_is_refused() -> None:
+    slow = stages.stage().settings.changed({"amplifier.bandwidth_Hz": 1000.0})
+    with refused("amplifier-too-slow: amplifier.bandwidth_Hz"):
+        calibrate(replace(stages.stage(), settings=slow), recorded(), magnet=bearings.knowledge())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("scale_1", -1.0), ("scale_2", 1e300), ("width", -0.9), ("lag_s", 1.0), ("gap_zero_m", 1.0)],
+)
+def test_no_file_corrects_by_more_than_any_calibration(
+    tmp_path: Path, name: ParameterName, value: float
+) -> None:
+    found = taught(recorded(), ["single-valued"])
+    found.save(tmp_path / "calibration.toml")
+    text = (tmp_path / "calibration.toml").read_text()
+    number = re.search(rf'name = "{name}", value = [^,]+', text)
+    if number is None:  # not of this method
+        text = text.replace('name = "bias_N"', f'name = "{name}"', 1)
+        number = re.search(rf'name = "{name}", value = [^,]+', text)
+    assert number is not None
+    changed = text.replace(number[0], f'name = "{name}", value = {value}', 1)
+    (tmp_path / "calibration.toml").write_text(changed)
+    rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
+    with refused("beyond-any-calibration"):
+        rig.learnt("single-valued")
+
+
+@pytest.mark.slow
+def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -> None:
+    """Least squares of its own, tick by tick, without filter, delay, prior or recorded readings.
+
+    The flux lags as a low-pass of the true currents does; the law is asked sample by sample.
+    """
+    run, found = recorded(), learnt()
+    compensator = corrected().compensator
+    truth = -run["force_N"] - found.value("bias_N")
+    counts = np.abs(truth) > 15.0
+
+    def missed(numbers: FloatArray) -> FloatArray:
+        scales, share = numbers[:2], -np.expm1(-run.dt / (1e-9 + abs(numbers[2]) * 1e-5))
+        pulls = []
+        for scale, current, gap in zip(
+            scales,
+            (run["current_A"], run["current_2_A"]),
+            (run["gap_m"], 0.9e-3 - run["gap_m"]),
+            strict=True,
+        ):
+            slow, law = lfilter([share], [1.0, share - 1.0], scale * current), compensator.fresh()
+            pulls.append(
+                [law.commit(*one) for one in zip(slow.tolist(), gap.tolist(), strict=True)]
+            )
+        net = np.array(pulls[1]) - np.array(pulls[0])
+        return np.asarray((net - truth)[counts])
+
+    seen = least_squares(missed, [1.0, 1.0, 2.0], diff_step=[0.005, 0.005, 0.2], max_nfev=4).x
+    assert found.value("scale_1") == pytest.approx(seen[0] - 1.0, abs=0.0015)
+    assert found.value("scale_2") == pytest.approx(seen[1] - 1.0, abs=0.0015)
+    assert found.value("lag_s") == pytest.approx(1e-5 * seen[2], abs=15e-6)

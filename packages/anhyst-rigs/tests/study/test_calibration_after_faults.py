@@ -1,0 +1,121 @@
+"""What a bearing learns from the recording of a flight in which something goes wrong."""
+
+from __future__ import annotations
+
+import math
+from contextlib import closing
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst_rigs.link.frames import PlantDrive, PlantSample
+from anhyst_rigs.link.virtual_boards import Q31
+from anhyst_rigs.rig.bearing.loop import position_control
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.drift import drifted_plant
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.study.bearing.board_faults import Act, Injection, injections
+from anhyst.support.errors import InputError
+from anhyst.support.states import Command, Fault, State
+from tests.study import bearings
+from tests.study.test_bearing_calibration import WRONG, setup, taught
+
+HEIGHTS = (-25e-6, 25e-6, -50e-6, 50e-6, 0.0)
+COLUMNS = {
+    **{"t": "t_s", "reference": "reference_m", "gap_read": "gap_read_m", "command": "command_A"},
+    **{"load": "load_N", "demand": "demand_N", "state": "state", "phase": "phase"},
+}
+NO_NUMBER = -(1 << 31)
+OFTEN = {"three samples missing", "position jumps", "position frozen, target stepped"}
+OFTEN |= {"five ticks missed", "overload for 100 ms"}
+"""The others are repeated by hand."""
+
+
+class Flight:
+    """A flight and its rows; where the sensor of the position says nothing, what it said before."""
+
+    def __init__(self, running: BearingBench) -> None:
+        self.running, self.rows = running, list[list[float]]()
+        self._exchange, running.tap.exchange = running.tap.exchange, self._look
+        self._full = position_control(setup()).settings("fixed")
+        self._gap = math.nan
+
+    def _look(self, sample: PlantSample) -> PlantDrive:
+        if sample.position > NO_NUMBER:
+            read = sample.position / Q31 * self._full["position_full"]
+            self._gap = self._full["gap_middle"] - read
+        return self._exchange(sample)
+
+    def fly(self, ticks: int, act: Act = lambda *_: True) -> None:
+        running = self.running
+        for n in range(ticks):
+            running.beats = act(running, n)
+            now = running.step() | {"gap_read": self._gap, "t": running.tick * setup().rig.dt}
+            self.rows.append([now[name] for name in COLUMNS])
+
+    def steps(self) -> None:
+        for height in HEIGHTS if self.running.state is State.RUN else ():
+            self.running.demand(bearings.GAP + height)
+            self.fly(1500)
+
+    @property
+    def recording(self) -> Recording:
+        return Recording.of_table(np.array(self.rows), COLUMNS.values())
+
+
+def recorded(firmware: Path, act: Act) -> tuple[Recording, int]:
+    """Fly steps, then with something that is done, then steps again; until when all was well."""
+    plant = drifted_plant(setup().rig, WRONG, 1)
+    with closing(BearingBench(setup(), firmware, board="library", bearing=plant)) as running:
+        flight, supply = Flight(running), plant.supply
+        flight.fly(120)
+        for command, ticks in ((Command.DEMAGNETISED, 120), (Command.LIFT, 9000)):
+            running.command(command)
+            flight.fly(ticks)
+        flight.steps()
+        good = len(flight.rows)
+        flight.fly(5000, act)
+        running.tap.shown, plant.supply = None, supply
+        running.load(running.rest_load)
+        flight.steps()
+    return flight.recording, good
+
+
+def learnt(run: Recording) -> dict[str, tuple[float, float]]:
+    """Numbers and their standard deviations; none where nothing is taken."""
+    (method,) = taught(run).file.method
+    return {one.name: (one.value, one.sigma) for one in method.parameter if method.taken}
+
+
+@cache
+def without_a_fault(firmware: Path) -> tuple[dict[str, tuple[float, float]], ...]:
+    """What is learnt of the steps before, and of all of a flight in which nothing happens."""
+    run, good = recorded(firmware, lambda *_: True)
+    return learnt(run.part(0, good)), learnt(run)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "fault",
+    [
+        pytest.param(one, id=one.name, marks=() if one.name in OFTEN else pytest.mark.campaign)
+        for one in injections()
+    ],
+)
+def test_a_fault_of_the_flight_list_moves_nothing_that_was_learnt(
+    tmp_path_factory: pytest.TempPathFactory, fault: Injection
+) -> None:
+    firmware = bearings.firmware(tmp_path_factory)
+    run, _ = recorded(firmware, fault.act)
+    if fault.reason is Fault.MISSED_TICK:
+        with pytest.raises(InputError, match="record every tick once"):
+            taught(run)
+        return
+    flies_on = bool(run["state"][-1] == State.RUN)
+    assert flies_on == (fault.reason is Fault.NONE)
+    wanted = without_a_fault(firmware)[flies_on]
+    assert len(wanted) == 4
+    for name, (value, sigma) in learnt(run).items():
+        assert abs(value - wanted[name][0]) <= sigma, name

@@ -1,0 +1,78 @@
+"""The shortest move that shows what a stage is off by: what is chosen, and what it is worth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.stage.loop import make_stage
+from anhyst_rigs.study.tracking.bodies import AxesLaw
+from anhyst_rigs.study.tracking.excitation import (
+    CalibratingMove,
+    excite_to_calibrate,
+    find_move,
+    fly,
+)
+from anhyst_rigs.study.tracking.learner import Learner
+from tests.refusals import refused
+from tests.study import bearings, stages
+from tests.study.test_balancing import left, plant, recorded, short, taught
+
+
+@cache
+def chosen() -> CalibratingMove:
+    return find_move(stages.stage(), bearings.knowledge())
+
+
+def test_the_shortest_move_is_chosen_that_shows_all_that_any_shows() -> None:
+    rig, found = stages.stage(), chosen()
+    leg, file = found.legs["x"], rig.settings
+    assert leg.peaks == (22.0, 12.0, 22.0, 22.0, 12.0, 22.0, 22.0)
+    assert leg.speed == pytest.approx(22.0 * file.scan.jerk_phase_s)
+    assert found.move.hidden == ["gap_zero_m"]
+    assert found.work.hidden == ["gap_zero_m"]
+    # only a longer way shows a cable
+    cable = {"spread.cable_N_per_m": 50.0, "scan.speed_m_per_s": 0.5}
+    longer = find_move(changed(rig, cable), bearings.knowledge())
+    assert longer.legs["x"].speed > leg.speed
+    assert longer.move.hidden == ["gap_zero_m"]
+
+
+def test_the_move_begins_and_ends_at_rest_at_one_place_within_the_limits() -> None:
+    run, file = chosen().run, stages.stage().settings
+    place = run["position_m"]
+    assert run.loss is None
+    assert np.abs(place[[0, -1]]).max() < 1e-6
+    assert abs(place[-1] - place[-2]) < 1e-9
+    assert np.abs(run["demand_N"]).max() < file.tracking.force_max_N
+    assert max(run["command_A"].max(), run["command_2_A"].max()) < file.amplifier.current_high_A
+
+
+def test_a_bearing_has_no_such_move(tmp_path: Path) -> None:
+    with refused("option-not-for-this --calibrate: rig.toml; stages"):
+        excite_to_calibrate(bearings.EXAMPLE / "rig.toml", tmp_path / "run.csv")
+
+
+@pytest.mark.slow
+def test_one_move_balances_a_body_along_both_ways_and_its_own_set_point_along_one() -> None:
+    found = find_move(short(), bearings.knowledge())
+    assert not found.move.hidden
+    assert {"scale_5", "scale_6", "centre_x_m"} <= set(found.work.hidden)
+    assert max(found.legs["y"].peaks) == pytest.approx(11.0)  # one pair carries it
+    learner = Learner(AxesLaw(short(), bearings.knowledge(), "full"))
+    setup = make_stage(short(), bearings.knowledge(), "full")
+    moved = fly(replace(setup, drift=plant()), found.legs, 1)
+    assert learner.learn(learner.law.motion(moved.columns))
+    assert learner.found.fits
+    worked = taught("full", recorded())
+    along, about = left(learner.law.stage(learner.found))
+    before, turned = left(setup)
+    assert along < 0.15 * before
+    assert about < 0.4 * turned
+    across, by_work = (left(one.law.stage(one.found), "y")[0] for one in (learner, worked))
+    assert across < 0.3 * by_work

@@ -1,0 +1,82 @@
+"""A bench that was prepared once opens soon, and never as what it was before."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from anhyst_rigs.study import bench
+from anhyst_rigs.study.bench import MOST, prepared_once
+from anhyst_rigs.study.excite.excite import excite
+from anhyst_rigs.study.prepared import PreparedForce
+from anhyst.support.atomic import cache_folder
+from tests.study.measured_rigs import measured_rig
+
+ONE_GAP = """
+[excite]
+gaps_m = [1.0e-3]
+"""
+
+
+@pytest.fixture
+def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A rig of one gap, and a cache of its own."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = measured_rig("solenoid", tmp_path / "rig", more=ONE_GAP, law="play-cells").path
+    excite(path, path.with_name("loops.csv"))
+    return path
+
+
+class Again(Exception):  # noqa: N818 - nothing went wrong
+    """It is prepared once more."""
+
+
+@pytest.mark.slow
+def test_the_same_files_are_prepared_once_and_others_anew(
+    rig: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with prepared_once(rig, None) as first:
+        assert isinstance(first, PreparedForce)
+    assert not first.program.firmware.exists()  # built in a folder that is gone
+
+    def again(*given: object) -> None:
+        raise Again
+
+    monkeypatch.setattr(bench, "prepare_bench", again)
+    with prepared_once(rig, None) as second:
+        assert isinstance(second, PreparedForce)
+        assert second.program.block.words.tolist() == first.program.block.words.tolist()
+        assert second.program.firmware.is_relative_to(cache_folder("benches"))
+        opened = second.open()
+    opened.advance(50)
+    opened.close()
+    (place,) = cache_folder("benches").iterdir()
+    assert place.stat().st_mode & 0o077 == 0 or cache_folder("benches").stat().st_mode & 0o077 == 0
+
+    for changed in ("rig.toml", "solenoid.toml", "loops.csv", "loops.toml"):
+        file = rig.with_name(changed)
+        text = file.read_text(encoding="utf-8")
+        file.write_text(f"{text}\n" if changed != "loops.csv" else text[:-1], encoding="utf-8")
+        with pytest.raises(Again), prepared_once(rig, None):
+            pass
+        file.write_text(text, encoding="utf-8")
+    with prepared_once(rig, None):
+        pass
+
+    pickled = place / "prepared.pickle"
+    pickled.write_bytes(pickled.read_bytes()[:-100])  # half a file is none
+    with pytest.raises(Again), prepared_once(rig, None):
+        pass
+
+
+@pytest.mark.slow
+def test_a_cache_that_cannot_be_written_is_none_and_a_full_one_forgets(
+    rig: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "cache").write_text("no folder")
+    with prepared_once(rig, None) as prepared:
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
+        for number in range(MOST + 3):
+            bench._keep(prepared, cache_folder("benches") / str(number))
+    assert len(list(cache_folder("benches").iterdir())) == MOST

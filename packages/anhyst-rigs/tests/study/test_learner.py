@@ -1,0 +1,238 @@
+"""A stage that calibrates itself while it works: what it learns, how fast, and what it must not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from anhyst_rigs.rig.calibration import LearntParameter
+from anhyst_rigs.rig.drift import Drift, changed
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, track
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.tracking.learner import FORGET_S, RATE, Learner
+from anhyst_rigs.study.tracking.measures import measure
+from anhyst_rigs.study.tracking.motion import Motion, MotionLaw
+from anhyst_rigs.study.tracking.simulate import explore_stage
+from anhyst.support.kinds import MethodName
+from tests.refusals import refused
+from tests.study import bearings, stages
+from tests.study.stages import WRONG, recorded, training
+
+ALLOWED = {"spread.payload_percent": 5.0, "spread.cable_N_per_m": 50.0}
+
+
+@cache
+def law(method: MethodName) -> MotionLaw:
+    return MotionLaw(stages.stage(), bearings.knowledge(), method)
+
+
+def motion_of_run(run: Recording, **columns: np.ndarray) -> Motion:
+    return Motion(stages.stage(), {**run.columns, **columns})
+
+
+def taught(method: MethodName = "full", forget_s: float = FORGET_S) -> Learner:
+    learner = Learner(law(method), forget_s)
+    assert learner.learn(motion_of_run(recorded()))
+    return learner
+
+
+def test_an_hour_at_rest_under_a_varying_load_moves_nothing() -> None:
+    gently = replace(training(), peaks=(0.2, 0.2), speed=0.004)
+    ticks = round(gently.duration / recorded().dt)
+    load = 8.0 * np.sin(2.0 * np.pi * 3.0 * recorded().dt * np.arange(ticks))
+    setup = replace(stages.setup("full"), drift=WRONG)
+    rest = motion_of_run(track(setup, gently, Feedforward(), 1, load=load))
+    learner = taught()
+    before, known = dict(learner.values), learner.found
+    for _ in range(round(3600.0 / gently.duration)):
+        assert not learner.learn(rest)
+    assert learner.values == before
+    assert learner.found == known
+
+
+@pytest.mark.slow
+def test_minutes_of_work_drift_by_less_than_a_tenth_of_what_is_stated() -> None:
+    """Scans of three noise seeds by turns; what is forgotten is learnt again."""
+    setup = replace(stages.setup("flux"), drift=WRONG)
+    runs = [track(setup, training(), Feedforward(), seed) for seed in (1, 2, 3)]
+    scans = [motion_of_run(run) for run in runs]
+    learner = Learner(law("flux"), FORGET_S)
+    for number in range(300):
+        learner.learn(scans[number % 3])
+    settled, known = dict(learner.values), learner.found
+    for number in range(600):
+        learner.learn(scans[number % 3])
+    for one, now in zip(known.parameter, learner.found.parameter, strict=True):
+        assert abs(now.value - settled[now.name]) < 0.1 * one.prior
+        assert now.sigma <= one.sigma <= one.prior
+
+
+STUCK: Callable[[np.ndarray], np.ndarray] = lambda values: np.full_like(values, values[0])  # noqa: E731
+
+
+def from_half(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+    def changed(values: np.ndarray) -> np.ndarray:
+        half = values.size // 2
+        return np.concatenate([values[:half], change(values[half:])])
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("column", "fault"),
+    [
+        pytest.param("gap_read_m", from_half(STUCK), id="the gap is stuck"),
+        pytest.param("gap_read_m", from_half(lambda v: v + 20e-6), id="the gap jumps"),
+        pytest.param("gap_read_m", lambda v: 1.2 * v - 0.2 * v[0], id="the gap has another gain"),
+        pytest.param("gap_read_m", from_half(lambda v: 2.0 * v[0] - v), id="the gap turns round"),
+        pytest.param("position_read_m", from_half(STUCK), id="the position is stuck"),
+        pytest.param("position_read_m", lambda v: 0.9 * v, id="the position has another gain"),
+        pytest.param("position_read_m", lambda v: np.roll(v, 20), id="the position is late"),
+        pytest.param("command_A", from_half(STUCK), id="a command is stuck"),
+        pytest.param("command_A", lambda v: 0.0 * v, id="a command is not recorded"),
+        pytest.param("command_2_A", lambda v: 1.02 * v, id="an amplifier lost its gain"),
+        pytest.param("command_2_A", from_half(lambda v: v + 0.1), id="an amplifier has an offset"),
+    ],
+)
+def test_after_a_fault_of_a_sensor_nothing_is_learnt(
+    column: str, fault: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    learner = taught()
+    before = dict(learner.values)
+    assert not learner.learn(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
+    assert learner.refused == 1
+    assert learner.values == before
+    assert learner.learn(motion_of_run(recorded()))  # and goes on afterwards
+
+
+@pytest.mark.parametrize(
+    ("column", "fault"),
+    [
+        pytest.param("position_read_m", from_half(lambda v: v + 1e-6), id="the position jumps"),
+        pytest.param(
+            "position_read_m",
+            lambda v: v + np.random.default_rng(1).normal(0.0, 50e-9, v.size),
+            id="the position is noisy",
+        ),
+        pytest.param("command_2_A", from_half(lambda v: 1.1 * v), id="at rest an amplifier's gain"),
+    ],
+)
+def test_a_fault_that_hardly_shows_moves_no_number_by_a_fifth_of_what_is_stated(
+    column: str, fault: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    learner = taught()
+    before = dict(learner.values)
+    learner.learn(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
+    for name, value in learner.values.items():
+        assert abs(value - before[name]) <= 0.2 * learner.priors[name], name
+
+
+def heavier(learner: Learner, part: float) -> bool:
+    setup = replace(stages.setup("full"), drift=replace(WRONG, mass=part))
+    return learner.learn(motion_of_run(track(setup, training(), Feedforward(), 1)))
+
+
+def test_a_payload_is_refused_and_its_mass_is_found_closer_where_the_stage_was_known() -> None:
+    new, known = Learner(law("full")), taught()
+    for learner, off in ((new, 0.1), (known, 0.03)):
+        assert not heavier(learner, 0.05)
+        assert learner.found.mass_kg == pytest.approx(10.5, abs=off)
+    assert not new.found.taken
+    assert known.values == taught().values
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["full", "flux"])
+def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
+    method: MethodName,
+) -> None:
+    rig = changed(read_stage(stages.EXAMPLE / "rig.toml"), ALLOWED)
+    learner = Learner(MotionLaw(rig, bearings.knowledge(), method))
+    drift = replace(WRONG, mass=0.05, cable=60.0)
+    own, gains, scan = learner.stage(drift), Feedforward(), rig.settings.scan
+    run = track(own, motion_of(scan, scan.train_m_per_s2), gains, 1)
+    assert learner.learn(Motion(rig, run.columns))
+    found = learner.found
+    learnt: dict[str, LearntParameter] = {one.name: one for one in found.parameter}
+    assert found.fits
+    for name, true in (("payload", 0.05), ("cable_N_per_m", 60.0)):
+        off = abs(learnt[name].value - true)
+        assert off < 3.0 * learnt[name].sigma < 0.5 * learnt[name].prior, name
+    motion = stages.unseen(rig)
+    before, after = (
+        measure(track(stage, motion, gains, 3), motion, scan.slit_s).average_m
+        for stage in (own, learner.law.stage(found, drift))
+    )
+    assert after < 0.2 * before
+
+
+def test_without_a_payload_hardly_one_is_found_and_short_ways_say_nothing_of_a_cable() -> None:
+    rig = changed(stages.stage(), ALLOWED)
+    learner = Learner(MotionLaw(rig, bearings.knowledge(), "full"))
+    assert learner.learn(Motion(rig, recorded().columns))
+    assert abs(learner.values["payload"]) < 0.015
+    frozen = {one.name for one in learner.found.parameter if one.frozen}
+    assert frozen == {"cable_N_per_m", "gap_zero_m"}
+
+
+def test_what_is_applied_follows_at_a_bounded_rate() -> None:
+    learner = taught()
+    seconds, ticks = 0.05, 0
+    while learner.applied != learner.values and ticks < 200:
+        before = dict(learner.applied)
+        learner.step(seconds)
+        ticks += 1
+        for name, value in learner.applied.items():
+            grid = 0.0025 if name == "width" else 1e-12
+            assert abs(value - before[name]) <= RATE * learner.priors[name] * seconds + grid
+    assert 1 < ticks < 200
+
+
+def test_old_motions_count_less_and_no_number_leaves_its_bounds() -> None:
+    def run(gain: float) -> Motion:
+        setup = replace(stages.setup("flux"), drift=Drift(flux_gain=gain))
+        return motion_of_run(track(setup, training(), Feedforward(), 1))
+
+    forgetful, patient, fresh = (Learner(law("flux"), seconds) for seconds in (0.5, np.inf, np.inf))
+    for learner in (forgetful, patient):
+        assert learner.learn(run(0.0055))
+        assert learner.learn(run(0.005))
+    fresh.learn(run(0.005))
+    off = [abs(one.values["scale_1"] - fresh.values["scale_1"]) for one in (forgetful, patient)]
+    assert off[0] < off[1]
+    for learner in (forgetful, patient):
+        for one in learner.found.parameter:
+            assert one.sigma <= one.prior
+            assert abs(one.value) <= 4.0 * one.prior
+
+
+@pytest.mark.slow
+def test_a_stage_that_calibrates_itself_says_what_it_learnt_and_works_better() -> None:
+    magnet = bearings.knowledge()
+    plain = explore_stage(stages.stage(), magnet, ("full", "single-valued"))
+    own = explore_stage(stages.stage(calibrate=True), magnet, ("full", "single-valued"))
+    learnt = own.tried["full"].learnt
+    assert learnt is not None
+    assert learnt.taken
+    assert own.as_dict()["variants"]["full"]["learnt"]["name"] == "full"
+    assert plain.tried["full"].learnt is None
+    assert own.tried["full"].of("force_rms_N").mean < plain.tried["full"].of("force_rms_N").mean
+    curve = own.tried["single-valued"]
+    assert curve.learnt is not None
+    assert not curve.learnt.taken
+
+
+def test_calibrating_begins_without_a_calibration_and_with_a_fast_amplifier() -> None:
+    both = stages.stage(calibrate=True, calibration="calibration.toml")
+    with refused("not-both: control.calibration"):
+        explore_stage(both, bearings.knowledge())
+    slow = stages.stage(calibrate=True)
+    settings = slow.settings.changed({"amplifier.bandwidth_Hz": 1000.0})
+    with refused("amplifier-too-slow: amplifier.bandwidth_Hz"):
+        explore_stage(replace(slow, settings=settings), bearings.knowledge())

@@ -1,0 +1,246 @@
+"""Lift-off and landing; a magnet or a head is lost: the others carry on, or the body is set down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from anhyst_rigs.rig.case_table import LossCase
+from anhyst_rigs.rig.drift import NO_DRIFT, drifted_plant
+from anhyst_rigs.rig.loop import FAILS, HEAD_FAULTS, ClosedLoop, Scenario
+from anhyst_rigs.rig.magnet_table import LikeTable
+from anhyst_rigs.rig.plant import current_loops
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.rig.stage.file import spare
+from anhyst_rigs.rig.stage.loop import (
+    Feedforward,
+    StageSetup,
+    axes_controller,
+    fed_wrench,
+    make_stage,
+    of_axes,
+    track,
+)
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.tracking.measures import Losses, LostMagnet
+from anhyst.support.states import Command, Flag
+from tests.control.test_wrench import LAYOUTS
+from tests.study import bearings
+from tests.study.test_axes import planar
+
+
+@cache
+def laid(name: str, peaks: tuple[float, ...] = (22.0, 10.0), heads: int = 0) -> StageSetup:
+    """Return the example with the magnets of a layout, which looks for lost ones.
+
+    And at so many heads, if any; a seventh one looks at the fourth corner.
+    """
+    file, lines = planar().settings, LAYOUTS[name]
+    more = file.position_sensors[-1].model_copy(update={"position_m": [0.12, -0.1, -0.05]})
+    sensors = [*file.sensors, *[more] * (heads == 7)]
+    like = next(one for one in file.magnets if isinstance(one, LikeTable))
+    magnets = [
+        (like if number else file.magnet).model_copy(
+            update={
+                "name": f"m{number}",
+                "position_m": [*place],
+                "direction": [*along],
+                **({"like": "m0"} if number else {}),
+            }
+        )
+        for number, (place, along) in enumerate(lines)
+    ]
+    scan = file.scan.model_copy(update={"test_m_per_s2": [*peaks]})
+    changed = file.model_copy(update={"magnets": magnets, "cases": [scan], "sensors": sensors})
+    looked = {"control.lost_A": 0.25, "control.head_m_per_s": 0.1 if heads else None}
+    rig = replace(planar(), settings=changed.changed(looked))
+    return make_stage(rig, bearings.knowledge(), "full")
+
+
+def lose(
+    setup: StageSetup, magnets: Sequence[int], circuit: Literal["open", "short"] = "open"
+) -> list[LostMagnet]:
+    case = LossCase(kind="loss", circuit=circuit, magnets=[f"m{one}" for one in magnets])
+    return Losses(setup, Feedforward(), case).all()
+
+
+@pytest.mark.parametrize(("name", "count"), [("8", 0), ("10", 0), ("12", 8), ("14", 14)])
+def test_what_can_be_spared_is_what_the_linear_programme_leaves_movable(
+    name: str, count: int
+) -> None:
+    assert spare(laid(name).rig.settings) == (1 << count) - 1
+
+
+def test_looking_for_lost_magnets_moves_no_bit_where_none_is() -> None:
+    setup = laid("10", heads=6)
+    changes = {"control.lost_A": None, "control.head_m_per_s": None}
+    blind = replace(setup.rig, settings=setup.rig.settings.changed(changes))
+    scan = setup.rig.settings.scan
+    motion = motion_of(scan, scan.test_m_per_s2)
+    runs = [track(replace(setup, rig=rig), motion, Feedforward()) for rig in (setup.rig, blind)]
+    for name in runs[0].columns:
+        assert np.array_equal(runs[0][name], runs[1][name])
+
+
+@pytest.mark.slow
+def test_what_can_be_spared_flies_on_and_is_as_exact_in_the_end() -> None:
+    for one in [*lose(laid("12"), [1, 4]), *lose(laid("14"), [8, 12])]:
+        assert one.outcome == "flies on"
+        assert one.noticed_s is not None
+        assert one.noticed_s < 1e-3
+        assert max(one.error_end[name] for name in ("error_x_m", "error_z_m")) < 20e-9
+        assert max(value for name, value in one.error.items() if name.endswith("_m")) < 5e-6
+
+
+@pytest.mark.slow
+def test_too_little_left_for_the_acceleration_brakes_without_touching_a_stop() -> None:
+    (one,) = lose(laid("12"), [0])
+    assert one.outcome == "brakes"
+    assert one.touch_m_per_s == 0.0
+    assert one.error_end["error_x_m"] < 20e-9
+    assert one.unaware[1] > 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("circuit", ["open", "short"])
+def test_what_cannot_be_spared_is_set_down(circuit: Literal["open", "short"]) -> None:
+    for one in lose(laid("10"), [0, 4, 6], circuit):
+        assert one.outcome == "lands"
+        assert 0.0 < one.down_m_per_s < 0.015
+        assert one.down_m_per_s < 0.3 * one.let_go[0]
+
+
+def lost_after(read: Sequence[Sequence[float]]) -> list[int]:
+    """Return what is lost after each tick in which so much is read of the first magnets."""
+    controller, told, found = axes_controller(laid("10")), [0.0] * 10, []
+    for row in [*[[]] * 40, *read]:
+        now = [*row, *told[len(row) :]]
+        told, _, _, lost, _ = controller.tick(
+            [0.0] * 6, [100.0, 0.0, 196.2, 0.0, 0.0, 0.0], [0.45e-3] * 10, now
+        )
+        assert min(told) >= 0.0
+        assert max(told) <= 4.5
+        found.append(lost)
+    return found[40:]
+
+
+def test_one_wrong_reading_and_none_lose_nothing_and_more_of_them_do() -> None:
+    assert not any(lost_after([[0.0], [], [], []] * 5))
+    assert not any(lost_after([[math.nan] * 10] * 50))
+    assert lost_after([[0.0]] * 8) == [0, 0, 0, 0, 1, 1, 1, 1]
+    assert lost_after([[math.inf]] * 5)[-1] == 1
+    assert lost_after([[0.0]] * 5 + [[0.0, 9.0]] * 5)[-1] == 0b11
+
+
+def test_with_all_magnets_lost_nothing_is_driven() -> None:
+    controller, forward = axes_controller(laid("14")), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0]
+    told: list[float] = []
+    for _ in range(2000):
+        told, _, _, lost, state = controller.tick([0.0] * 6, forward, [0.45e-3] * 14, [9.0] * 14)
+    assert lost == (1 << 14) - 1
+    assert state == 2
+    assert not any(told)
+
+
+_AT_REST = (60e-6, -50e-6, -0.1e-3, 1e-4, -1e-4, 2e-4)
+UP, DOWN, TICKS = 200, 2200, 4200
+
+
+def commanded(
+    setup: StageSetup, commands: Mapping[int, Command], since: int = 0, failing: int = 0
+) -> Recording:
+    """Return the loop's own record of a body that lies off its place, and what fails from a tick on."""
+    rig = setup.rig
+    bearing = drifted_plant(rig, NO_DRIFT, 1)
+    bearing.place([*_AT_REST], [0.0] * 6)
+    still = np.zeros((TICKS + 1, 6))
+    scenario = Scenario(still[1:], feed=fed_wrench(rig, np.zeros(TICKS)), frame=still)
+    scenario.command[since:] = failing
+    for tick, one in {0: Command.IDLE, **commands}.items():
+        scenario.command[tick] |= one
+    return ClosedLoop(bearing, axes_controller(setup), current_loops(rig)).run(scenario)
+
+
+def poses(run: Recording) -> np.ndarray:
+    return np.column_stack(
+        [run[name] for name in of_axes("pose", ("x", "y", "z", "rx", "ry", "rz"))]
+    )
+
+
+def phases(run: Recording) -> list[int]:
+    """Return the phases in their order, states and lost magnets left out."""
+    found = run["state"].astype(int) % 16
+    return [int(found[0]), *found[1:][np.diff(found) != 0].tolist()]
+
+
+def test_from_rest_off_its_place_to_flight_and_back() -> None:
+    run = commanded(laid("10", heads=6), {UP: Command.LIFT, DOWN: Command.LAND})
+    assert phases(run) == [0, 2, 3, 4, 0]
+    assert set(run["flags"][:DOWN]) <= {0, int(Flag.GAP_LIMITED)}  # where the body lies
+    pose, speed = poses(run), run["velocity_3_m_per_s"]
+    hover = slice(DOWN - 100, DOWN)
+    assert np.abs(pose[hover, :3]).max() < 30e-9
+    assert pose[:, 2].max() < 3e-6  # of 100 to the upper stop
+    assert np.abs(pose[:, :2]).max() < 61e-6
+    assert pose[:, 0].min() > -3e-6
+    assert speed[UP:].max() < 5e-3
+    touch = int(np.argmax(pose[DOWN:, 2] < -0.1e-3)) + DOWN
+    assert 1.5e-3 < -speed[touch] < 3e-3  # a dead fall: 44 mm/s
+    assert pose[-1, 2] == pytest.approx(-0.1e-3, abs=0.5e-6)
+
+
+@pytest.mark.parametrize(("name", "dead"), [("10", 6), ("14", 6), ("10", 0)])
+def test_with_a_dead_magnet_nothing_lifts_off_for_good(name: str, dead: int) -> None:
+    commands = {UP: Command.LIFT, TICKS - 10: Command.LIFT}
+    run = commanded(laid(name), commands, failing=1 << FAILS + dead)
+    assert phases(run)[-1] == 0
+    assert 3 not in phases(run)
+    assert run["flags"][TICKS - 10].astype(int) & Flag.COMMAND_REFUSED
+    pose, speed = poses(run), run["velocity_3_m_per_s"]
+    assert pose[:, 2].max() < 0.0
+    assert speed[UP:].min() > -15e-3
+
+
+@pytest.mark.parametrize("way", ["missing", "frozen", "jumps"])
+def test_without_a_head_the_body_lands_by_the_others_or_is_let_go(way: str) -> None:
+    commands, gone = {UP: Command.LIFT, TICKS - 10: Command.LIFT}, 1 << FAILS + 5 | HEAD_FAULTS[way]
+    runs = [commanded(laid("10", heads=heads), commands, DOWN, gone) for heads in (6, 7)]
+    assert [phases(run) for run in runs] == [[0, 2, 3, 0], [0, 2, 3, 4, 0]]
+    for run, most in zip(runs, (50e-3, 10e-3), strict=True):
+        assert 1e-3 < -run["velocity_3_m_per_s"][DOWN:].min() < most
+        assert run["flags"][TICKS - 10].astype(int) & Flag.COMMAND_REFUSED
+
+
+def test_one_wrong_head_for_a_moment_ends_no_flight() -> None:
+    controller, forward = axes_controller(laid("10", heads=6)), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0]
+    told, noise = [0.0] * 10, np.random.default_rng(3)
+    for tick in range(200):
+        head = (1e-9 * noise.normal(size=6)).tolist()
+        if tick in (50, 51, 90, 91, 92, 93):
+            head[tick % 3] = math.nan if tick < 60 else 30e-6
+        told, _, flags, lost, state = controller.tick(head, forward, [0.45e-3] * 10, told)
+        assert (lost, state) == (0, 0)
+        assert (flags == Flag.SAMPLE_IMPLAUSIBLE) == (tick in (50, 51, 90, 91, 92, 93))
+
+
+def test_a_command_out_of_order_is_refused_and_changes_nothing() -> None:
+    controller, forward = axes_controller(laid("10", heads=6)), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0]
+    noise, found = np.random.default_rng(3), []
+    order = [Command.LIFT, Command.RUN, Command.IDLE, Command.LAND, Command.LIFT, Command.LIFT]
+    order += [Command.LAND, Command.LAND, Command.LIFT, Command.IDLE, Command.IDLE]
+    told = [0.0] * 10
+    for command in order:
+        head = [1e-6 + 1e-9 * float(one) for one in noise.normal(size=6)]
+        told, _, flags, _, state = controller.tick(head, forward, [0.45e-3] * 10, told, command)
+        found.append((state, bool(flags & Flag.COMMAND_REFUSED)))
+    states = [0, 0, 2, 2, 3, 3, 1, 1, 1, 2, 2]
+    refused = [True, True, False, True, False, True, False, True, True, False, False]
+    assert found == list(zip(states, refused, strict=True))
+    assert not any(told)
+    assert controller.tick([math.nan] * 6, forward, [0.45e-3] * 10, told, 3)[2] & 16

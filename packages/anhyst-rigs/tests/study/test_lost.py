@@ -1,0 +1,166 @@
+"""A loop that is unstable or lost is said first, gets no verdict, and ends with exit code 1."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.cli.app import main
+from anhyst.cli.printing import printer, start_printing
+from anhyst.cli.shared import show
+from anhyst.data.table import read_columns
+from anhyst_rigs.reports.studies import lines_of
+from anhyst_rigs.reports.tracking import printed, render
+from anhyst_rigs.rig.force.bench import with_lead_in
+from anhyst_rigs.rig.recording import Loss, Recording, SignalBound, find_loss
+from anhyst_rigs.rig.stage.loop import Feedforward, track
+from anhyst_rigs.study.force_trials import ForceOutcome, ForceTrial, lost_in
+from anhyst_rigs.study.tracking import simulate as tracking
+from anhyst_rigs.study.tracking.measures import LOST, measure
+from anhyst.support.errors import NegativeResult
+from tests.cli.command import unwrapped
+from tests.study import bearings, stages
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+def within(values: list[float]) -> SignalBound:
+    return SignalBound("too far", np.array(values), -1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "planned", "loss"),
+    [
+        ([0.0, 0.9, -0.9], 3, None),
+        ([0.0, 1.0, 0.0], 3, Loss(1, "too far")),
+        ([0.0, 0.0, math.nan], 3, Loss(2, "a value was not finite")),
+        ([0.0, 0.5], 3, Loss(2, "the simulation lost all bounds")),
+        ([], 0, None),
+    ],
+)
+def test_a_loop_is_lost_at_the_first_tick_beyond_its_bounds(
+    values: list[float], planned: int, loss: Loss | None
+) -> None:
+    assert find_loss([within(values)], planned) == loss
+    assert find_loss([within([0.0] * planned), within(values)], planned) == loss
+
+
+def unstable(folder: Path) -> Path:
+    """The bundled stage with short set-points and a crossover that its delay does not allow."""
+    for name in ("rig.toml", "loops.csv", "loops.toml"):
+        shutil.copy(EXAMPLES / "stage" / name, folder)
+    text = (folder / "rig.toml").read_text()
+    for old, new in (
+        ("[22.0, 10.0, 18.0, 6.0, 14.0, 22.0]", "[22.0, 18.0]"),
+        ("crossover_Hz = 130.0", "crossover_Hz = 6000.0"),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    (folder / "rig.toml").write_text(text)
+    return folder / "rig.toml"
+
+
+@pytest.mark.slow
+def test_an_unstable_stage_exits_with_1(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The recording is kept; figures and report of another one go, and there is no verdict."""
+    monkeypatch.setattr(tracking, "identify_stage", lambda _: bearings.knowledge())
+    rig = unstable(tmp_path)
+    for name in ("figures.json", "report.html"):
+        (tmp_path / name).write_text("of another run")
+    assert main(["simulate", str(rig), "--out", str(tmp_path / "run.mat")]) == 1
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "lost at 0.0" in said.err
+    assert "6000 Hz" in said.err
+    assert not (tmp_path / "figures.json").exists()
+    assert not (tmp_path / "report.html").exists()
+    table = read_columns(tmp_path / "run.mat")
+    place = table.opened.find("gap")
+    assert place is not None
+    gap = np.asarray(table.columns[place])
+    assert gap.min() < 0.35e-3
+    assert gap.max() > 0.55e-3
+
+
+@pytest.mark.slow
+def test_a_stage_is_lost_on_its_end_stop_though_all_stays_finite() -> None:
+    made = stages.setup("full", crossover_Hz=6000.0)
+    motion = stages.unseen(made.rig)
+    run = track(made, motion, Feedforward())
+    assert np.isfinite(run["error_m"]).all()
+    assert run.loss is not None
+    assert measure(run, motion, 0.01) == LOST
+    with pytest.raises(NegativeResult):
+        tracking.refuse_unstable(made)
+
+
+@pytest.mark.slow
+def test_a_stage_that_holds_is_not_lost() -> None:
+    assert stages.study().lost_in == []
+    tracking.refuse_unstable(stages.setup("full"))
+
+
+@pytest.mark.slow
+def test_a_stage_that_was_lost_in_one_run_gets_no_verdict(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    study = stages.study()
+    own = study.tried["full"]
+    once = replace(own, measures=(*own.measures[1:], LOST))
+    lost = replace(study, tried=dict(study.tried) | {"full": once})
+    assert lost.lost_in == ["test set-point (1 of 2 runs)"]
+    assert lost.verdicts == {}
+    assert lost.verdict.level == "unknown"
+    start_printing()
+    printer.is_verbose = True
+    show(*lines_of(lost, printed(lost), "run.csv"))
+    shown = unwrapped(capsys.readouterr().out)
+    assert shown.startswith("lost: ")
+    assert "orth it" not in shown
+    assert "1 of 2 lost" in shown
+    page = render(lost, "anhyst simulate rig.toml")
+    assert "orth it" not in page
+    assert lost.as_dict()["lost_in"] == lost.lost_in
+
+
+@pytest.mark.slow
+def test_a_baseline_that_was_lost_is_compared_with_nothing() -> None:
+    study = stages.study()
+    gone = replace(study.tried["play"], measures=(LOST, LOST))
+    left = replace(study, tried=dict(study.tried) | {"play": gone})
+    assert left.lost_in == []
+    assert list(left.verdicts) == ["single-valued"]
+    assert "'play'" not in left.verdict.text
+
+
+@pytest.mark.slow
+def test_an_unstable_piezo_stage_exits_with_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (EXAMPLES / "piezo" / "rig.toml").read_text()
+    text = text.replace("bandwidth_Hz = 100.0", "bandwidth_Hz = 1000.0")
+    (tmp_path / "rig.toml").write_text(text.replace("cycles = 6", "cycles = 3"))
+    out = tmp_path / "run.mf4"
+    assert main(["simulate", str(tmp_path / "rig.toml"), "--out", str(out)]) == 1
+    said = capsys.readouterr()
+    assert said.out.startswith("lost: ")
+    assert "worth it" not in said.out
+    assert "1000 Hz" in said.err
+    assert read_columns(out).opened.find("x_full") is not None
+
+
+@pytest.mark.parametrize(("spoilt", "losses"), [(0.5, 0), (41.0, 1), (math.nan, 1)])
+def test_a_force_off_by_the_largest_of_the_rig_is_lost(spoilt: float, losses: int) -> None:
+    demand = with_lead_in("ramp", np.linspace(0.0, 30.0, 50), 500.0)
+    force = demand.force.copy()
+    force[-5] += spoilt
+    recording = Recording({"force_N": force, "current_A": np.zeros_like(force)})
+    outcome = ForceOutcome(ForceTrial("end", demand, 1e-3, "unknown", 0), {"full": recording})
+    assert len(lost_in([outcome], 40.0)) == losses

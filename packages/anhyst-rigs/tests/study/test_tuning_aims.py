@@ -1,0 +1,70 @@
+"""Costs put what is allowed before what is fast, and nothing that is lost before what holds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from anhyst_rigs.study.tuning.aims import LOST, Aims, Figures, worst_of
+from tests.refusals import refused
+
+GOOD = Figures(4e-3, 2.0, 20e-9, 400.0, 1.0)
+
+
+def test_gains_that_are_allowed_are_ordered_by_their_settling() -> None:
+    aims = Aims()
+    assert aims.cost(GOOD) == 4e-3
+    assert aims.cost(replace(GOOD, overshoot_percent=1.9, peak_sensitivity=2.9)) == 4e-3
+    assert aims.misses(GOOD) == {}
+
+
+def test_gains_that_miss_an_aim_cost_more_the_more_they_miss() -> None:
+    aims = Aims(standstill_rms_m=10e-9)
+    little = replace(GOOD, standstill_rms_m=11e-9)
+    more = replace(little, overshoot_percent=3.0)
+    slow = replace(GOOD, standstill_rms_m=9e-9, settling_time_s=0.5)
+    costs = [aims.cost(one) for one in (slow, little, more)]
+    assert costs == sorted(costs)
+    assert costs[0] < costs[1]
+    assert set(aims.misses(more)) == {"overshoot_percent", "standstill_rms_m"}
+    assert aims.misses(more)["overshoot_percent"] == pytest.approx(0.5)
+
+
+def test_not_to_settle_is_a_miss_without_any_limit() -> None:
+    never = replace(GOOD, settling_time_s=math.inf)
+    assert set(Aims().misses(never)) == {"settling_time_s"}
+    assert Aims().cost(GOOD) < Aims().cost(never) < LOST
+
+
+def test_everything_infinite_is_worse_than_a_miss_and_has_a_cost() -> None:
+    nothing = Figures.lost()
+    cost = Aims(standstill_rms_m=1e-8).cost(nothing)
+    assert math.isfinite(cost)
+    assert cost > Aims().cost(replace(GOOD, overshoot_percent=3.0))
+
+
+def test_the_worst_is_taken_figure_by_figure() -> None:
+    other = replace(GOOD, overshoot_percent=0.1, peak_sensitivity=2.5)
+    assert worst_of([GOOD, other]) == replace(GOOD, peak_sensitivity=2.5)
+
+
+def test_tightened_aims_change_only_what_is_named() -> None:
+    aims = Aims(settling_time_s=5e-3).tightened({"peak_sensitivity": 0.5})
+    assert aims == Aims(settling_time_s=5e-3, peak_sensitivity=1.5)
+    assert Aims().tightened({"peak_sensitivity": 0.1}).peak_sensitivity > 1.0
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"overshoot_percent": 0.0}, "not-above-zero overshoot_percent"),
+        ({"settling_time_s": -1.0}, "not-above-zero settling_time_s"),
+        ({"standstill_rms_m": math.nan}, "not-above-zero standstill_rms_m"),
+        ({"peak_sensitivity": 1.0}, "out-of-range peak_sensitivity"),
+    ],
+)
+def test_aims_that_cannot_be_met_are_refused(given: dict[str, float], said: str) -> None:
+    with refused(said):
+        Aims(**given)

@@ -1,0 +1,115 @@
+"""A search finds allowed gains, the same on any number of cores, and knows when there are none."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from anhyst_rigs.study.tuning import search as module
+from anhyst_rigs.study.tuning.aims import Aims
+from anhyst_rigs.study.tuning.bearing import BearingLoop
+from anhyst_rigs.study.tuning.search import FoundGains, GainSearch
+from anhyst_rigs.study.tuning.trial import Condition, GainOutcome, GainTrial, run_trial
+from tests.study import bearings
+from tests.study.small_tuning import HERE, LESS, loop, setup
+
+BUDGET = 20
+
+
+@cache
+def found(jobs: int = 1) -> FoundGains:
+    return GainSearch(loop(), Aims(), BUDGET, seed=0, jobs=jobs).run()
+
+
+@pytest.mark.slow
+def test_the_gains_found_meet_the_aims_and_settle_sooner_than_before() -> None:
+    result = found()
+    assert result.check is not None
+    assert set(result.check.figures) == set(HERE)
+    assert Aims().misses(result.figures) == {}
+    assert result.figures.settling_time_s < 0.85 * result.before.worst.settling_time_s
+    assert result.tried >= BUDGET
+    assert not result.interrupted
+
+
+@pytest.mark.slow
+def test_what_was_found_with_one_noise_holds_for_all() -> None:
+    result = found()
+    tried = result.candidates[0].outcome.worst
+    assert result.figures.settling_time_s == pytest.approx(tried.settling_time_s, rel=0.1)
+    assert result.figures.peak_sensitivity == pytest.approx(tried.peak_sensitivity, rel=0.1)
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_gains_on_any_number_of_cores() -> None:
+    assert found(2).loop.gains() == found(1).loop.gains()
+    assert found(2).figures == found(1).figures
+
+
+@pytest.mark.slow
+def test_only_gains_filters_and_weight_are_changed() -> None:
+    best = found().loop
+    assert isinstance(best, BearingLoop)
+    before, after = setup().controller, best.setup.controller
+    for name in ("limits", "compensation", "lift_off", "landing", "safety", "rate_Hz"):
+        assert getattr(after, name) == getattr(before, name), name
+    assert after.gains is not None
+    assert after.design is None
+
+
+@pytest.mark.slow
+def test_a_limit_of_the_peak_is_kept_by_the_measured_one() -> None:
+    aims = Aims(peak_sensitivity=1.6)
+    result = GainSearch(loop(HERE[:1]), aims, BUDGET, jobs=1).run()
+    assert result.figures.peak_sensitivity <= 1.6
+
+
+@pytest.mark.slow
+def test_aims_that_cannot_be_met_end_with_the_best_and_what_limits() -> None:
+    aims = Aims(settling_time_s=1e-3)
+    result = GainSearch(loop(HERE[:1]), aims, 10, jobs=1).run()
+    assert "settling_time_s" in aims.misses(result.figures)
+    assert result.check is not None
+    limits = result.loop.limits(aims, result.check, seed=0, jobs=1)
+    missed = next(one for one in limits if one.what == "settling_time_s")
+    assert "misses its limit of 1 ms at 0.45 mm and 150 N" in missed.text
+    helps = [one for one in limits if "linear loops would settle" in one.text]
+    assert "force" in {one.what for one in helps}
+
+
+@pytest.mark.slow
+def test_ctrl_c_keeps_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+
+    def stop(trial: GainTrial) -> GainOutcome:
+        calls.append(trial)
+        if len(calls) > 12:
+            raise KeyboardInterrupt
+        return run_trial(trial)
+
+    monkeypatch.setattr(module, "run_trial", stop)
+    result = GainSearch(loop(HERE[:1]), Aims(), BUDGET, jobs=1).run()
+    assert result.interrupted
+    assert result.check is None
+    tried = [one.outcome.cost for one in result.candidates]
+    assert tried[0] == min(tried)
+    assert np.isfinite(result.figures.peak_sensitivity)
+
+
+def test_ctrl_c_before_any_gains_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(_: GainTrial) -> GainOutcome:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "run_trial", stop)
+    with pytest.raises(KeyboardInterrupt):
+        GainSearch(loop(HERE[:1]), Aims(), BUDGET, jobs=1).run()
+
+
+@pytest.mark.slow
+def test_a_pair_of_magnets_is_tuned_too() -> None:
+    pair = bearings.with_rig(bearings.pair("linearised"), LESS)
+    here = (Condition(bearings.GAP, 20.0),)
+    result = GainSearch(BearingLoop(pair, here), Aims(), 10, jobs=1).run()
+    assert Aims().misses(result.figures) == {}

@@ -1,0 +1,60 @@
+"""Whether a hysteresis model is worth it after tuning, in one sentence."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace as Plain
+from typing import Any
+
+import pytest
+
+from anhyst.data.verdict import WHERE_IT_PAYS
+from anhyst_rigs.study.tuning.aims import Figures
+from anhyst_rigs.study.tuning.result import worth
+
+
+def tuned(variant: str, settling: float, half_width: float = 0.01, *, meets: bool = True) -> Any:
+    return Plain(
+        variant=variant,
+        figures=Figures(1e-3 * settling),
+        misses={} if meets else {"overshoot_percent": 0.5},
+        found=Plain(check=Plain(widths={"settling_time_s": 1e-3 * half_width})),
+    )
+
+
+def reported(*ones: Any) -> str:
+    return worth(Plain(tuned={one.variant: one for one in ones}))  # type: ignore[arg-type]
+
+
+def test_a_certain_gain_is_reported_against_the_strongest_baseline_and_flux() -> None:
+    said = reported(
+        tuned("full", 4.0), tuned("ratio", 9.0), tuned("single-valued", 5.0), tuned("flux", 3.9)
+    )
+    assert said == (
+        "worth it: 'full' settles in 4.00 ms, the strongest baseline without hysteresis model "
+        "('single-valued') in 5.00 ms, 20 % less; measured flux: 3.90 ms"
+    )
+
+
+@pytest.mark.parametrize(
+    ("mine", "words"),
+    [
+        (tuned("full", 4.99), "the same within the noise"),
+        (tuned("full", 6.0), "certainly less"),
+        (tuned("full", 3.0, meets=False), "'full' misses the aims"),
+    ],
+)
+def test_no_gain_is_reported_as_none(mine: Any, words: str) -> None:
+    said = reported(mine, tuned("single-valued", 5.0), tuned("ratio", 4.0, meets=False))
+    assert said.startswith("not worth it here: ")
+    assert words in said
+    assert "('single-valued')" in said
+    assert WHERE_IT_PAYS["feedback"] in said
+
+
+def test_where_no_baseline_meets_the_aims_it_is_worth_it() -> None:
+    said = reported(tuned("full", 6.0), tuned("single-valued", 5.0, meets=False))
+    assert said.startswith("worth it: 'full' meets the aims, ")
+
+
+def test_one_variant_alone_leaves_it_open() -> None:
+    assert "remains open: 'full' alone was tuned; --all-variants" in reported(tuned("full", 4.0))

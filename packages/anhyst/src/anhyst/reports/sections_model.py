@@ -1,0 +1,460 @@
+"""Sections about the model: parameters over the gap, reduction, gap map, uncertainty, origin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from markupsafe import Markup
+
+from anhyst.data.clean import PREFIX
+from anhyst.model.actuator import Model
+from anhyst.model.schema import CrossValidation, Uncertainty
+from anhyst.reports.figures import figure_correlation, figure_reduction
+from anhyst.reports.figures_over_schedule import (
+    SHARES,
+    at_and_between,
+    figure_between,
+    figure_parameters,
+    parameter_unit,
+    running,
+)
+from anhyst.reports.subject import ModelSubject, acceptance
+from anhyst.support.page import (
+    GREEK,
+    NBSP,
+    Block,
+    Cell,
+    Items,
+    Note,
+    PageTable,
+    Section,
+    Text,
+    number,
+    percent,
+    scale_of,
+    table,
+    with_deviation,
+    written,
+)
+
+GAP_MAPS: Mapping[str, str] = MappingProxyType(
+    {
+        "none": "Nothing runs over it.",
+        "scaling": "The iron is the same everywhere; only how strongly the input drives it (c_H) "
+        "runs over it, as in the paper.",
+        "reluctance": "The iron is the same everywhere and carries the hysteresis; a reluctance "
+        "ρ in series with it runs over it, as an air gap does.",
+        "circuit": "The iron is the same everywhere and carries the hysteresis; a reluctance "
+        "in series with it, what its flux gives and the offsets run over the scheduling variable.",
+        "free": "Any parameter may run over it, that of the iron too: for fixed values only.",
+    }
+)
+
+GLOSSARY: Mapping[str, str] = MappingProxyType(
+    {
+        "k/a": "pinning, in units of the shape a: how fat the loop is",
+        "(w*M_s)/a": "how strongly the flux acts back on the iron (circuit and interaction)",
+        "a/c_H": "input that carries the iron into its bend",
+        "output at saturation": "output with all magnetisation aligned",
+        "input offset": "input at which the iron feels nothing",
+        "output offset": "output without flux",
+        "gamma": "how late the middle of solid iron is",
+        "c": "reversible fraction of the magnetisation",
+    }
+)
+"""What the fitted quantities mean, by how their names begin; longer beginnings first."""
+
+
+def section_parameters_over(subject: ModelSubject) -> Section | None:
+    """Parameters over the scheduling variable (Figs. 1 and 4 of the paper)."""
+    model = subject.model
+    figure = figure_parameters(model)
+    if figure is None:
+        return None
+    names = model.keys
+    varying = ", ".join(names[name][0] for name in running(model))
+    nodes = ", ".join(subject.schedule_scale.number(node, 4, short=True) for node in model.nodes)
+    alt = (
+        f"{varying} over the {subject.over}: dots at the nodes {nodes} "
+        f"{subject.schedule_scale.unit}, a smooth curve between them that does not overshoot."
+    )
+    caption = (
+        f"What runs over the {subject.over}: dots where there were loops, the curve the model "
+        "uses between. It cannot overshoot, and goes on as a straight line outside."
+    )
+    blocks: tuple[Block, ...] = (
+        Text(GAP_MAPS[model.gap_map]),
+        subject.picture(figure, alt, caption),
+        _node_table(subject),
+    )
+    return Section("parameters-over", f"Parameters over the {subject.over}", blocks)
+
+
+def _node_table(subject: ModelSubject) -> PageTable:
+    model = subject.model
+    names = model.keys
+    head, columns = [subject.schedule_scale.head(subject.over)], []
+    for name in running(model):
+        values = model.over_schedule(name, model.nodes).tolist()
+        scale = scale_of(parameter_unit(model, name), values)
+        unit = f" [{scale.unit}]" if scale.unit else ""
+        head.append(Markup("{}{}").format(symbol(names[name][0]), unit))
+        columns.append([scale.number(value, 5) for value in values])
+    rows = [
+        [subject.schedule_scale.number(node, 5, short=True), *(column[index] for column in columns)]
+        for index, node in enumerate(model.nodes)
+    ]
+    return table("At the nodes", head, rows, texts=0)
+
+
+def section_reduction(subject: ModelSubject) -> Section | None:
+    """Cost of each reduction step (II.D of the paper)."""
+    steps = subject.model.reduction
+    if not steps:
+        return None
+    first, last = steps[0].cost_before, steps[-1].cost_after
+    names = {name: GREEK.get(bare, bare) for name, (bare, _) in subject.model.keys.items()}
+    text = (
+        f"After the best sets for each {subject.over or 'node'} were found, one parameter after "
+        "the other was replaced by its mean and the rest searched again. In each round every "
+        "parameter left was tried; the one whose freezing cost least was taken. From "
+        f"{percent(first)} mean deviation with all free to {percent(last)} with only the last "
+        "one running."
+    )
+    most = max(step.cost_after for step in steps)
+    rows = []
+    for order, step in enumerate(steps, start=1):
+        others = sorted(
+            (cost, name) for name, cost in step.candidates.items() if name != step.frozen
+        )
+        listed = ", ".join(f"{names.get(name, name)} {_cost(cost)}" for cost, name in others)
+        rows.append(
+            [
+                Cell(str(order)),
+                Cell(names.get(step.frozen, step.frozen), strong=True),
+                Cell(listed or "none"),
+                Cell(percent(step.cost_before, 3)),
+                Cell(percent(step.cost_after, 3), bar=step.cost_after / most if most else None),
+                Cell(percent(step.cost_after - step.cost_before, 2)),
+            ]
+        )
+    head = ["round", "frozen", "instead of", "before", "after", "rise"]
+    alt = (
+        f"Bar chart of the mean deviation: {percent(first)} with all parameters free; "
+        + "; ".join(
+            f"{percent(step.cost_after)} after freezing {names.get(step.frozen, step.frozen)}"
+            for step in steps
+        )
+    )
+    caption = (
+        "Mean deviation in parts of the largest output after each round (bars); rings: what "
+        "freezing another parameter would have cost."
+    )
+    blocks = (
+        Text(text),
+        subject.picture(figure_reduction(steps, names), f"{alt}.", caption),
+        table("Cost of each round", head, rows, "Cheapest alternatives first.", texts=3),
+    )
+    return Section("reduction", "Cost of each reduction step", blocks)
+
+
+def _cost(cost: float) -> str:
+    return percent(cost) if math.isfinite(cost) else "cannot be computed"
+
+
+def section_between(subject: ModelSubject) -> Section | None:
+    """Loops at and between the reference gaps (Figs. 2 and 5), and the acceptance test."""
+    model = subject.model
+    figure = figure_between(model, subject.check)
+    if figure is None:
+        return None
+    places = at_and_between(model)
+    listed = ", ".join(subject.schedule_scale.number(at, 4, short=True) for at, _ in places)
+    unit = subject.schedule_scale.unit
+    drives = ", ".join(
+        subject.input_scale.number(part * max(map(abs, model.valid.input)), 3) for part in SHARES
+    ) if model.valid else ""  # fmt: skip
+    alt = (
+        f"Left: settled loops of the model at {subject.over} {listed} {unit}, nodes solid, "
+        f"half-way places dashed. Right: {subject.answer} over the {subject.over} at fixed "
+        f"{subject.drive}, {drives} {subject.input_scale.unit}, on both branches."
+    )
+    caption = (
+        f"Left: settled loops at the nodes (solid) and half-way between (dashed), where nothing "
+        f"was fitted: each must lie between its neighbours. Right: {subject.answer} at a fixed "
+        f"{subject.drive} over the {subject.over}, dots at the nodes."
+    )
+    if subject.check is not None:
+        caption += f" The {subject.answer} has to fall from left to right, on both branches."
+    blocks: list[Block] = [subject.picture(figure, alt, caption)]
+    if subject.check is not None:
+        blocks.insert(0, acceptance(subject))
+    nodes = "reference gaps" if subject.over == "gap" else f"nodes of the {subject.over}"
+    return Section("between", f"Loops at and between the {nodes}", tuple(blocks))
+
+
+def section_gap_map(subject: ModelSubject) -> Section | None:
+    """Gap maps compared by what they predict for gaps that were left out."""
+    model = subject.model
+    left_out = dict(model.fit.left_out) if model.fit else {}
+    reason = str(model.provenance.settings.get("gap_map_reason", ""))
+    if model.schedule is None or len(model.nodes) < 2 or not (left_out or reason):
+        return None
+    blocks: list[Block] = []
+    if reason:
+        reason = reason.replace("inf %", "cannot be computed")
+        blocks.append(Text(reason[:1].upper() + reason[1:] + "."))
+    if left_out:
+        finite = [error for error in left_out.values() if math.isfinite(error)]
+        most = max(finite) if len(finite) > 1 else 0.0
+        rows = [
+            [
+                Cell(name, strong=name == model.gap_map),
+                Cell("chosen" if name == model.gap_map else ""),
+                Cell(_cost(error), bar=error / most if math.isfinite(error) and most else None),
+            ]
+            for name, error in sorted(left_out.items(), key=lambda pair: pair[1])
+        ]
+        caption = (
+            f"Mean deviation on a {subject.over} that was left out of the fit and predicted from "
+            f"the others, in parts of {subject.full_scale}; mean over all inner ones."
+        )
+        head = ["map", "", "mean deviation"]
+        blocks.append(table("Cross-validation error of each map", head, rows, caption, texts=2))
+    if model.fit and model.fit.cross_validation:
+        blocks.append(Text(_expected(subject, model.fit.cross_validation)))
+    return Section("gap-map", f"How the {subject.over} enters: maps compared", tuple(blocks))
+
+
+def section_laws(subject: ModelSubject) -> Section | None:
+    """Laws compared by what they predict where it was left out of their fit."""
+    fit = subject.model.fit
+    if fit is None or not fit.candidates:
+        return None
+    reason = str(subject.model.provenance.settings.get("law_reason", ""))
+    errors = [candidate.left_out for candidate in fit.candidates if candidate.left_out is not None]
+    most = max(errors, default=0.0)
+    rows = [
+        [
+            Cell(candidate.law, strong=candidate.note == "chosen"),
+            Cell(candidate.gap_map),
+            Cell(candidate.note),
+            Cell(str(candidate.numbers)),
+            Cell("" if candidate.rms is None else percent(candidate.rms)),
+            Cell("" if candidate.left_out is None else percent(candidate.left_out),
+                 bar=candidate.left_out / most if candidate.left_out is not None and most else None),
+        ]
+        for candidate in fit.candidates
+    ]  # fmt: skip
+    caption = (
+        "Numbers that were fitted; root mean square deviation from all loops; mean deviation on gaps "
+        "or loops that were left out of the fit, in turn. The simpler law is chosen where the other "
+        f"is not better by more than its scatter. In parts of {subject.full_scale}."
+    )
+    head = ["law", "map", "", "numbers", "rms deviation", "left out"]
+    return Section(
+        "laws",
+        "Which law: candidates side by side",
+        (
+            Text(reason[:1].upper() + reason[1:] + "."),
+            table("Laws compared", head, rows, caption, texts=3),
+        ),
+    )
+
+
+def _expected(subject: ModelSubject, validation: CrossValidation) -> str:
+    """Say what to expect between the nodes, where the least error of a choice promises too much."""
+    each = ", ".join(percent(error) for error in validation.folds)
+    if validation.left_out == "block":
+        return (
+            f"Expected at other samples of such loops: mean deviation {percent(validation.error)} of the "
+            f"largest {subject.answer}, in nine of ten cases {percent(validation.interval[0])} to "
+            f"{percent(validation.interval[1])}. Found ({each}) where blocks of samples were left out of the fit "
+            "and of the choice of the law; it says nothing of loops of other sizes."
+        )
+    return (
+        f"Expected at a {subject.over} between those measured: mean deviation "
+        f"{percent(validation.error)} of {subject.full_scale}, in nine of ten cases "
+        f"{percent(validation.interval[0])} to {percent(validation.interval[1])}. Found ({each}) where "
+        f"the {subject.over} was left out of the fit, of the choice of the map and of the decision about offsets; "
+        "noise of the sensor is taken off."
+    )
+
+
+def section_parameters(subject: ModelSubject) -> Section:
+    """All parameters with units and meaning, what the data say about them, and what not."""
+    model = subject.model
+    names = model.keys
+    rows: list[list[str | Cell]] = []
+    for name, spec in model.specs.items():
+        values = model.parameters[name]
+        several = values if isinstance(values, tuple) else (values,)
+        scale = scale_of(parameter_unit(model, name), several)
+        text = scale.number(several[0], 5, short=True)
+        if name in running(model):
+            text = f"{scale.number(min(several), 5)} to {scale.number(max(several), 5)}"
+        meaning = spec.meaning
+        if name == "rho" and subject.over != "gap":
+            meaning = "reluctance in series with the iron, over that of an air-filled iron path"
+        bare, key = names[name]
+        rows.append(
+            [symbol(bare), Cell(key, code=True), meaning, f"{text}{NBSP}{scale.unit}".strip()]
+        )
+    blocks: list[Block] = [
+        Text(f"Law: {model.operator_law.title}. The parameters mean nothing under another one."),
+        Text(equations(subject)),
+        table("All parameters", ["", "in the file", "meaning", "value"], rows, "", texts=3),
+    ]
+    if model.cells is not None:
+        blocks.append(_cells(model))
+    if model.uncertainty is not None and model.uncertainty.names:
+        blocks += _uncertainty(subject, model.uncertainty)
+    return Section("parameters", "Parameters and what the data say about them", tuple(blocks))
+
+
+def _cells(model: Model) -> Block:
+    """Show the weights, a row for each threshold."""
+    cells = model.cells
+    assert cells is not None
+    rows = [
+        [f"{r:.4g}", *(f"{100.0 * w / cells.saturation:.3g}" for w in row)]
+        for r, row in zip(cells.thresholds.tolist(), cells.weights.tolist(), strict=True)
+    ]
+    around = [f" around {b:.4g}" * (b > 0.0) for b in cells.middles.tolist()]
+    heads = [f"width {a:.4g} A/m{at} (%)" for a, at in zip(cells.widths, around, strict=True)]
+    heads.insert(0, "threshold (A/m)")
+    return table(f"Cells: {cells}, in parts of {cells.saturation:.5g} A/m", heads, rows)
+
+
+def equations(subject: ModelSubject) -> Markup:
+    """Write how input and output are related, without the terms that are zero."""
+    model = subject.model
+    names = {name: symbol(bare) for name, (bare, _) in model.keys.items()}
+    drive, answer = symbol(model.input.symbol), symbol(model.output.symbol)
+
+    def there(name: str) -> bool:
+        values = model.parameters[name]
+        return any(values) if isinstance(values, tuple) else bool(values)
+
+    # Field and flux density of the iron need names of their own where those of the ends are taken.
+    field = symbol("H_iron" if model.input.symbol == "H" else "H")
+    flux = symbol("B_iron" if model.output.symbol == "B" else "B")
+    left = Markup("{} − {}").format(drive, names["in_0"]) if there("in_0") else drive
+    if model.parameters["c_H"] != 1.0:
+        form = "{} · ({})" if there("in_0") else "{} · {}"
+        left = Markup(form).format(names["c_H"], left)
+    right = field
+    if there("rho"):
+        right += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux)
+    if there("gamma"):
+        right += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux)
+    output = Markup("{}{}").format(flux, Markup("<sup>2</sup>") if model.power == 2 else "")
+    if model.parameters["c_out"] != 1.0:
+        output = Markup("{} · {}").format(names["c_out"], output)
+    if there("out_0"):
+        output += Markup(" + {}").format(names["out_0"])
+    return Markup(
+        '<span class="formula">{} = {}</span> <span class="formula">{} = {}</span>'
+    ).format(left, right, answer, output)
+
+
+def symbol(name: str) -> Markup:
+    """Write a symbol with its index lowered and its Greek letter."""
+    base, _, index = name.partition("_")
+    written = Markup("<i>{}</i>").format(GREEK.get(base, base))
+    return written + Markup("<sub>{}</sub>").format(GREEK.get(index, index)) if index else written
+
+
+def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
+    rows, last = [], ""
+    for index, (name, value, deviation) in enumerate(
+        zip(unsure.names, unsure.values, unsure.std, strict=True), start=1
+    ):
+        part = deviation / abs(value) if value and "offset" not in name else None
+        meaning = next((text for start, text in GLOSSARY.items() if name.startswith(start)), "")
+        rows.append(
+            [
+                Cell(str(index)),
+                Cell(written(name)),
+                Cell("" if meaning == last else meaning),
+                Cell(with_deviation(value, deviation)),
+                Cell(percent(part), strong=part is not None and part > 0.2),
+            ]
+        )
+        last = meaning
+    caption = (
+        "What was fitted: quantities that the data determine, unlike single parameters that may be "
+        "exchanged for each other. Estimate and standard deviation, with the misfit of the law "
+        "counted as noise; bold above 20\N{NO-BREAK SPACE}%."
+    )
+    head = ["no.", "quantity", "meaning", "estimate", "uncertain by"]
+    title = "What was fitted, and how sure it is"
+    blocks: list[Block] = [table(title, head, rows, caption, texts=3)]
+    if unsure.correlation:
+        caption = (
+            "Correlations of what was fitted. Dark blue: they can only rise together; dark red: "
+            "one rises as the other falls; white: independent."
+        )
+        blocks.append(subject.picture(figure_correlation(unsure), _correlated(unsure), caption))
+    if unsure.statements:
+        statements = (written(text) for text in unsure.statements)
+        blocks.append(Items("What the data leave open", tuple(statements)))
+    return blocks
+
+
+def _correlated(unsure: Uncertainty) -> str:
+    """Alternative text of the heat map: the strongest pairs."""
+    pairs = sorted(
+        (
+            (abs(value), unsure.names[row], unsure.names[column], value)
+            for row, values in enumerate(unsure.correlation)
+            for column, value in enumerate(values[:row])
+            if math.isfinite(value)
+        ),
+        reverse=True,
+    )
+    named = "; ".join(
+        f"{first} with {two} {number(value, 3)}" for _, first, two, value in pairs[:3]
+    )
+    text = f"Heat map of {len(unsure.names)} by {len(unsure.names)} correlations"
+    return f"{text}, the strongest: {named}." if named else f"{text}."
+
+
+def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Section:
+    """Files with hashes, settings, seed and version."""
+    model, origin = subject.model, subject.model.provenance
+    rows = [[Cell(file_name), Cell(file_hash, code=True), Cell("this model")]]
+    rows += [
+        [
+            Cell(source.path),
+            Cell(source.sha256, code=True),
+            Cell(", ".join(f"{ours} from {theirs}" for theirs, ours in source.columns.items())),
+        ]
+        for source in origin.sources
+    ]
+    blocks: list[Block] = []
+    if subject.absent:
+        blocks.append(Note("warn", "Not read", f"{subject.absent}."))
+    blocks.append(table("Files", ["file", "SHA-256", "columns"], rows, texts=3))
+    settings = {
+        "written by": f"anhyst {origin.version}" if origin.version else "",
+        "seed of the search": "" if origin.seed is None else str(origin.seed),
+        "law": model.law,
+        "gap map": model.gap_map if model.schedule else "",
+        "history before the first sample": str(model.history),
+    }
+    settings |= {
+        _setting(key): str(value).lower() if isinstance(value, bool) else str(value)
+        for key, value in origin.settings.items()
+        if key != "gap_map_reason"
+    }
+    rows = [[Cell(name), Cell(value, code=True)] for name, value in settings.items() if value]
+    blocks.append(table("How it was found", ["setting", "value"], rows, texts=2))
+    return Section("origin", "Where the model came from", tuple(blocks))
+
+
+def _setting(key: str) -> str:
+    plain = key.removeprefix(PREFIX).replace("_", " ")
+    return f"reading: {plain}" if key.startswith(PREFIX) else plain

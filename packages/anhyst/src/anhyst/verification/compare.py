@@ -1,0 +1,317 @@
+"""One program of a bundle against another, bit for bit: put together, compiled, and where they part."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+
+from anhyst.compilation.toolchain import PIDD2, SRC, Build, core_files
+from anhyst_rigs.link.firmware import actuator_defines
+from anhyst.support.atomic import firmware_folder
+from anhyst.verification.bundle import FORMATS, PLAY, Bundle, GoldenVectors
+from anhyst.verification.elf import Image
+from anhyst.verification.protocol import (
+    CHECKPOINTS,
+    RANDOM,
+    STACK,
+    START,
+    VECTORS,
+    WINDOW,
+    RecordForm,
+    Reply,
+    Request,
+    Words,
+    stage_form,
+)
+
+HARNESS = Path(__file__).resolve().parent / "harness"
+WITHOUT_LIBRARY = "msp430"
+"""The port for which the compiler brings no run-time routines."""
+
+FREE_OF_LIBRARIES = "freestanding"
+"""Folder of headers that a library would bring."""
+
+Subject = Literal["compensator", "controller", "stage"]
+
+SECTIONS_APART = ("-ffunction-sections", "-fdata-sections")
+ONE_ROUNDING_EACH = "-ffp-contract=off"
+"""A product and a sum are rounded each: otherwise two targets cannot have the same bits."""
+
+ROOT_IS_AN_INSTRUCTION = "-fno-math-errno"
+"""Where a processor has one; nobody here looks at ``errno``."""
+
+
+class HarnessProgram(Protocol):
+    """A linked harness that answers requests from reset."""
+
+    def run(self, requests: Sequence[Request]) -> list[Reply]:
+        """Answer one request after the other."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One build of the C for one target."""
+
+    target: str  # target, and what sets this build apart: ``gcc -O2``, ``portable``
+    name: str
+    program: HarnessProgram  # what to run
+    unit: str  # what its clock counts: ``instructions``, ``cycles``, or nothing
+    processor: str  # what it ran on and what made it, for the report
+    compiler: str
+    warnings: int  # the compiler's, of the bundle and the harness
+    image: Image | None = None  # the linked program, where sizes can be read from it
+
+    @property
+    def label(self) -> str:
+        """Target and build in one."""
+        return f"{self.target} ({self.name})"
+
+
+@dataclass(frozen=True, slots=True)
+class Workshop:
+    """A folder with copies of everything that is compiled."""
+
+    bundle: Bundle  # what is verified
+    folder: Path  # scratch folder; the C lies in ``c``, programs beside it
+    subject: Subject = "compensator"  # what of it is run
+
+    @classmethod
+    def set_up(cls, bundle: Bundle, folder: Path, subject: Subject = "compensator") -> Workshop:
+        """Copy the C of the bundle and the harness into a scratch folder."""
+        sources = folder / "c"
+        sources.mkdir(parents=True)
+        bundle.copy_sources(sources)
+        for source in HARNESS.iterdir():
+            folder_of = sources / FREE_OF_LIBRARIES if source.name == "math.h" else sources
+            folder_of.mkdir(exist_ok=True)
+            shutil.copyfile(source, folder_of / source.name)
+        for name, text in core_files(PIDD2).items():
+            path = sources / name
+            if not path.exists():
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(text, encoding="utf-8", newline="\n")
+        return cls(bundle, folder, subject)
+
+    def build(self, port: str, *flags: str) -> Build:
+        """Return what to compile for a port of the harness, such as ``cortex_m``."""
+        target = self.folder / "c"
+        ports = [port, "freestanding"] if port == WITHOUT_LIBRARY else [port]
+        sources = [name for name in self.bundle.c_files if name.endswith(".c")]
+        if self.subject == "compensator":
+            sources = [name for name in sources if name != f"{self.bundle.name}_controller.c"]
+        free = [target / FREE_OF_LIBRARIES] if port == "cortex_m" else []
+        names = [
+            "harness.c",
+            f"run_{self.subject}.c",
+            *(f"{name}.c" for name in ports),
+            *sorted({*sources, *CONTROL_SOURCES}),
+        ]
+        return Build(
+            tuple(target / name for name in names),
+            (target, target / "include", target / "port", firmware_folder(), *free),
+            self._defines(),
+            (*SECTIONS_APART, ONE_ROUNDING_EACH, ROOT_IS_AN_INSTRUCTION, *flags),
+            ("-lm",) if port == "host" and self.subject == "stage" else (),
+        )
+
+    @property
+    def form(self) -> RecordForm | None:
+        """Form of the records of a stage."""
+        stage = self.bundle.stage
+        return stage_form(stage["free"], stage["heads"], stage["magnets"]) if stage else None
+
+    def _defines(self) -> dict[str, str]:
+        """Return the macros of the harness."""
+        name = self.bundle.name
+        if self.form is not None:
+            return {
+                "STAGE_HEADER": f'"{name}_controller.h"',
+                "STAGE(part)": f"{name}_controller##part",
+                "COUNT(part)": f"{name.upper()}_CONTROLLER_##part",
+                "HARNESS_RECORD_WORDS": str(self.form.words),
+                **({} if self.bundle.io == "f32" else {"STAGE_CODES": "1"}),
+            }
+        play = {"HARNESS_PLAY": "1"} if self.bundle.kind == PLAY else {}
+        return {"HARNESS_IO": FORMATS[self.bundle.io], **play, **actuator_defines(name)}
+
+
+CONTROL_SOURCES = tuple(f"{SRC}/{name}" for name in PIDD2)
+
+
+STACK_STEPS = 500
+PARTS = {
+    "start": "start",
+    "vectors": "golden vector",
+    "random": "random step",
+    "firmware": "tick",
+    "status": "answer to demand",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Where a target departs from the host."""
+
+    # ``start``, ``vectors`` (golden vectors), ``random`` (steps of the generator), ``firmware``
+    # (ticks of a whole firmware) or ``status`` (its answers)
+    part: str
+    step: int  # of that part, from 0
+    quantity: str  # what differs first in that step
+    expected: int  # by the host, or by the golden vectors; and by the target
+    found: int
+
+    def text(self) -> str:
+        """Report it in one line."""
+        return (
+            f"{PARTS[self.part]} {self.step}: {self.quantity} is {self.found}, not {self.expected}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """All that a program answered."""
+
+    start: Reply  # after the start, the golden vectors, and the random steps
+    played: Reply
+    random: Reply
+    vectors: Words  # answers to the golden vectors; shape (rows, words of a record)
+    stack: int  # deepest stack below a call of solve or commit, bytes; 0 where it is not measured
+
+
+def run(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) -> Answers:
+    """Run golden vectors, random steps, and steps that measure stack."""
+    rows, places, words = vectors.inputs, vectors.form.places, vectors.form.words
+    batches = [rows[at : at + WINDOW] for at in range(0, len(rows), WINDOW)]
+    replies = program.run(
+        [
+            Request(START, seed=seed, words=words),
+            *(
+                Request(VECTORS, steps=len(batch), rows=batch, places=places, words=words)
+                for batch in batches
+            ),
+            Request(START, seed=seed, words=words),
+            Request(RANDOM, steps=steps, checkpoint_stride=_stride(steps), words=words),
+            Request(STACK, steps=min(steps, STACK_STEPS), words=words),
+        ]
+    )
+    answers = [
+        reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)
+    ]
+    played = np.concatenate([np.zeros((0, words), dtype=np.uint32), *answers])
+    return Answers(replies[0], replies[-4], replies[-2], played, replies[-1].stack_bytes)
+
+
+def _stride(steps: int) -> int:
+    return max(1, -(-steps // CHECKPOINTS))
+
+
+def compare(
+    programs: tuple[HarnessProgram, HarnessProgram],
+    outcomes: tuple[Answers, Answers],
+    vectors: GoldenVectors,
+    steps: int,
+    seed: int,
+) -> Difference | None:
+    """Hold a target against the host and the golden vectors."""
+    host, target = outcomes
+    for name in ("status", "words", "hash"):
+        expected, answer = getattr(host.start, name), getattr(target.start, name)
+        if expected != answer:
+            quantity = f"hash of the {vectors.form.start}" if name == "hash" else name
+            return Difference("start", 0, quantity, expected, answer)
+    if (difference := _against_file(target, vectors)) is not None:
+        return difference
+    if (wrong := _first_wrong(host.vectors, target.vectors)) is not None:
+        return _difference(vectors.form, "vectors", 0, wrong, host.vectors, target.vectors)
+    if host.random.hash == target.random.hash:
+        return None
+    return _locate(vectors.form, programs, (host.random, target.random), steps, seed)
+
+
+def _against_file(outcome: Answers, vectors: GoldenVectors) -> Difference | None:
+    places = [vectors.form.record.index(name) for name in vectors.outputs]
+    answered = outcome.vectors[:, places]
+    expected = np.stack(list(vectors.outputs.values()), axis=1)
+    wrong = _first_wrong(expected, answered)
+    if wrong is None:
+        return None
+    row, column = wrong
+    name = list(vectors.outputs)[column]
+    return Difference("vectors", row, name, _signed(expected[wrong]), _signed(answered[wrong]))
+
+
+def _locate(
+    form: RecordForm,
+    programs: tuple[HarnessProgram, HarnessProgram],
+    replies: tuple[Reply, Reply],
+    steps: int,
+    seed: int,
+) -> Difference:
+    """Narrow down the first difference by checkpoints until a window of records holds it."""
+    first, last = 0, steps
+    stride = _stride(steps)
+    while True:
+        marks = list(range(first, last, stride))
+        wrong = np.flatnonzero(
+            replies[0].checkpoints[: len(marks)] != replies[1].checkpoints[: len(marks)]
+        )
+        bad = int(wrong[0]) if len(wrong) else len(marks)
+        # The hash kept before a step speaks of the steps before it.
+        first, last = marks[bad - 1], marks[bad] if bad < len(marks) else last
+        stride = _stride(last - first)
+        replies = _again(programs, form.words, seed, (first, last, stride))
+        if last - first <= WINDOW:
+            records = [reply.window[: last - first] for reply in replies]
+            difference = _first_wrong(*records)
+            if difference is None:
+                hashes = (reply.hash for reply in replies)
+                return Difference("random", first, "not repeatable: the hash", *hashes)
+            return _difference(form, "random", first, difference, *records)
+
+
+def _again(
+    programs: tuple[HarnessProgram, HarnessProgram],
+    words: int,
+    seed: int,
+    steps: tuple[int, int, int],
+) -> tuple[Reply, Reply]:
+    """Run both up to a step, with a hash kept from the first one on at every stride."""
+    first, last, stride = steps
+    requests = [
+        Request(START, seed=seed, words=words),
+        Request(
+            RANDOM,
+            steps=last,
+            checkpoint_first=first,
+            checkpoint_stride=stride,
+            window_first=first,
+            words=words,
+        ),
+    ]
+    host, target = (program.run(requests)[-1] for program in programs)
+    return host, target
+
+
+def _first_wrong(host: Words, target: Words) -> tuple[int, int] | None:
+    wrong = np.argwhere(host != target)
+    return (int(wrong[0, 0]), int(wrong[0, 1])) if len(wrong) else None
+
+
+def _difference(
+    form: RecordForm, part: str, first: int, index: tuple[int, int], host: Words, target: Words
+) -> Difference:
+    row, word = index
+    return Difference(
+        part, first + row, form.record[word], _signed(host[row, word]), _signed(target[row, word])
+    )
+
+
+def _signed(word: int) -> int:
+    value = int(word)
+    return value - (1 << 32) if value >> 31 else value

@@ -1,0 +1,371 @@
+"""Emulated processors: Cortex-M by Unicorn, MSP430 by mspdebug's simulator, a whole board by QEMU."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import re
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.compilation.toolchain import (
+    Build,
+    Missing,
+    compile_c,
+    missing_modules,
+    missing_programs,
+    zig_cc,
+)
+from anhyst_rigs.link.client import ControllerLink
+from anhyst_rigs.link.firmware import build
+from anhyst_rigs.link.virtual_boards import Plant, Reading, Running, run_host, run_qemu
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.states import Command, Fault
+from anhyst.verification.bundle import Bundle
+from anhyst.verification.compare import Difference
+from anhyst.verification.elf import FLASH, Image
+from anhyst.verification.protocol import (
+    BOX_BYTES,
+    VECTORS,
+    WINDOW_OFFSET,
+    Reply,
+    Request,
+    target_failed,
+    too_slow,
+)
+from anhyst.verification.result import TargetResult
+
+TIME_LIMIT, TIME_A_STEP = 60.0, 0.02  # s, of an answer; a step of solid iron takes 1 ms
+FLASH_BYTES = 256 * 1024
+RAM, RAM_BYTES = 0x20000000, 64 * 1024
+
+Prefix = NDArray[np.uint32]
+Costs = Callable[[Image, bytes], Prefix]
+
+
+class _Counter(ctypes.Structure):
+    """As in ``harness/counter.c``."""
+
+    _fields_ = (
+        ("code_begin", ctypes.c_uint32),
+        ("code_end", ctypes.c_uint32),
+        ("prefix", ctypes.POINTER(ctypes.c_uint32)),
+        ("start", ctypes.c_uint32),
+        ("stop", ctypes.c_uint32),
+        ("result", ctypes.c_void_p),
+        ("count", ctypes.c_uint64),
+    )
+
+
+def build_counter(harness: Path, folder: Path, wanted_by: str) -> Path:
+    """Compile the hook that counts, for this machine."""
+    build = Build((harness / "counter.c",), flags=("-O2", "-shared", "-fPIC"))
+    library = folder / "counter.so"
+    compile_c(zig_cc(wanted_by), build, library, wanted_by)
+    return library
+
+
+def instruction_costs(image: Image, code: bytes) -> Prefix:
+    """Count every instruction as one: the number of instructions before each half-word."""
+    halfwords = np.frombuffer(code, dtype="<u2")
+    begins = np.zeros(len(halfwords), dtype=np.uint32)
+    for begin, stop in image.thumb_ranges():
+        at, end = (begin - FLASH) // 2, (stop - FLASH) // 2
+        while at < end:
+            begins[at] = 1
+            at += 2 if halfwords[at] >= 0xE800 else 1  # a Thumb instruction of 32 or 16 bits
+    return np.concatenate(([np.uint32(0)], np.cumsum(begins, dtype=np.uint32)))
+
+
+@dataclass(frozen=True, slots=True)
+class CortexProgram:
+    """A linked harness, ready to run."""
+
+    name: str  # target, for messages
+    cpu: str  # unicorn's name of the processor model
+    image: Image  # the program
+    counter: Path  # the compiled hook
+    # what a block costs, as prefix sums over the code's half-words
+    costs: Costs = instruction_costs
+
+    def run(self, requests: Sequence[Request]) -> list[Reply]:
+        """Answer one request after the other, from reset; anew if the emulator hung, as it once did."""
+        try:
+            return self._run(requests)
+        except NegativeResult as error:
+            if error.code != "time-limit":
+                raise
+            return self._run(requests)
+
+    def _run(self, requests: Sequence[Request]) -> list[Reply]:
+        machine = _Machine(self)
+        return [machine.answer(request) for request in requests]
+
+
+class _Machine:
+    """A processor with memory, stopped at harness_wait."""
+
+    def __init__(self, program: CortexProgram) -> None:
+        unicorn: Any = import_module("unicorn")
+        arm_const: Any = import_module("unicorn.arm_const")
+        self._name = program.name
+        self._error = unicorn.UcError
+        emulator: Any = unicorn.Uc(
+            unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS
+        )
+        emulator.ctl_set_cpu_model(getattr(arm_const, program.cpu))
+        self._registers = arm_const
+        self._uc = emulator
+        self._ram = (ctypes.c_ubyte * RAM_BYTES)()
+        emulator.mem_map(FLASH, FLASH_BYTES, unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC)
+        emulator.mem_map_ptr(
+            RAM,
+            RAM_BYTES,
+            unicorn.UC_PROT_READ | unicorn.UC_PROT_WRITE,
+            ctypes.addressof(self._ram),
+        )
+        for address, content in program.image.segments:
+            emulator.mem_write(address, content)
+        self._box = program.image.address("harness_box") - RAM
+        self._wait = program.image.address("harness_wait")
+        self._hook_counter(program)
+        self._go(program.image.address("reset"), program.image.address("link_stack_top"))
+
+    def _hook_counter(self, program: CortexProgram) -> None:
+        """Add the counting hook as native code: Python would take a hundred times as long."""
+        unicorn: Any = import_module("unicorn")
+        uclib: Any = import_module("unicorn.unicorn_py3.unicorn").uclib
+        image = program.image
+        code = bytes(self._uc.mem_read(FLASH, FLASH_BYTES))
+        self._prefix = np.ascontiguousarray(program.costs(image, code), dtype=np.uint32)
+        self._counter = _Counter(
+            FLASH,
+            FLASH + FLASH_BYTES,
+            self._prefix.ctypes.data_as(ctypes.POINTER(ctypes.c_uint32)),
+            image.address("harness_clock_start"),
+            image.address("harness_clock_stop"),
+            ctypes.addressof(self._ram) + (image.address("harness_count") - RAM),
+            0,
+        )
+        self._library = ctypes.CDLL(str(program.counter))
+        hook = ctypes.c_size_t()
+        status = uclib.uc_hook_add(
+            self._uc._uch,
+            ctypes.byref(hook),
+            unicorn.UC_HOOK_BLOCK,
+            ctypes.cast(self._library.count_block, ctypes.c_void_p),
+            ctypes.addressof(self._counter),
+            ctypes.c_uint64(1),
+            ctypes.c_uint64(0),
+        )
+        if status != unicorn.UC_ERR_OK:
+            raise self._error(status)
+
+    def _go(self, address: int, stack: int | None = None, steps: int = 0) -> None:
+        """Run until the program waits."""
+        time_limit = TIME_LIMIT + TIME_A_STEP * steps
+        if stack is not None:
+            self._uc.reg_write(self._registers.UC_ARM_REG_SP, stack)
+        # Unicorn's own limit keeps a processor busy with looking at the clock
+        watchdog = threading.Timer(time_limit, self._uc.emu_stop)
+        watchdog.daemon = True
+        watchdog.start()
+        try:
+            self._uc.emu_start(address | 1, self._wait)
+        except self._error as error:
+            at = self._uc.reg_read(self._registers.UC_ARM_REG_PC)
+            raise target_failed(self._name, f"{error} at {at:#010x}") from None
+        finally:
+            watchdog.cancel()
+        if self._uc.reg_read(self._registers.UC_ARM_REG_PC) != self._wait:
+            raise too_slow(self._name, time_limit)
+
+    def answer(self, request: Request) -> Reply:
+        """Put a request into the box, run, and read the box."""
+        for offset, content in ((0, request.pack()), (WINDOW_OFFSET, request.pack_rows())):
+            ctypes.memmove(ctypes.addressof(self._ram) + self._box + offset, content, len(content))
+        self._go(self._uc.reg_read(self._registers.UC_ARM_REG_LR) & ~1, steps=request.steps)
+        return Reply.unpack(bytes(self._ram[self._box : self._box + request.box_bytes]))
+
+
+SIMULATOR_TIME_LIMIT = 1800.0
+DUMP_LINE = re.compile(r"^\s+[0-9a-f]{5}: ((?:[0-9a-f]{2} ){1,16})\s*\|")
+A_LINE = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Msp430Program:
+    """A linked harness for mspdebug."""
+
+    name: str  # target, for messages
+    simulator: str  # path of mspdebug
+    path: Path  # the program
+    image: Image  # the same, read
+
+    def run(self, requests: Sequence[Request]) -> list[Reply]:
+        """Answer one request after the other, from reset."""
+        script = self.path.with_suffix(".script")
+        script.write_text("\n".join(self._script(requests)) + "\n", encoding="ascii")
+        command = [self.simulator, "-q", "sim", f"read {script.name}"]
+        try:
+            done = subprocess.run(
+                command,
+                cwd=self.path.parent,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=SIMULATOR_TIME_LIMIT,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            raise too_slow(self.name, SIMULATOR_TIME_LIMIT) from None
+        dump = bytes(
+            int(byte, 16)
+            for line in done.stdout.splitlines()
+            if (match := DUMP_LINE.match(line))
+            for byte in match[1].split()
+        )
+        if done.returncode or len(dump) != len(requests) * BOX_BYTES:
+            last = (done.stderr.strip() or done.stdout.strip() or "no reason given").splitlines()
+            raise target_failed(self.name, f"mspdebug ended early: {last[-1]}")
+        return [Reply.unpack(dump[at : at + BOX_BYTES]) for at in range(0, len(dump), BOX_BYTES)]
+
+    def _script(self, requests: Sequence[Request]) -> list[str]:
+        """Return the simulator's commands.
+
+        Memory is written by ``mw`` and read by ``md``: ``load_raw`` and ``save_raw`` reset the
+        processor. A ``run`` from a breakpoint stays there, so one ``step`` goes first.
+        """
+        box = self.image.address("harness_box")
+        lines = [
+            f"prog {self.path.name}",
+            "simio add timer fast",
+            "simio add timer slow",
+            "simio config slow base 0x180",
+            "simio add hwmult multiplier",
+            f"setbreak {self.image.address('harness_wait'):#x}",
+            "run",
+        ]
+        for request in requests:
+            lines += _write(box, request.pack())
+            if request.mode == VECTORS:
+                lines += _write(box + WINDOW_OFFSET, request.pack_rows())
+            lines += ["step", "run", f"md {box:#x} {BOX_BYTES}"]
+        return [*lines, "exit"]
+
+
+def _write(address: int, content: bytes) -> list[str]:
+    return [
+        f"mw {address + at:#x} " + " ".join(f"{byte:#04x}" for byte in content[at : at + A_LINE])
+        for at in range(0, len(content), A_LINE)
+    ]
+
+
+TARGET = "cortex-m3-qemu"
+QEMU = "qemu-system-arm"
+ONE = 1 << 31
+SELF_TEST_TICKS = 40
+TICKS_A_DEMAND = 5
+NOISE = 1e-4
+
+Runner = Callable[[Path, Plant], AbstractContextManager[Running]]
+
+
+class WalkingPlant:
+    """An actuator whose force goes with its current, with a slowly moving gap and noisy sensors."""
+
+    def __init__(self, seed: int) -> None:
+        self.drives: list[int] = []
+        self._flows = 0.0
+        self._next = 0.0
+        self._random = Random(seed)
+
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
+        """Let the current of the tick before flow."""
+        current = currents[0]
+        self.drives.append(round(current * ONE))
+        self._flows, self._next = self._next, current
+        gap = 0.5 + 0.3 * math.sin(tick * 2.0 * math.pi / 5000.0)
+        gap, force, flows = (
+            value + self._random.gauss(0.0, NOISE)
+            for value in (gap, 0.5 * self._flows, self._flows)
+        )
+        return Reading(gap, force, flows)
+
+
+@dataclass(frozen=True, slots=True)
+class FirmwareRun:
+    """What a firmware did: currents by tick, and answers to demands."""
+
+    drives: list[int]
+    statuses: list[dict[str, int]]
+
+
+def missing_tools() -> tuple[Missing, ...]:
+    """Return what of emulator, compiler and link is not there."""
+    return (
+        *missing_programs(TARGET, {QEMU: QEMU}),
+        *missing_modules(TARGET, ["ziglang"]),
+        *missing_modules(TARGET, ["serial"], extra="link"),
+    )
+
+
+def verify_firmware(bundle: Bundle, folder: Path, ticks: int, seed: int) -> TargetResult:
+    """Drive both firmwares through the same demands and readings, and compare every tick."""
+    began = time.monotonic()
+    head = (TARGET, "firmware", "mps2-an385 in QEMU", "zig cc -Os")
+    try:
+        host, board = (
+            _run(runner, build(name, bundle.folder, folder / f"firmware-{name}"), ticks, seed)
+            for name, runner in (("host", run_host), ("qemu-mps2", run_qemu))
+        )
+    except (InputError, NegativeResult) as error:
+        return TargetResult(*head, 0, 0, failure=f"target {TARGET}: {error}")
+    return TargetResult(
+        *head, ticks, 0, difference=compare_runs(host, board), seconds=time.monotonic() - began
+    )
+
+
+def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
+    random = Random(seed)
+    plant = WalkingPlant(seed)
+    statuses = []
+    with runner(program, plant) as board, ControllerLink(board.url, timeout=5.0) as controller:
+        board.bus.step(SELF_TEST_TICKS)
+        controller.command(Command.ARM)
+        controller.command(Command.RUN)
+        demand = 0.0
+        for _ in range(0, ticks, TICKS_A_DEMAND):
+            jumps = random.random() < 0.1
+            demand = random.random() if jumps else demand + random.gauss(0.0, 0.02)
+            demand = min(max(demand, 0.0), 1.0)
+            statuses.append(asdict(controller.demand(round(demand * (ONE - 1))).codes))
+            board.bus.step(TICKS_A_DEMAND)
+        if board.bus.fault is not Fault.NONE:
+            raise NegativeResult(
+                f"the firmware went to the fault {board.bus.fault.name}", code="controller-in-fault"
+            )
+    return FirmwareRun(plant.drives, statuses)
+
+
+def compare_runs(host: FirmwareRun, board: FirmwareRun) -> Difference | None:
+    """Return where a board first departs from the host, if it does."""
+    for tick, (value, answer) in enumerate(zip(host.drives, board.drives, strict=True)):
+        if value != answer:
+            return Difference("firmware", tick, "drive", value, answer)
+    for index, (expected, answered) in enumerate(zip(host.statuses, board.statuses, strict=True)):
+        for name, value in expected.items():
+            if value != answered[name]:
+                return Difference("status", index, name, value, answered[name])
+    return None

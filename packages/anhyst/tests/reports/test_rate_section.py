@@ -1,0 +1,56 @@
+"""The section on rate of a model's report: each speed by itself, and from where on speed shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from anhyst.data import Loops
+from anhyst.data.speeds import slow_loops
+from anhyst.data.verdict import judge
+from anhyst.model.actuator import Model
+from anhyst.model.dynamics import GAMMA, Dynamics
+from anhyst.model.schema import Uncertainty
+from anhyst.reports.sections_fit import rate_corner, section_rate
+from anhyst.reports.subject import Evidence, ModelSubject
+from anhyst.support.page import PageTable, Picture, Text
+from tests.identification.test_rate import measured, truth
+
+
+def known(gamma: float) -> Model:
+    """A model that says up to where it was measured, and how sure its gamma is."""
+    sure = Uncertainty(names=(GAMMA,), values=(gamma,), std=(0.05 * gamma,))
+    return replace(truth(gamma), dynamics=Dynamics(fastest=50.0), uncertainty=sure)
+
+
+def about(model: Model, loops: Loops) -> ModelSubject:
+    fitted = tuple(
+        model.predict(one.input, one.schedule, one.time, one.history).output for one in loops.loops
+    )
+    evidence = Evidence(loops, fitted, None, judge(loops), (), ())
+    return ModelSubject(model, None, None, evidence)
+
+
+def test_each_speed_has_a_row_and_the_corner_its_interval() -> None:
+    model = known(5.0)
+    section = section_rate(about(model, measured()))
+    assert section is not None
+    corner = rate_corner(model)
+    assert corner is not None
+    texts = [str(block) for block in section.blocks if isinstance(block, Text)]
+    assert any(
+        f"{corner:.3g}" in one and f"{corner * 2.718281828**0.1:.3g}" in one for one in texts
+    )
+    assert sum(isinstance(block, Picture) for block in section.blocks) == 1
+    assert [len(one.rows) for one in section.blocks if isinstance(one, PageTable)] == [3]
+
+
+def test_the_corner_is_in_inverse_proportion_to_gamma() -> None:
+    once, twice = rate_corner(known(2.0)), rate_corner(known(4.0))
+    assert once is not None
+    assert twice == pytest.approx(once / 2.0, rel=0.02)
+
+
+def test_loops_at_one_speed_have_no_section_on_rate() -> None:
+    assert section_rate(about(known(5.0), slow_loops(measured()))) is None

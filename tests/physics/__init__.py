@@ -1,1 +1,0 @@
-"""Claims about the physics of the laws."""
