@@ -23,9 +23,9 @@ BIN := .venv/bin
 # another has left.
 PARALLEL := --numprocesses auto --maxprocesses 8 --dist worksteal
 
-C_SOURCES := $(shell find core plant firmware tests/core tests/exchange tests/firmware tests/plant -name '*.c' -o -name '*.h') \
+C_SOURCES := $(shell find core plant firmware tests/core tests/firmware packages/*/tests -name '*.c' -o -name '*.h') \
 	$(wildcard packages/anhyst/src/anhyst/_core/*.cpp packages/anhyst/src/anhyst/_core/*.h packages/anhyst-exchange/src/anhyst_exchange/fmu/*.[ch])
-BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
+BUILD_INPUTS := $(wildcard packages/*/pyproject.toml packages/*/CMakeLists.txt) core/core.cmake plant/plant.cmake \
 	$(shell find core plant packages/anhyst/src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
 .PHONY: demo test test-all held campaign check docs house messages prove prove-all bench build wheel format \
@@ -103,7 +103,7 @@ check-cppcheck: build/analysis/compile_commands.json
 		--suppress=shiftNegativeLHS --suppress=shiftTooManyBitsSigned
 
 truths: build
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.truths $(NAMES)
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.kept_models $(NAMES)
 
 fuzz: build
 	@$(BIN)/python tools/fuzz.py $(if $(RUNS),--runs $(RUNS))
@@ -117,16 +117,16 @@ format: build
 
 clean:
 	rm -rf .venv build demo .pytest_cache .mypy_cache .ruff_cache .hypothesis
-	find src tests examples benchmarks -name __pycache__ -type d -exec rm -rf {} +
+	find packages tests examples benchmarks -name __pycache__ -type d -exec rm -rf {} +
 
 # The analysers read how each file of the core and its C tests is compiled.
 build/analysis/compile_commands.json: CMakeLists.txt core/core.cmake tests/core/CMakeLists.txt \
 		.venv/.stamp-package
-	@$(BIN)/cmake -S . -B build/analysis -G Ninja -DANHYST_PYTHON=OFF -DANHYST_TESTS=ON \
+	@$(BIN)/cmake -S . -B build/analysis -G Ninja -DANHYST_TESTS=ON \
 		-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DCMAKE_EXPORT_COMPILE_COMMANDS=ON > /dev/null
 	@touch $@
 
-.venv/.stamp-packages: tools/environment.py pyproject.toml
+.venv/.stamp-packages: tools/environment.py $(wildcard packages/*/pyproject.toml)
 	@$(PYTHON) tools/environment.py
 	@touch $@
 
@@ -134,10 +134,10 @@ build/analysis/compile_commands.json: CMakeLists.txt core/core.cmake tests/core/
 	@$(PYTHON) tools/environment.py --package
 	@touch $@
 
-.venv/.stamp-dev: .venv/.stamp-packages
-	@$(PYTHON) tools/environment.py --extra dev
+.venv/.stamp-dev: .venv/.stamp-packages pyproject.toml
+	@$(PYTHON) tools/environment.py --group dev
 	@touch $@
 
-.venv/.stamp-bench: .venv/.stamp-packages
-	@$(PYTHON) tools/environment.py --extra bench
+.venv/.stamp-bench: .venv/.stamp-packages pyproject.toml
+	@$(PYTHON) tools/environment.py --group bench
 	@touch $@

@@ -23,11 +23,11 @@ from anhyst.data.path import History, move_plays
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.model.writer import write_model
-from anhyst_rigs.rig.piezo import read_piezo_rig
-from anhyst_rigs.study.piezo import measure, reference, track
 from anhyst.support.numeric import FloatArray
 from anhyst.verification import verify
 from anhyst.verification.protocol import COMPENSATOR, ON_GRID
+from anhyst_rigs.rig.piezo import read_piezo_rig
+from anhyst_rigs.study.piezo import measure, reference, track
 from compiled import ported_costs
 from rows import ROOT, Row, measurements
 

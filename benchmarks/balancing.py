@@ -15,6 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import changed, draw_plant
 from anhyst_rigs.rig.recording import Recording
@@ -25,9 +28,6 @@ from anhyst_rigs.study.tracking.bodies import law_of
 from anhyst_rigs.study.tracking.excitation import design, fly
 from anhyst_rigs.study.tracking.learner import Learner, fit
 from anhyst_rigs.study.tracking.measures import cross_talk, measure, still_axes
-from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
 from calibration_trials import SCANS, Bench, bench_of, training
 from planar import RIG
 from rows import Row

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.case_table import TrajectoryCase
@@ -23,7 +24,6 @@ from anhyst_rigs.study.bearing import experiments
 from anhyst_rigs.study.bearing.operating import OperatingPoint, find_operating_point
 from anhyst_rigs.study.bearing.responses import StepCell, compare_steps, default_seeds
 from anhyst_rigs.study.engine.table import CaseFigures
-from anhyst.support.kinds import MethodName, NumberFormat
 from rows import ROOT, Row
 
 FOLDER = ROOT / "examples" / "bearing"

@@ -16,6 +16,8 @@ import numpy as np
 
 import balancing
 import levitated
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CalibratedMethod
 from anhyst_rigs.rig.drift import changed
@@ -25,8 +27,6 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import StageSetup, identify_stage, track
 from anhyst_rigs.study.tracking.learner import FORGET_S, WORK, Learner
 from anhyst_rigs.study.tracking.measures import Measures
-from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
 from calibration_trials import (
     COMPILED,
     LEFT_ON,

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CalibratedMethod
 from anhyst_rigs.rig.drift import Drift, changed, draw_drift
@@ -35,7 +36,6 @@ from anhyst_rigs.study.tracking.learner import FORGET_S, WORK, Learner, fit
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.motion import MotionLaw
 from anhyst_rigs.study.tracking.simulate import find_gains
-from anhyst.support.kinds import MethodName
 from tracking import RIG
 
 SEED = 31

@@ -18,6 +18,8 @@ import numpy as np
 
 from anhyst.compensate.current_map import CurrentMap
 from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.support.kinds import MethodName, NumberFormat
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup, position_control
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig, read_bearing, step_ends
@@ -27,8 +29,6 @@ from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst_rigs.rig.plant import STOP_RESONANCE, current_gains, make_plant
 from anhyst_rigs.study.bearing.operating import make_ready
-from anhyst.support.kinds import MethodName, NumberFormat
-from anhyst.support.numeric import FloatArray
 from baseline_bearing import ByNumba, ByScipy, Control, LevitationRun, Method, Plant
 from rows import ROOT, Row
 

@@ -13,6 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from anhyst.support.errors import CreepWarning
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst_rigs.rig.measuring import measure_loops
@@ -21,9 +24,6 @@ from anhyst_rigs.rig.stage.loop import identify_stage, make_stage, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.simulate import find_gains
-from anhyst.support.errors import CreepWarning
-from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
 from rows import Row
 from tracking import RIG, with_iron
 

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
 from anhyst.data.path import History
-from anhyst_rigs.rig.parts.magnet import Poles
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
+from anhyst_rigs.rig.parts.magnet import Poles
 from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
 from drawn_irons import Answer, Core, Iron, Job, answers
 from rows import ROOT
@@ -31,7 +31,11 @@ COUNT: int = SETTINGS["count"]
 CYCLES = 3
 """Before a record: of all of it, or of the same loop."""
 
-_MADE_FROM = ("benchmarks/drawn*", "plant/**/*.[ch]", "packages/anhyst-rigs/src/anhyst_rigs/rig/parts/*.py")
+_MADE_FROM = (
+    "benchmarks/drawn*",
+    "plant/**/*.[ch]",
+    "packages/anhyst-rigs/src/anhyst_rigs/rig/parts/*.py",
+)
 
 
 @dataclass(frozen=True, eq=False)

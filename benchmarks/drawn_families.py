@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from anhyst._core import Steel
-from anhyst_rigs.rig.parts.iron import CellSteel, DuhemSteel, PreisachSteel
 from anhyst.support.errors import InputError
+from anhyst_rigs.rig.parts.iron import CellSteel, DuhemSteel, PreisachSteel
 from drawn_irons import Iron, LangevinIron, PlantIron, SeriesIron, TellinenIron
 
 FILE = Path(__file__).with_name("drawn.toml")

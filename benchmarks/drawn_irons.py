@@ -16,9 +16,9 @@ import numpy as np
 
 from anhyst._core import Coil, Magnet, Piece, Steel
 from anhyst._core import langevin as langevin_curve
-from anhyst_rigs.rig.parts.magnet import Poles, circuit_numbers
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
+from anhyst_rigs.rig.parts.magnet import Poles, circuit_numbers
 
 FINE = 1500
 """Steps over the whole range of the excitation, of irons that are integrated."""

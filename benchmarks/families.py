@@ -20,6 +20,8 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
 from anhyst.identification.run import IdentifyTable
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import TrajectoryCase
@@ -29,8 +31,6 @@ from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.study.bearing import experiments
 from anhyst_rigs.study.bearing.responses import StepCell, compare_steps, default_seeds
 from anhyst_rigs.study.benefit import BASELINES, STANDSTILLS, Benefit, benefit
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import MethodName
 from bearing import HEIGHTS, quiet, read
 from rows import Row, Stopwatch
 from virtual import irons

@@ -20,12 +20,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
+from anhyst.support.jobs import all_of, workers_of
 from anhyst_rigs.study.benefit import benefit
 from anhyst_rigs.study.engine.monte_carlo import monte_carlo
 from anhyst_rigs.study.fleet import fleet
 from anhyst_rigs.study.fleet_magnets import FleetSettings
 from anhyst_rigs.study.plants import bearing_plants
-from anhyst.support.jobs import all_of, workers_of
 from bearing import read
 from cluster import Costs, cluster, simulated
 from rows import ROOT, Row, Stopwatch

@@ -12,10 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
+from anhyst.data.reading import read_loops
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, State
 from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.dashboard.orders import perform
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst.data.reading import read_loops
 from anhyst_rigs.rig.bench.force import ForceBench
 from anhyst_rigs.rig.bench.protocol import Bench
 from anhyst_rigs.rig.force.file import read_rig
@@ -23,8 +25,6 @@ from anhyst_rigs.study.bench import prepare_bench
 from anhyst_rigs.study.force_control import build_program
 from anhyst_rigs.study.improve import SAMPLES_HZ, BenchWatch
 from anhyst_rigs.study.prepared import PreparedForce
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command, State
 from rows import ROOT, Row
 
 SOLENOID = ROOT / "examples" / "solenoid"

@@ -22,6 +22,9 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from anhyst import Calibration, calibrate
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import rms
 from anhyst_rigs.rig.bearing.loop import BearingSetup, fit_magnets, make_setup
 from anhyst_rigs.rig.bearing.scenario import parts_of_run
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant
@@ -33,9 +36,6 @@ from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.experiments import following
 from anhyst_rigs.study.bearing.operating import Ready, make_ready, read_files
 from anhyst_rigs.study.plants import BearingWork
-from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import rms
 from rows import ROOT, Row
 from tracking import IRONS
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from anhyst_rigs.study.bearing.on_board import QEMU, run_board
 from anhyst.support.errors import InputError
+from anhyst_rigs.study.bearing.on_board import QEMU, run_board
 from rows import ROOT, Row, Stopwatch
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from anhyst.support.states import Command, State
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder, land_time
 from anhyst_rigs.rig.bench.bearing import BearingBench
@@ -19,7 +20,6 @@ from anhyst_rigs.rig.bench.pace import PacedBench, Pacing
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.study.bearing.on_board import build_firmware
 from anhyst_rigs.study.bearing.operating import make_ready, read_files
-from anhyst.support.states import Command, State
 from rows import ROOT, Row, Stopwatch
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"

@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import NO_DRIFT, drifted_plant
 from anhyst_rigs.rig.loop import ClosedLoop, Scenario
@@ -22,8 +24,6 @@ from anhyst_rigs.rig.stage.loop import (
     of_axes,
 )
 from anhyst_rigs.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, strayed
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
 from planar import RIG
 from rows import Row
 

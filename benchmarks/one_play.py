@@ -12,17 +12,17 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from tests.foreign.magnets import MAGNETS, ForeignMagnet
 
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.compilation.play import Answer, CycleErrors, cycle_errors, worst
 from anhyst.data import Loops
 from anhyst.data.reading import read_loops
-from anhyst_rigs.rig.body import read_bearing
-from anhyst_rigs.rig.fitting import identify_magnet
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, rms
+from anhyst_rigs.rig.body import read_bearing
+from anhyst_rigs.rig.fitting import identify_magnet
+from tests.foreign.magnets import MAGNETS, ForeignMagnet
 
 BEARING = Path(__file__).resolve().parent.parent / "examples" / "bearing"
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full")

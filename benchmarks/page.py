@@ -19,12 +19,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from anhyst.support.states import Command
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.dashboard.verb import listen_on, make_server, settle
 from anhyst_rigs.rig.bench.pace import going_first
 from anhyst_rigs.study.bench import open_bench
-from anhyst.support.states import Command
 from rows import ROOT, Row
 
 if TYPE_CHECKING:

@@ -12,8 +12,9 @@ import tomllib
 from functools import partial
 
 import numpy as np
-from tests.study.test_losses import laid
 
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import LossCase
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
@@ -28,9 +29,8 @@ from anhyst_rigs.study.tracking.simulate import (
     explore_stage,
     find_gains,
 )
-from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
 from rows import ROOT, Row
+from tests.study.test_losses import laid
 from tracking import with_iron
 
 RIG = ROOT / "examples" / "planar" / "rig.toml"

@@ -20,6 +20,7 @@ from anhyst.data import Loop
 from anhyst.data.speeds import speeds_of
 from anhyst.identification import identify
 from anhyst.model.actuator import Model, has_layers
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import make_setup
 from anhyst_rigs.rig.drift import changed
 from anhyst_rigs.rig.fitting import identify_magnet
@@ -32,7 +33,6 @@ from anhyst_rigs.study.bearing.operating import read_files
 from anhyst_rigs.study.bearing.responses import StepCell, compare_steps
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import find_gains
-from anhyst.support.kinds import MethodName
 from rows import ROOT, Row
 from solid_magnets import COUNT, RINGS_FROM, SPEEDS, SolidMagnet, solid_magnet
 from tracking import IRONS, RIG, with_iron

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import TypeAdapter
 
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import changed
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
@@ -22,7 +23,6 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import identify_stage, make_stage, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.simulate import TrackingStudy, explore_stage
-from anhyst.support.kinds import MethodName
 from rows import ROOT, Row
 
 RIG = ROOT / "examples" / "stage" / "rig.toml"

@@ -9,12 +9,12 @@ import sys
 import tempfile
 from pathlib import Path
 
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.study.engine.monte_carlo import monte_carlo
 from anhyst_rigs.study.plants import bearing_plants
 from anhyst_rigs.study.tuning.aims import Aims, Figures
 from anhyst_rigs.study.tuning.bearing import BearingLoop, default_conditions
 from anhyst_rigs.study.tuning.search import GainSearch
-from anhyst.support.kinds import MethodName
 from bearing import IRONS, Iron, make_iron, read
 from rows import Row, Stopwatch
 

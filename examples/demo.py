@@ -40,6 +40,11 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from anhyst.reports import write_report
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
+from anhyst.support.result import dress
+from anhyst.verification import verify
 from anhyst_rigs.reports.study.page import interval_text, line_of
 from anhyst_rigs.rig.bearing.loop import make_setups
 from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
@@ -54,11 +59,6 @@ from anhyst_rigs.study.bearing.responses import compare_steps, default_seeds, gr
 from anhyst_rigs.study.engine.table import TITLES, Interval, mean_interval, strongest
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import find_gains, make_variants
-from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
-from anhyst.support.result import dress
-from anhyst.verification import verify
 
 Array = FloatArray
 

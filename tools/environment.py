@@ -1,8 +1,8 @@
 """Prepare .venv; run by make, with any Python that is there.
 
 Without arguments: check the machine, create .venv, install what builds, runs and verifies anhyst.
-With ``--package``: compile the core and install anhyst itself, so that its sources stay in use.
-With ``--extra NAME``: install that extra of pyproject.toml, and the extras in it.
+With ``--package``: compile the core and install the parts of packages/, so that their sources stay in
+use. With ``--group NAME``: install that group of pyproject.toml.
 
 A line for each step says what is coming and, once it is there, how long it took.
 """
@@ -25,8 +25,11 @@ PIP = [str(BIN / "python"), "-m", "pip", "--disable-pip-version-check"]
 # Taken from PyPI, so that every machine builds with the same ones.
 BUILD_TOOLS = ["cmake", "ninja"]
 
+PARTS = ("anhyst", "anhyst-rigs", "anhyst-exchange")
+"""Folders of packages/, each after those that it needs."""
+
 # What `make demo` runs, and the page it points to; further extras come with `make test`.
-DEMO_EXTRAS = ("verify", "link", "live")
+DEMO_EXTRAS = ["anhyst[verify]", "anhyst-rigs[link,live]"]
 
 ZIG_AS_CPP = """#!/bin/sh
 exec "{python}" -m ziglang c++ "$@"
@@ -50,20 +53,22 @@ def missing() -> str:
     return ""
 
 
-def project() -> dict[str, Any]:
-    """Return pyproject.toml."""
+def settings(folder: Path) -> dict[str, Any]:
+    """Return the pyproject.toml of a folder."""
     import tomllib
 
-    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    return tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))
 
 
-def extra(name: str) -> list[str]:
-    """Return the requirements of one extra; those that are extras themselves are followed."""
-    listed = project()["project"]["optional-dependencies"][name]
+def requirements(listed: list[str]) -> list[str]:
+    """Return requirements; in place of an extra of a part of this repository, those of the extra."""
     found = []
     for one in listed:
-        inner = re.fullmatch(r"anhyst\[(.*)\]", one)
-        found += [r for part in inner[1].split(",") for r in extra(part)] if inner else [one]
+        if inner := re.fullmatch(r"(anhyst[a-z-]*)\[(.*)\]", one):
+            extras = settings(ROOT / "packages" / inner[1])["project"]["optional-dependencies"]
+            found += [needed for name in inner[2].split(",") for needed in extras[name]]
+        elif not one.startswith("anhyst"):
+            found.append(one)
     return found
 
 
@@ -108,9 +113,10 @@ def install(packages: list[str]) -> None:
 def prepare() -> None:
     """Create .venv and fill it; the binding is C++, so without a C++ compiler zig is one."""
     step("1 of 3: .venv; nothing is installed outside this folder", create)
-    parts = project()
-    packages = [*parts["build-system"]["requires"], *BUILD_TOOLS, *parts["project"]["dependencies"]]
-    packages += [one for name in DEMO_EXTRAS for one in extra(name)]
+    parts = [settings(ROOT / "packages" / part) for part in PARTS]
+    wanted = [one for part in parts for one in part["build-system"]["requires"]]
+    wanted += [one for part in parts for one in part["project"]["dependencies"]] + DEMO_EXTRAS
+    packages = list(dict.fromkeys([*requirements(wanted), *BUILD_TOOLS]))
     names = ", ".join(re.split(r"[=<>]", package)[0] for package in packages)
     step(f"2 of 3: what builds and runs anhyst: {names}", lambda: install(packages))
     if not any(map(shutil.which, ("c++", "g++", "clang++"))):
@@ -120,11 +126,12 @@ def prepare() -> None:
 
 
 def install_package() -> None:
-    """Compile the core and install anhyst; all it needs is there."""
+    """Compile the core and install the parts; all they need is there."""
     env = dict(os.environ, PATH=f"{BIN}:{os.environ['PATH']}")
     if (BIN / "c++").exists():
         env["CXX"] = str(BIN / "c++")
-    wanted = ["--quiet", "--no-deps", "--no-build-isolation", "--editable", str(ROOT)]
+    wanted = ["--quiet", "--no-deps", "--no-build-isolation"]
+    wanted += [word for part in PARTS for word in ("--editable", str(ROOT / "packages" / part))]
     subprocess.run([*PIP, "install", *wanted], check=True, env=env)
 
 
@@ -135,9 +142,10 @@ def main() -> int:
         print(f"make: {problem}", file=sys.stderr)
         return 2
     try:
-        if sys.argv[1:2] == ["--extra"]:
+        if sys.argv[1:2] == ["--group"]:
             name = sys.argv[2]
-            step(f"what the extra '{name}' needs", lambda: install(extra(name)))
+            group = settings(ROOT)["dependency-groups"][name]
+            step(f"what '{name}' needs", lambda: install(requirements(group)))
         elif sys.argv[1:2] == ["--package"]:
             step("3 of 3: compile the core, install anhyst into .venv", install_package)
         else:

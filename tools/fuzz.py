@@ -20,12 +20,12 @@ from pathlib import Path
 
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
-from anhyst_rigs.link.firmware import actuator_defines
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.model.schema import ValidRange
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
+from anhyst_rigs.link.firmware import actuator_defines
 
 ROOT = Path(__file__).resolve().parents[1]
 KINDS = ("full", "simplified")

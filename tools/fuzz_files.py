@@ -27,13 +27,12 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from tests.data import logger_layouts, recordings  # noqa: E402
-
 from anhyst.data.formats import WRITERS  # noqa: E402
 from anhyst.data.formats.channel_table import SECONDS, stay_in_bounds  # noqa: E402
 from anhyst.data.formats.channels import ChannelGroup, Series  # noqa: E402
 from anhyst.data.table import list_channels  # noqa: E402
 from anhyst.support.errors import InputError  # noqa: E402
+from tests.data import logger_layouts, recordings  # noqa: E402
 
 BATCH = 100
 """Files a process."""

@@ -157,7 +157,9 @@ def _kind_tests(tree: ast.Module) -> int:
         if isinstance(node, ast.Compare):
             sides = {ast.unparse(side) for side in (node.left, *node.comparators)}
             found += bool(sides & _WORDS) or any(map(_KIND.search, sides))
-        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("anhyst_rigs.kinds."):
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith(
+            "anhyst_rigs.kinds."
+        ):
             found += any(alias.name != "RigKind" for alias in node.names)
         elif isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance":
             names = {one.id for one in ast.walk(node.args[1]) if isinstance(one, ast.Name)}

@@ -20,9 +20,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from anhyst._core import Piece
-from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
+from anhyst_rigs.rig.parts.iron import CellSteel
 
 HERE = Path(__file__).resolve().parent
 

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from anhyst._core import Coil, Magnet
+from anhyst.support.numeric import FloatArray, sine
 from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
 from anhyst_rigs.rig.parts.magnet import Poles, iron_magnet
-from anhyst.support.numeric import FloatArray, sine
 
 HERE = Path(__file__).resolve().parent
 SEED = 20261122

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import Piece
-from anhyst_rigs.rig.parts.iron import PreisachSteel
 from anhyst.support.units import MU_0
+from anhyst_rigs.rig.parts.iron import PreisachSteel
 
 Array = NDArray[np.float64]
 

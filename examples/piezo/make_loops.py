@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.data.formats.text import write_csv
-from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 
 HERE = Path(__file__).resolve().parent
 SEED = 20261123

@@ -1,27 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The actuator that a program is built around, under one set of names: what anhyst compile called
-   magnet is named by -DACTUATOR_NAME=magnet -DACTUATOR_MACRO=MAGNET. */
-#ifndef ANHYST_ACTUATOR_H
-#define ANHYST_ACTUATOR_H
+/* The actuator that a firmware is built around, as its board describes it. */
+#ifndef BOARDS_ACTUATOR_H
+#define BOARDS_ACTUATOR_H
 
-#define ACTUATOR_JOINED(name, part) name##part
-#define ACTUATOR_JOIN(name, part) ACTUATOR_JOINED(name, part)
-#define ACTUATOR_TEXT(words) #words
-#define ACTUATOR_FILE(name) ACTUATOR_TEXT(name)
-
-#include ACTUATOR_FILE(ACTUATOR_JOIN(ACTUATOR_NAME, _parameters).h)
-
-#define ACTUATOR_CALLED ACTUATOR_FILE(ACTUATOR_NAME)
-
-#define ACTUATOR_PARAMETERS ACTUATOR_JOIN(ACTUATOR_NAME, _parameters)
-
-/* An actuator without a name is called actuator: its own macros are these. */
-#ifndef ACTUATOR_KERNEL
-#define ACTUATOR_KERNEL ACTUATOR_JOIN(ACTUATOR_MACRO, _KERNEL)
-#define ACTUATOR_PARAMETERS_WORDS ACTUATOR_JOIN(ACTUATOR_MACRO, _PARAMETERS_WORDS)
-#define ACTUATOR_SCALES ACTUATOR_JOIN(ACTUATOR_MACRO, _SCALES)
-#define ACTUATOR_RATE_HZ ACTUATOR_JOIN(ACTUATOR_MACRO, _RATE_HZ)
-#endif
+#include "anhyst/actuator.h"
 
 /* What an app_board says, with limits and a plan (NULL of a body of force) of the board's own. */
 #define ACTUATOR_BOARD(its_rate, its_limits, its_plan)                                             \

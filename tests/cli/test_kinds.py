@@ -17,12 +17,12 @@ import typer
 import anhyst
 from anhyst.cli.app import app, main
 from anhyst.data.formats import FORMATS
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MEASUREMENTS, UNKNOWN, kind_of, kinds_for, rig_kinds
 from anhyst_rigs.rig.body import read_bearing
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import MEASUREMENTS, UNKNOWN, kind_of, kinds_for, rig_kinds
 
 from .records import model
 

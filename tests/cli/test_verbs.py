@@ -19,11 +19,11 @@ from anhyst.cli.generate import Verb, add_command, read_verbs
 from anhyst.cli.reading import read_options
 from anhyst.compensate.block import Kind
 from anhyst.compensate.force_controller import Io
-from anhyst_exchange import export
+from anhyst.compilation.compiled_stage import StageKind
 from anhyst.laws import LAWS
-from anhyst_rigs.study.tracking.compiled import StageKind
-from anhyst_rigs.study.tuning import search
 from anhyst.verification.verify import HOST_STEPS, TARGET_STEPS
+from anhyst_exchange import exporter
+from anhyst_rigs.study.tuning import search
 
 VERBS = {verb.name: verb for verb in read_verbs()}
 
@@ -64,8 +64,8 @@ def test_words_and_numbers_of_a_signature_are_those_of_the_package() -> None:
         ("compile", "Kind", StageKind),
         ("fleet", "Kind", Kind),
         ("fleet", "Io", Io),
-        ("export", "Of", export.Of),
-        ("export", "Form", export.As),
+        ("export", "Of", exporter.Of),
+        ("export", "Form", exporter.As),
     ):
         assert set(get_args(getattr(VERBS[verb].module, name))) <= set(get_args(words)), verb
     law = VERBS["identify"].described.parameters["law"].text

@@ -69,7 +69,6 @@ def build_tests(build: Path, way: str) -> None:
         pytest.skip(f"{compiler} has no sanitizers here")
     cmake = tool("cmake")
     settings = [
-        "-DANHYST_PYTHON=OFF",
         "-DANHYST_TESTS=ON",
         f"-DANHYST_SANITIZE={'ON' if sanitized else 'OFF'}",
         f"-DCMAKE_C_COMPILER={compiler}",

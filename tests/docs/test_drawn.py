@@ -9,9 +9,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst_rigs.rig.parts.magnet import Poles
-from anhyst.support.numeric import FloatArray
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 STEEL = CellSteel(

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from tools.docs.c_reference import c_reference
 from tools.docs.command_line import command_line
 from tools.docs.pages import CHAPTERS

@@ -13,11 +13,11 @@ import pytest
 from scipy.optimize import brentq
 
 from anhyst.data.reading import read_loops
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.drift import with_iron
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.parts.iron import CellSteel
-from anhyst.support.numeric import FloatArray
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 README = (FOLDER / "README.md").read_text()

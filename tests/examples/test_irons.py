@@ -10,9 +10,9 @@ import pytest
 
 from anhyst._core import Coil, Piece
 from anhyst.data.reading import read_loops
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.parts.iron import AnySteel
 from anhyst_rigs.rig.parts.magnet import iron_magnet
-from anhyst.support.numeric import FloatArray
 from tests.plant.irons import FOLDER, STEELS, generator
 
 README = (FOLDER / "README.md").read_text(encoding="utf-8")

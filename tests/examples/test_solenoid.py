@@ -11,9 +11,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from anhyst.support.units import MU_0
 from anhyst_rigs.rig.force.file import Rig, read_rig
 from anhyst_rigs.rig.parts.iron import CellSteel
-from anhyst.support.units import MU_0
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 CURRENT_MAX = 1.2

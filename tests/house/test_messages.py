@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 
-from tools.messages import golden, sites
-
 from tests.refusals import MESSAGES
+from tools.messages import golden, sites
 
 
 def test_every_error_has_a_code_and_stands_in_the_file_of_messages() -> None:

@@ -49,7 +49,11 @@ def listed(group: str) -> dict[str, int]:
 
 @pytest.mark.slow
 @pytest.mark.depends(
-    "core", "firmware", "tests/firmware", "docs/proofs.md", "packages/anhyst/src/anhyst/compilation/toolchain.py"
+    "core",
+    "firmware",
+    "tests/firmware",
+    "docs/proofs.md",
+    "packages/anhyst/src/anhyst/compilation/toolchain.py",
 )
 @pytest.mark.parametrize("group", GROUPS)
 def test_deviations_are_those_listed(group: str, tmp_path: Path) -> None:

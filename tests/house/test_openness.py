@@ -16,22 +16,22 @@ from typer.testing import CliRunner
 
 from anhyst.cli.app import app
 from anhyst.cli.printing import printer
-from anhyst_rigs.dashboard.verb import opened
 from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS
-from anhyst_exchange.export import export_fmu
 from anhyst.identification import identify
 from anhyst.laws import LAWS
-from anhyst_rigs.link import firmware
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.parameters import Parameter
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
+from anhyst.support.units import QUANTITIES
+from anhyst_exchange.exporter import export_fmu
+from anhyst_rigs.dashboard.verb import opened
+from anhyst_rigs.link import firmware
 from anhyst_rigs.rig.parts.magnet import ACTUATORS
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import identify_stage
 from anhyst_rigs.study.bench import prepared_once
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command
-from anhyst.support.units import QUANTITIES
 from tests.docs.blocks import ROOT, blocks
 from tests.docs.places import fill, shell
 from tests.exchange.slave import HERE, slave

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
 from tools.prove.inputs import content_hash
 from tools.prove.listing import PROOFS, ROOT, Proof, read_proofs
 from tools.prove.record import Entry, entry_of, is_valid, read_record, write_record

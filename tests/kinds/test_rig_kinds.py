@@ -13,17 +13,17 @@ from typing import Any
 
 import pytest
 
-from anhyst_exchange.export import HasPart
+from anhyst.compilation.compiled_stage import HasController
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import RIG_FORMAT, capability, kind_of, rig_kinds
+from anhyst_exchange.exporter import HasPart
 from anhyst_rigs.kinds.rig_kind import RigKind
 from anhyst_rigs.reports.studies import HasBenefit, HasBoard, HasPlants, HasSimulation
 from anhyst_rigs.study.bench import HasBench
 from anhyst_rigs.study.benefit import HasIrons
 from anhyst_rigs.study.excite.excite import HasSpecimen
 from anhyst_rigs.study.tracking.calibrate import HasCalibration
-from anhyst_rigs.study.tracking.compiled import HasController
 from anhyst_rigs.study.tuning.tuning import HasTuning
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import RIG_FORMAT, capability, kind_of, rig_kinds
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 PROTOCOLS: dict[str, tuple[type, ...]] = {
@@ -149,7 +149,7 @@ def install(folder: Path, name: str, entry: str, text: str) -> None:
     about.mkdir(parents=True)
     (folder / "package" / f"{name}.py").write_text(text)
     (about / "METADATA").write_text(f"Name: {name}\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text(f"[anhyst_rigs.kinds]\n{entry}\n")
+    (about / "entry_points.txt").write_text(f"[anhyst.kinds]\n{entry}\n")
 
 
 @pytest.fixture

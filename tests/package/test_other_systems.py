@@ -12,11 +12,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from tools.wheel import run
 
 from anhyst_rigs.link.firmware import build
 from tests.cli.command import anhyst
 from tests.link.handmade import write_parameters
+from tools.wheel import run
 
 ROOT = Path(__file__).resolve().parents[2]
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
@@ -181,7 +181,6 @@ def test_core_and_plant_compile_without_a_warning_for(
 ) -> None:
     tools = Path(sys.executable).parent
     given = {
-        "ANHYST_PYTHON": "OFF",
         "CMAKE_MAKE_PROGRAM": tools / "ninja",
         "CMAKE_SYSTEM_NAME": "Generic",
         "CMAKE_SYSTEM_PROCESSOR": processor,

@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from tools.wheel import TUTORIAL, build, check, empty_environment, run, run_page
 
 from anhyst._core import _native
 from tests.once import made_once
+from tools.wheel import TUTORIAL, build, check, empty_environment, run, run_page
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(sys.executable)

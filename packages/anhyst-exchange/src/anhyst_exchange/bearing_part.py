@@ -9,6 +9,9 @@ from pathlib import Path
 
 from anhyst.compilation.output import compile_actuator
 from anhyst.compilation.toolchain import core_files
+from anhyst.support.atomic import PathLike, shipped_folder
+from anhyst.support.errors import InputError
+from anhyst.support.states import Command
 from anhyst_exchange.part import (
     CORE_OF_LAWS,
     WRAPPER,
@@ -27,9 +30,6 @@ from anhyst_rigs.rig.parts.magnet import Solid, circuit_numbers
 from anhyst_rigs.rig.plant import current_loops, noise_seed, plant_numbers
 from anhyst_rigs.rig.recording import column
 from anhyst_rigs.study.bearing.operating import make_ready, read_files
-from anhyst.support.atomic import PathLike, plant_folder
-from anhyst.support.errors import InputError
-from anhyst.support.states import Command
 
 FORMATS = ("f32", "f64")
 CORE_OF_PLANT = (
@@ -100,7 +100,7 @@ def plant_sources(
     """Return all of the plant but what moves other rigs, sources of the core, and a part's own."""
     found = {path: text.encode() for path, text in core_files(core, memories).items()}
     found |= {name: (WRAPPER / name).read_bytes() for name in own}
-    folder = plant_folder()
+    folder = shipped_folder("anhyst_exchange", "plant", "_plant", "include/anhyst_plant/body.h")
     for path in sorted(folder.rglob("*.[ch]")):
         name = path.relative_to(folder).as_posix()
         if path.name != "bus.c" and not re.search(others, name):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from anhyst.support.atomic import PathLike
 from anhyst_exchange.bearing_part import fields, magnet_text, plant_sources, volumes_of
 from anhyst_exchange.part import CORE_OF_LAWS, Part, Variable, compensator_part, header
 from anhyst_rigs.rig.force.file import READ, Rig, read_rig
 from anhyst_rigs.rig.force.programs import find_model, loops_of_rig
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.parts.magnet import circuit_numbers
-from anhyst.support.atomic import PathLike
 
 _UNITS = {"gap": "m", "force": "N", "current": "A"}
 

@@ -6,13 +6,13 @@ import math
 
 from anhyst.compilation.parameters import memories
 from anhyst.compilation.toolchain import SOURCES, core_files
+from anhyst.support.atomic import PathLike
 from anhyst_exchange.bearing_part import fields, plant_sources
 from anhyst_exchange.part import WRAPPER, Part, Variable, header, kernel_of, row
 from anhyst_exchange.stage_part import biquad
 from anhyst_rigs.rig.piezo import ControllerNumbers, PiezoRig, controller_numbers, read_piezo_rig
 from anhyst_rigs.rig.stage.loop import block_of
 from anhyst_rigs.study.piezo import find_inverses
-from anhyst.support.atomic import PathLike
 
 _CORE = (
     "numeric/elementary.c",

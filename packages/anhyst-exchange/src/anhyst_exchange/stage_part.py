@@ -8,6 +8,10 @@ import numpy as np
 
 from anhyst.compilation.parameters import c_type, memories
 from anhyst.compilation.toolchain import SOURCES
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 from anhyst_exchange.bearing_part import (
     CORE_OF_PLANT,
     FORMATS,
@@ -40,10 +44,6 @@ from anhyst_rigs.rig.stage.loop import (
     pid,
 )
 from anhyst_rigs.study.tracking.simulate import check_calibration
-from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command
 
 _CORE_OF_STAGE = (
     *(name for name in CORE_OF_PLANT if not name.startswith("control/")),

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import anhyst
-from anhyst_exchange.export import Of, export_fmu
-from anhyst_exchange.part import FmiVersion
 from anhyst.model.writer import model_text
+from anhyst_exchange.exporter import Of, export_fmu
+from anhyst_exchange.part import FmiVersion
 from tests.exchange.slave import HERE, RATE
 from tests.once import made_once
 from tests.truths import truth

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from anhyst_exchange.export import PLATFORMS
 from anhyst.support.numeric import FloatArray
+from anhyst_exchange.exporter import PLATFORMS
 
 fmpy = pytest.importorskip("fmpy")
 fmi2, fmi3 = pytest.importorskip("fmpy.fmi2"), pytest.importorskip("fmpy.fmi3")

@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst_exchange.export import export_fmu
-from anhyst_exchange.part import FmiVersion
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
+from anhyst_exchange.exporter import export_fmu
+from anhyst_exchange.part import FmiVersion
 from tests.cli.command import quick as run
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
+from tests.kept_models.making import TRUTHS
 from tests.refusals import refused, says
-from tests.truths import TRUTHS, truth
+from tests.truths import truth
 
 pytestmark = needs_binary
 

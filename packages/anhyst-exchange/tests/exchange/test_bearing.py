@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import anhyst
+from anhyst.support.states import Command, Phase, State
 from anhyst_exchange import stage_part
-from anhyst_exchange.export import export_fmu
+from anhyst_exchange.exporter import export_fmu
 from anhyst_exchange.part import Part, model_description
 from anhyst_rigs.rig.bearing.loop import make_setups
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
@@ -33,7 +34,6 @@ from anhyst_rigs.rig.stage.loop import (
 )
 from anhyst_rigs.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst_rigs.study.bearing.operating import make_ready, read_files
-from anhyst.support.states import Command, Phase, State
 from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.once import made_once
@@ -45,7 +45,6 @@ from tests.truths import truth
 
 pytestmark = [needs_binary, pytest.mark.slow]
 
-ROOT = Path(__file__).resolve().parents[2]
 TICK = 1.0 / 20e3
 INPUTS = ("target_m", "load_N", "command")
 KNOWN = 'applied = "reference"', 'applied = "reference"\nmodel = "model.toml"'
@@ -327,6 +326,7 @@ GOES_ON = """
 import sys
 from pathlib import Path
 from tests.exchange.slave import slave
+from tests.repository import ROOT
 fmu, folder, kept = map(Path, sys.argv[1:])
 with slave(fmu, folder) as made:
     made.restore(made.from_bytes(kept.read_bytes()))

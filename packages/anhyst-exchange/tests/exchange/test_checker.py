@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import anhyst
-from anhyst_exchange.export import Of, export_fmu
+from anhyst_exchange.exporter import Of, export_fmu
 from anhyst_exchange.part import FmiVersion
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import needs_binary

@@ -17,9 +17,9 @@ import anhyst
 from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import FixedTwin
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst_exchange.export import Of, export_fmu, export_tables
-from anhyst_exchange.part import FmiVersion
 from anhyst.support.numeric import FloatArray
+from anhyst_exchange.exporter import Of, export_fmu, export_tables
+from anhyst_exchange.part import FmiVersion
 from tests.cli.command import quick as run
 from tests.core.test_c_core import tool
 from tests.exchange.conftest import Fmu

@@ -9,7 +9,7 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst_exchange import force_part
-from anhyst_exchange.export import export_fmu, export_sfunction
+from anhyst_exchange.exporter import export_fmu, export_sfunction
 from anhyst_exchange.part import FmiVersion
 from anhyst_rigs.rig.bench.force import run_firmware
 from anhyst_rigs.rig.case_table import ForceCase, MovingCase

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import anhyst
-from anhyst_exchange.export import Of
+from anhyst_exchange.exporter import Of
 from anhyst_exchange.part import FmiVersion
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import Slave, fmi2, needs_binary, slave

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import anhyst
+from anhyst.support.numeric import FloatArray
 from anhyst_exchange import piezo_part
-from anhyst_exchange.export import export_fmu, export_sfunction
+from anhyst_exchange.exporter import export_fmu, export_sfunction
 from anhyst_rigs.rig.piezo import SEED
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.piezo import follow, reference
-from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.exchange.test_sfunction import beside, built, complaint, simulated
@@ -24,7 +24,6 @@ from tests.once import made_once
 from tests.refusals import refused
 from tests.study import piezos
 
-ROOT = Path(__file__).resolve().parents[2]
 RIG = piezos.EXAMPLE / "rig.toml"
 TICK = piezos.rig().dt
 OUTPUTS = ("error_m", "voltage_V", "position_m")
@@ -109,6 +108,7 @@ GOES_ON = """
 import sys
 from pathlib import Path
 from tests.exchange.slave import slave
+from tests.repository import ROOT
 fmu, folder, kept = map(Path, sys.argv[1:])
 with slave(fmu, folder) as made:
     made.restore(made.from_bytes(kept.read_bytes()))

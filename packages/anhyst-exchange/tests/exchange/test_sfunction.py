@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst_exchange import stage_part
-from anhyst_exchange.export import SAME_BITS, export_fmu, export_sfunction
 from anhyst.support.numeric import FloatArray
+from anhyst_exchange import stage_part
+from anhyst_exchange.exporter import SAME_BITS, export_fmu, export_sfunction
 from tests.cli.command import quick as run
 from tests.core.test_c_core import quietly, tool
 from tests.exchange.slave import HERE, RATE, fmpy, needs_binary, slave

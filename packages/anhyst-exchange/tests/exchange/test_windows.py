@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst_exchange import stage_part
-from anhyst_exchange.export import Of, compile_all, export_fmu
 from anhyst.support.numeric import FloatArray
+from anhyst_exchange import stage_part
+from anhyst_exchange.exporter import Of, compile_all, export_fmu
 from tests.core.test_c_core import quietly, tool
 from tests.exchange import test_piezo
 from tests.exchange.conftest import Fmu

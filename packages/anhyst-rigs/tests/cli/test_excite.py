@@ -13,9 +13,10 @@ from anhyst.data.reading import read_loops
 from anhyst.model.actuator import read_model
 from tests.cli.command import contents, quick, refused
 from tests.refusals import says
+from tests.repository import ROOT
 from tests.study.measured_rigs import GAP_MAP, INNER, WIDE, measured_rig
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 GAPS = {
     "bearing": "[0.35e-3, 0.45e-3, 0.55e-3]",
     "solenoid": "[1.0e-3, 1.35e-3, 2.0e-3, 2.8e-3]",

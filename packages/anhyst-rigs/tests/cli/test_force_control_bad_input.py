@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from tests.refusals import says
+from tests.repository import ROOT
 
 from .command import ENVIRONMENT, refused
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
+EXAMPLE = ROOT / "examples" / "solenoid"
 RUN = ("force-control", "rig.toml", "--out", "run")
 
 

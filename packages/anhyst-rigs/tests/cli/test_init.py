@@ -14,11 +14,12 @@ from anhyst.control.controller_file import read_controller
 from anhyst_rigs.rig.bearing.loop import check_controller
 from anhyst_rigs.rig.body import read_bearing
 from tests.refusals import says
+from tests.repository import ROOT
 
 from .command import contents, quick, refused, unwrapped
 from .test_places import permissions_count
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 BEARING = EXAMPLES / "bearing" / "loops.csv"
 GIVEN = ("--mass", 2, "--load", 150, "--gap", 0.45e-3)
 

@@ -15,11 +15,12 @@ from anhyst._core import batch_levels
 from anhyst.identification.screening import VARIABLE
 from anhyst.model.actuator import read_model
 from anhyst.model.writer import write_model
+from tests.repository import ROOT
 from tests.study import bearings
 
 from .command import anhyst
 
-LOOPS = Path(__file__).resolve().parents[2] / "examples" / "electromagnet" / "loops.csv"
+LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
 OPENBLAS = {"base": "Prescott", "avx2": "Haswell", "avx512": "SkylakeX"}
 """What the linear algebra would choose on such a processor."""
 

@@ -13,11 +13,12 @@ from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 from tests.refusals import says
+from tests.repository import ROOT
 
 from .command import contents, quick, refused
 from .records import model
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+EXAMPLE = ROOT / "examples" / "bearing"
 RUN = ("simulate", "rig.toml", "--out", "out/run.csv")
 OUTSIDE = "m, outside the travel of 0.00035 to 0.00055 m; lower it or move the stops"
 LAW = 'kind = "law"\nmodel = "model.toml"\nflux_table = "flux.csv"'

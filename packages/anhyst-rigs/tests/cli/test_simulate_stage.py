@@ -16,12 +16,13 @@ from anhyst_rigs.rig.stage.loop import Feedforward, track
 from anhyst_rigs.study.plants import ERRORS
 from anhyst_rigs.study.tracking import calibrate as calibration
 from tests.refusals import says
+from tests.repository import ROOT
 from tests.study import bearings
 from tests.study.stages import recorded, setup, training
 
 from .command import quick, refused, unwrapped
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "stage"
+EXAMPLE = ROOT / "examples" / "stage"
 SECOND = re.findall(
     r"\[\[magnet\]\]\nname = \"second\".*?\n\n", (EXAMPLE / "rig.toml").read_text(), re.S
 )[0]

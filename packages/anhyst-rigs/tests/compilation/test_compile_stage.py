@@ -14,6 +14,7 @@ import pytest
 
 import anhyst
 from anhyst.cli.app import main
+from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst_rigs.rig.drift import Drift
 from anhyst_rigs.rig.stage.loop import (
     Feedforward,
@@ -31,17 +32,17 @@ from anhyst_rigs.study.tracking.compiled import (
     compiled_rig,
     write_stage,
 )
-from anhyst.support.kinds import MethodName, NumberFormat
 from tests.compilation.test_controller import WARNINGS, played
 from tests.core.test_c_core import tool
 from tests.refusals import refused
+from tests.repository import ROOT
 from tests.study import bearings, stages
 from tests.study.test_axes import planar
 from tests.study.test_solid_stage import late, solid
 
 FLOWN = ROWS - 3 * COMMAND_ROWS
 """Ticks before the commands in the end."""
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 
 
 FORMATS: list[tuple[NumberFormat, NumberFormat]] = [

@@ -20,20 +20,20 @@ from anhyst.compilation.vectors import INPUTS, LEVITATION_COLUMNS
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import read_model
+from anhyst.support.states import Command, Flag, Phase, State
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import DROP, Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
-from anhyst.support.states import Command, Flag, Phase, State
 from tests.compilation.test_compile import compiles_alone_on_16_bits, sources_of
 from tests.core.test_c_core import tool
 from tests.refusals import says
+from tests.repository import ROOT
 from tests.study import bearings
 from tests.truths import path_of
 
-ROOT = Path(__file__).resolve().parents[2]
 BEARING = ROOT / "examples" / "bearing"
 RATE = 20e3
 WARNINGS = "-std=c99 -O2 -Wall -Wextra -Wconversion -Wpedantic -Wshadow -Wdouble-promotion -Werror"

@@ -25,8 +25,8 @@ from anhyst.compilation.packages import (
     license_text,
     package_files,
 )
-from anhyst_rigs.link import firmware
 from anhyst.verification.bundle import read_bundle
+from anhyst_rigs.link import firmware
 from tests.actuators import magnet
 from tests.compilation.packaged import ROOT, Plain, model_file, passed, plain
 from tests.compilation.test_compile import measured

@@ -9,9 +9,9 @@ import pytest
 
 from anhyst.data.formats import WRITERS
 from anhyst.data.table import check_format, check_recording, read_columns, write_recording
-from anhyst_rigs.rig.recording import COLUMNS, Recording
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, split_header
+from anhyst_rigs.rig.recording import COLUMNS, Recording
 
 
 def recording(rows: int = 50) -> Recording:

@@ -14,14 +14,15 @@ from anhyst._core import PiezoMotion
 from anhyst.cli.app import main
 from anhyst.data import Loop, Loops
 from anhyst.data.path import History
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import QUANTITIES
 from anhyst_rigs.draft.piezo import FittedStack, fit_stack, hysteresis
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.study.piezo import reference, track
-from anhyst.support.numeric import FloatArray
-from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
+from tests.repository import ROOT
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 TURNS = (0.0, 100.0, 0.0, 100.0, 20.0, 80.0, 30.0, 60.0, -10.0, 100.0, 0.0)
 KNOWN = {"stroke": 0.3e-6, "bend": -0.4e-9, "slope": 0.1e-6, "beta": 0.02, "gamma": 0.006}
 

@@ -20,11 +20,12 @@ from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.simulate import find_gains
 from tests.cli.command import quick
 from tests.foreign.magnets import MAGNETS
+from tests.repository import ROOT
 
 PATIENCE = 1200.0
 """Seconds for half a minute of processor time, on a machine with much else to do."""
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 BUNDLED = ("bearing", "electromagnet", "solenoid")
 GIVEN: dict[str, tuple[object, ...]] = {
     "u": ("--mass", 20, "--load", 200),

@@ -18,8 +18,8 @@ from tests.cli.command import Result, contents, quick, refused, unwrapped
 from tests.foreign.magnets import MAGNETS
 from tests.foreign.rigs import FROM_LOOPS, write_bearing, write_force_control
 from tests.refusals import says
+from tests.repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 RUN = ("simulate", "rig.toml", "--out", "run.csv")
 CLOSE = {"u": 0.25, "hard": 1.2, "soft": 0.1}
 """Largest mean distance of a fitted plant from its loops, % of the largest force."""

@@ -7,7 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from anhyst.model.writer import write_model
-from tests.truths import EXAMPLES, TRUTHS, path_of
+from tests.kept_models.making import TRUTHS
+from tests.repository import ROOT
+from tests.truths import path_of
 
 for name in sys.argv[1:] or TRUTHS:
     print(f"truths: {name}", flush=True)
@@ -15,7 +17,6 @@ for name in sys.argv[1:] or TRUTHS:
     origin = model.provenance
     # The same file wherever the project lies.
     sources = tuple(
-        replace(one, path=str(Path(one.path).relative_to(EXAMPLES.parent)))
-        for one in origin.sources
+        replace(one, path=str(Path(one.path).relative_to(ROOT))) for one in origin.sources
     )
     write_model(replace(model, provenance=replace(origin, sources=sources)), path_of(name))

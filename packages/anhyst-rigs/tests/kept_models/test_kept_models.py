@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.truths import FOLDER, TRUTHS, truth
+from tests.kept_models.making import TRUTHS
+from tests.truths import FOLDER, truth
 
 
 def test_every_kept_file_has_a_name_in_the_table() -> None:

@@ -16,10 +16,10 @@ from pya2l.api.inspect import Project
 from pya2l.api.validate import Validator
 from pyxcp.types import XcpResponseError
 
-from anhyst_rigs.link.firmware import build
-from anhyst_rigs.link.virtual_boards import Reading, Running, run_host
 from anhyst.support.states import Command, Fault, Phase, State
 from anhyst.support.xcp_map import INPUTS, SETTINGS, SIGNALS
+from anhyst_rigs.link.firmware import build
+from anhyst_rigs.link.virtual_boards import Reading, Running, run_host
 from tests.once import made_once
 from tests.verification.conftest import Compile, compiled  # noqa: F401 - a fixture
 from tests.verification.test_verify_controller import compile_bearing

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.support.block_words import regenerate
+from anhyst.support.states import Command, Fault, Flag, State
 from anhyst_rigs.link import frames
 from anhyst_rigs.link.client import ControllerLink, Refused
 from anhyst_rigs.link.frames import (
@@ -19,8 +21,6 @@ from anhyst_rigs.link.frames import (
 )
 from anhyst_rigs.link.virtual_boards import Running, run_host
 from anhyst_rigs.link.wire import Status
-from anhyst.support.block_words import regenerate
-from anhyst.support.states import Command, Fault, Flag, State
 from tests.refusals import refused
 
 from .conftest import RATE

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.support.block_words import regenerate
+from anhyst.support.states import Command, State
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.frames import Setting
 from anhyst_rigs.link.virtual_boards import Running, run_host
-from anhyst.support.block_words import regenerate
-from anhyst.support.states import Command, State
 from tests.refusals import refused
 
 from .plant import NoisyPlant

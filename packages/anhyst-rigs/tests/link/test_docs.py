@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from anhyst_rigs.link.firmware import BOARDS
+from tests.repository import ROOT
 
-TEXT = (Path(__file__).resolve().parents[2] / "docs" / "boards.md").read_text(encoding="utf-8")
+TEXT = (ROOT / "docs" / "boards.md").read_text(encoding="utf-8")
 
 
 def test_the_python_of_the_page_runs(

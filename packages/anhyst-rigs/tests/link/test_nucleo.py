@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.support.block_layout import MOST_WORDS
+from anhyst.support.block_words import regenerate
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link import frames
 from anhyst_rigs.link.firmware import build
 from anhyst_rigs.link.frames import (
@@ -26,9 +29,6 @@ from anhyst_rigs.link.frames import (
     StatusAnswer,
 )
 from anhyst_rigs.link.wire import Receiver, encode
-from anhyst.support.block_layout import MOST_WORDS
-from anhyst.support.block_words import regenerate
-from anhyst.support.states import Command, Fault, State
 from tests.once import made_once
 from tests.verification.test_verify_controller import compile_bearing
 

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.client import ControllerLink, Refused
 from anhyst_rigs.link.frames import Setting
 from anhyst_rigs.link.virtual_boards import Running
-from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
 
 from .conftest import RATE

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.simplified import build_simplified
+from anhyst.support.block_words import Scales, regenerate
+from anhyst.support.states import Command
 from anhyst_rigs.link.client import ControllerLink, Refused
 from anhyst_rigs.link.frames import Reason
 from anhyst_rigs.link.virtual_boards import Running
-from anhyst.support.block_words import Scales, regenerate
-from anhyst.support.states import Command
 from tests.actuators import SIZES, closed_form, compiled, magnet, ranges
 
 from .conftest import RATE

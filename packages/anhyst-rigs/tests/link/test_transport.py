@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.support.errors import InputError
 from anhyst_rigs.link import frames
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.frames import HelloRequest, InfoAnswer, NakAnswer, Reason, StatusAnswer
 from anhyst_rigs.link.virtual_boards import Running, run_host
 from anhyst_rigs.link.wire import Receiver, encode
-from anhyst.support.errors import InputError
 from tests.refusals import says
 
 from .plant import NoisyPlant

@@ -10,6 +10,7 @@ from random import Random
 
 import pytest
 
+from anhyst.support.states import Command, State
 from anhyst_rigs.link import firmware, virtual_boards
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.firmware import Board, build
@@ -26,7 +27,6 @@ from anhyst_rigs.link.frames import (
 )
 from anhyst_rigs.link.virtual_boards import LibraryBoard, PlantBus, find_qemu
 from anhyst_rigs.link.wire import encode
-from anhyst.support.states import Command, State
 
 from .plant import NoisyPlant
 

@@ -17,16 +17,17 @@ import numpy as np
 import pytest
 from pyxcp.types import XcpResponseError
 
-from anhyst_rigs.link.client import ControllerLink, Refused
-from anhyst_rigs.link.frames import Setting
-from anhyst_rigs.link.virtual_boards import Running, run_host
-from anhyst_rigs.link.wire import framed, key_for
 from anhyst.support.block_layout import PLACES
 from anhyst.support.block_words import regenerate
 from anhyst.support.states import Command, Fault, State
 from anhyst.support.xcp_map import AREAS, PACKET, SETTINGS, SIGNALS
+from anhyst_rigs.link.client import ControllerLink, Refused
+from anhyst_rigs.link.frames import Setting
+from anhyst_rigs.link.virtual_boards import Running, run_host
+from anhyst_rigs.link.wire import framed, key_for
 from tests.actuators import compiled, ranges
 from tests.firmware.build import tool
+from tests.repository import ROOT
 
 from .conftest import RATE
 from .handmade import KIND
@@ -165,7 +166,7 @@ def test_a_wrong_key_ends_the_connection(xcp_board: Running) -> None:
 
 
 def test_the_key_that_the_page_shows_in_c_is_the_key(tmp_path: Path) -> None:
-    page = (Path(__file__).resolve().parents[2] / "docs" / "xcp.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "xcp.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```c\n(.*?)```", page, re.S)
     source = tmp_path / "key.c"
     source.write_text(

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from pyxcp.types import XcpResponseError
 
-from anhyst_rigs.link.virtual_boards import Running, run_host
 from anhyst.support.states import Command, Fault, State
+from anhyst_rigs.link.virtual_boards import Running, run_host
 from tests.actuators import compiled
 
 from .conftest import RATE

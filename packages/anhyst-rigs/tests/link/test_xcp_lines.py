@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.firmware import build
 from anhyst_rigs.link.virtual_boards import Running, run_qemu
-from anhyst.support.states import Command, Fault, State
 
 from . import nucleo
 from .conftest import RATE

@@ -11,12 +11,12 @@ from contextlib import closing
 import numpy as np
 import pytest
 
+from anhyst.support.states import Command, State
+from anhyst.support.xcp_map import SIGNALS
 from anhyst_rigs.link.client import Refused
 from anhyst_rigs.link.frames import Setting
 from anhyst_rigs.link.wire import framed
 from anhyst_rigs.link.xcp import AnswerLost, XcpLine, XcpMaster
-from anhyst.support.states import Command, State
-from anhyst.support.xcp_map import SIGNALS
 from tests.refusals import refused
 
 from .conftest import RATE

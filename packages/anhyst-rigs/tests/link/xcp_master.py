@@ -14,9 +14,9 @@ from pyxcp.daq_stim import DaqOnlinePolicy
 from pyxcp.master.master import Master
 from pyxcp.types import XcpResponseError
 
+from anhyst.support.xcp_map import AREAS, INPUTS, SETTINGS, SIGNALS
 from anhyst_rigs.link.virtual_boards import Running
 from anhyst_rigs.link.wire import key_for
-from anhyst.support.xcp_map import AREAS, INPUTS, SETTINGS, SIGNALS
 
 ECU, XCP = 0x01, 0x02
 SEGMENT = 0

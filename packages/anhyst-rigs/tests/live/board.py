@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst_rigs.link.virtual_boards import Plant, PlantBus, run_host
 from anhyst.support.errors import InputError
+from anhyst_rigs.link.virtual_boards import Plant, PlantBus, run_host
 
 POLL_S = 0.002
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.force.programs import loops_at, loops_of_rig
 from anhyst_rigs.study.force_control import build_program
 from anhyst_rigs.study.prepared import PreparedForce
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command
 from tests.study.measured_rigs import measured_rig
 from tests.truths import truth
 

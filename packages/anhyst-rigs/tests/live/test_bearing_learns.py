@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.support.block_words import GENERATION_AT, regenerate
+from anhyst.support.states import Command
 from anhyst_rigs.dashboard.verb import opened
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.drift import Drift, changed, drifted_file
@@ -16,8 +18,6 @@ from anhyst_rigs.rig.fitting import calibrated
 from anhyst_rigs.study.prepared import PreparedBearing, block_of
 from anhyst_rigs.study.tracking.beside import BearingLearner
 from anhyst_rigs.study.tracking.learner import Learner
-from anhyst.support.block_words import GENERATION_AT, regenerate
-from anhyst.support.states import Command
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, until
 from tests.refusals import refused

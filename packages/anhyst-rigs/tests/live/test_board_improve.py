@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
+from anhyst.support.states import Command, State
 from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.link.firmware import build
 from anhyst_rigs.rig.bench.force import StandPlant
 from anhyst_rigs.study.bench import open_board, prepare_board
 from anhyst_rigs.study.prepared import PreparedForce
-from anhyst.support.states import Command, State
 from tests.live.board import Board, running
 from tests.live.conftest import wait_for
 from tests.live.test_improve import done, order
 from tests.refusals import refused
+from tests.repository import ROOT
 
 
 @pytest.fixture
@@ -157,7 +158,7 @@ def test_what_does_not_fit_a_board_is_refused(prepared: PreparedForce, tmp_path:
     assert main(["excite", rig, *out, "--xcp", "127.0.0.1:9"]) == 2  # no folder
     assert main(["excite", rig, *out, "--folder", str(folder)]) == 2  # nobody to measure through
     assert main(["live", rig, "--rig", rig]) == 2
-    bearing = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
+    bearing = ROOT / "examples" / "bearing" / "rig.toml"
     with refused("wrong-kind"):
         prepare_board(bearing, folder)
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))

@@ -10,9 +10,10 @@ from anhyst.data.reading import read_loops
 from anhyst_rigs.rig.body import read_bearing
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.study.improve import make_curves
+from tests.repository import ROOT
 from tests.study import bearings
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 
 
 def test_the_loops_of_a_rig_lie_under_the_one_that_runs() -> None:

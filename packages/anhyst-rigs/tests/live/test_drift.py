@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.force import ForceBench
 from anhyst_rigs.rig.bench.protocol import Signal
 from anhyst_rigs.study.improve import BenchWatch
 from anhyst_rigs.study.prepared import PreparedBearing, PreparedForce
-from anhyst.support.numeric import FloatArray
 from tests.live.improving import pinned_more, swung
 from tests.refusals import refused
 from tests.study import bearings

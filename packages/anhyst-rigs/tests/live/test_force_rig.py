@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, State
 from anhyst_rigs.dashboard.generator import Generator
 from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.rig.bench.force import ForceBench
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command, State
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, state_is, until
 from tests.refusals import refused

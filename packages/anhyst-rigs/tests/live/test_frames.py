@@ -6,8 +6,8 @@ import struct
 
 import numpy as np
 
-from anhyst_rigs.dashboard.browsers import MOST, Outbox, Run, encode, thin
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.dashboard.browsers import MOST, Outbox, Run, encode, thin
 
 
 def rows(first: int, count: int) -> FloatArray:

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.link.client import Refused
@@ -22,8 +24,6 @@ from anhyst_rigs.rig.bench.force import StandPlant
 from anhyst_rigs.rig.bench.hardware import HardwareBench
 from anhyst_rigs.rig.force.programs import Program
 from anhyst_rigs.study.bench import open_board
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command, Fault, State
 from tests.live.board import Board, running
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, state_is, until

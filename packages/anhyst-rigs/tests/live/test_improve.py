@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.methods import HysteresisInverse
+from anhyst.model.parameters import Parameter
+from anhyst.support.block_words import regenerate
+from anhyst.support.states import Command, State
 from anhyst_rigs.dashboard.improver import Improver, Job
 from anhyst_rigs.dashboard.orders import perform
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst.model.parameters import Parameter
 from anhyst_rigs.study.prepared import PreparedBearing, PreparedForce, block_of
-from anhyst.support.block_words import regenerate
-from anhyst.support.states import Command, State
 from tests.live.conftest import wait_for
 from tests.live.jobs import dies, forever
 from tests.refusals import refused

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from anhyst_rigs.study.prepared import PreparedForce
 from anhyst.support.states import State
+from anhyst_rigs.study.prepared import PreparedForce
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, state_is, until
 

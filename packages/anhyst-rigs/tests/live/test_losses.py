@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.link.xcp import XcpMaster
 from anhyst_rigs.rig.bench.force import ForceBench
 from anhyst_rigs.rig.bench.hardware import HardwareBench
 from anhyst_rigs.rig.bench.pace import PacedBench
-from anhyst.support.states import Command, Fault, State
 from tests.live.board import Board
 from tests.live.conftest import Serve, wait_for
 from tests.live.lines import tcp_line

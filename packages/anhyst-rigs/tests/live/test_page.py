@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from anhyst_rigs.dashboard.browsers import Outbox
 from anhyst.support.states import Fault, State
+from anhyst_rigs.dashboard.browsers import Outbox
 from tests.live.conftest import Serve, Served, Show, wait_for
 from tests.live.test_recorder import numbers
 

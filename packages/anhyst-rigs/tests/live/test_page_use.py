@@ -10,8 +10,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from anhyst_rigs.dashboard.recording import Span
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.dashboard.recording import Span
 from tests.live.conftest import Served, shown, wait_for
 from tests.live.test_page import lift, press, ready, seen, state_is, until
 from tests.live.test_recorder import numbers

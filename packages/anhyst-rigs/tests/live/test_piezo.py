@@ -16,15 +16,15 @@ from websockets.typing import Origin
 
 import anhyst
 from anhyst.cli.app import main
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray, rms
+from anhyst.support.states import Command, State
 from anhyst_rigs.dashboard.generator import Generator
 from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.dashboard.verb import opened
 from anhyst_rigs.study import bench as opening
 from anhyst_rigs.study.bench import prepared_once
 from anhyst_rigs.study.prepared import PreparedPiezo
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray, rms
-from anhyst.support.states import Command, State
 from tests.cli.command import unwrapped
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, seen, state_is, until

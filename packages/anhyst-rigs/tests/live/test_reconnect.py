@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.dashboard.generator import Generator
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.dashboard.session import LiveSession
@@ -19,7 +20,6 @@ from anhyst_rigs.link.xcp import XcpMaster
 from anhyst_rigs.rig.bench.force import StandPlant
 from anhyst_rigs.rig.bench.hardware import HardwareBench
 from anhyst_rigs.rig.force.programs import Program
-from anhyst.support.states import Command, Fault, State
 from tests.live.board import Board, running
 from tests.live.conftest import wait_for
 from tests.live.lines import serial_port, tcp_line

@@ -15,10 +15,10 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from anhyst.cli.app import main
-from anhyst_rigs.dashboard.recording import start_recording
-from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
+from anhyst_rigs.dashboard.recording import start_recording
+from anhyst_rigs.rig.bench.bearing import BearingBench
 from tests.live.conftest import wait_for
 from tests.refusals import refused
 from tests.study import bearings

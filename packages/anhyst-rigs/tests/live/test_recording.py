@@ -13,13 +13,20 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst_rigs.dashboard.recording import KEPT_S, Crossing, Ring, Span, TickRecorder, start_recording
 from anhyst.data.formats import open_table
-from anhyst_rigs.rig.bench.bearing import BearingBench
-from anhyst_rigs.rig.bench.protocol import Signal, Subscription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
+from anhyst_rigs.dashboard.recording import (
+    KEPT_S,
+    Crossing,
+    Ring,
+    Span,
+    TickRecorder,
+    start_recording,
+)
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.bench.protocol import Signal, Subscription
 from tests.live.conftest import wait_for
 from tests.live.test_recorder import numbers
 from tests.refusals import refused, says

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.support.states import Command, State
 from anhyst_rigs.link.client import Refused
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.force import ForceBench
 from anhyst_rigs.rig.bench.protocol import Bench, next_step, refusal, standing
-from anhyst.support.states import Command, State
 from tests.rig import forces
 from tests.study import bearings
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from anhyst_rigs.rig.bench.force import ForceBench
 from anhyst.support.states import State
+from anhyst_rigs.rig.bench.force import ForceBench
 from tests.live.conftest import Serve, Show
 from tests.live.test_page import last, press, ready, state_is
 from tests.live.test_recorder import numbers

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.support.states import Command
 from anhyst_rigs.dashboard.orders import perform
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.dashboard.session import LiveSession
@@ -18,7 +19,6 @@ from anhyst_rigs.study.tracking.beside import StageLearner
 from anhyst_rigs.study.tracking.calibrate import calibrate
 from anhyst_rigs.study.tracking.learner import Learner
 from anhyst_rigs.study.tracking.motion import Motion
-from anhyst.support.states import Command
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, state_is, until
 from tests.refusals import refused

@@ -20,8 +20,9 @@ from anhyst import InputError
 from anhyst_rigs.dashboard.starting import start_page
 from anhyst_rigs.dashboard.verb import listen_on
 from tests.cli.command import ENVIRONMENT
+from tests.repository import ROOT
 
-RIG = Path(__file__).parents[2] / "examples/bearing/rig.toml"
+RIG = ROOT / "examples/bearing/rig.toml"
 
 
 def asked(port: int, path: str = "/start") -> str:

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
+from anhyst_rigs.rig.parts.iron import CellSteel
 
 
 class CellIron:

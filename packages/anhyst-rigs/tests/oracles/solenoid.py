@@ -6,9 +6,9 @@ import math
 
 from scipy.optimize import brentq
 
+from anhyst.support.units import MU_0
 from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst_rigs.rig.parts.magnet import CircuitTable, FluxPath
-from anhyst.support.units import MU_0
 from tests.oracles.cell_iron import CellIron
 
 

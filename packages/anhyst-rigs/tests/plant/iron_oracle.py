@@ -11,9 +11,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
-from anhyst_rigs.rig.parts.iron import DuhemSteel, PreisachSteel
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
+from anhyst_rigs.rig.parts.iron import DuhemSteel, PreisachSteel
 
 PINNINGS, BIASES = 1200, 600
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import importlib.util
 import sys
 from functools import cache
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
 from anhyst._core import Piece
-from anhyst_rigs.rig.parts.iron import AnySteel, DuhemSteel, PreisachSteel
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.rig.parts.iron import AnySteel, DuhemSteel, PreisachSteel
 from tests.plant.rigs import example_steel
+from tests.repository import ROOT
 
-FOLDER = Path(__file__).resolve().parents[2] / "examples" / "irons"
+FOLDER = ROOT / "examples" / "irons"
 
 
 @cache

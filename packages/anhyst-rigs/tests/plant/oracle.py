@@ -13,8 +13,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.rig.parts.iron import CellSteel
 from tests.oracles.cell_iron import CellIron
 
 Floats = FloatArray

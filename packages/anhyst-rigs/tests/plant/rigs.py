@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from anhyst._core import Plant
@@ -13,8 +12,9 @@ from anhyst_rigs.rig.magnet_table import OPENS, LikeTable
 from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst_rigs.rig.parts.magnet import Poles
 from anhyst_rigs.rig.plant import make_plant
+from tests.repository import ROOT
 
-PATH = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
+PATH = ROOT / "examples" / "bearing" / "rig.toml"
 GAP = 0.45e-3
 
 OPEN_LOOP: dict[str, Any] = {

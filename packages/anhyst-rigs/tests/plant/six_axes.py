@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from anhyst._core import Plant
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.parts.magnet import iron_magnet
 from anhyst_rigs.rig.plant import plant_numbers
-from anhyst.support.numeric import FloatArray
 from tests.plant.rigs import GAP, OPEN_LOOP, example_poles, example_steel, rig
 
 _ARM, _DEEP, _HIGH = 0.12, -0.005, 0.05

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from anhyst._core import Coil, Magnet
-from anhyst_rigs.rig.parts.iron import CellSteel
-from anhyst_rigs.rig.parts.magnet import FluxTable, iron_magnet, law_magnet
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
+from anhyst_rigs.rig.parts.iron import CellSteel
+from anhyst_rigs.rig.parts.magnet import FluxTable, iron_magnet, law_magnet
 from tests.actuators import GAPS, nested
 from tests.actuators import magnet as model
 from tests.plant.oracle import OracleMagnet, Shape, polarisation

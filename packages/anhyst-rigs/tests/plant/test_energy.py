@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,15 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anhyst._core import Coil
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst_rigs.rig.parts.magnet import Poles, iron_magnet
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst.support.numeric import FloatArray
 from tests.plant.oracle import Ledger, Shape, middles
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles, example_steel
+from tests.repository import ROOT
 
 SHAPE, STEEL = Shape(), example_steel()
-STAGE = Path(__file__).resolve().parents[2] / "examples" / "stage" / "rig.toml"
+STAGE = ROOT / "examples" / "stage" / "rig.toml"
 
 
 @pytest.mark.first(5)

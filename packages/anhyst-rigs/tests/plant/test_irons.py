@@ -10,9 +10,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from anhyst._core import Coil, Piece
+from anhyst.support.units import MU_0
 from anhyst_rigs.rig.parts.iron import AnySteel, DuhemSteel, PreisachSteel
 from anhyst_rigs.rig.parts.magnet import iron_magnet
-from anhyst.support.units import MU_0
 from tests.plant.iron_oracle import Duhem, Relays
 from tests.plant.irons import (
     DUHEM,

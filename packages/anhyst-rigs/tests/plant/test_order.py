@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from anhyst._core import Coil, Magnet
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.parts.magnet import flux_table_of, iron_magnet, law_magnet
 from anhyst_rigs.rig.plant import make_plant
-from anhyst.support.numeric import FloatArray
 from tests.actuators import GAPS
 from tests.actuators import magnet as model
 from tests.plant.irons import STEELS

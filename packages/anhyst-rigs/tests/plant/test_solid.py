@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anhyst._core import Coil
+from anhyst.support.units import MU_0
 from anhyst_rigs.rig.magnet_table import SolidTable
 from anhyst_rigs.rig.parts.iron import AnySteel, CellSteel
 from anhyst_rigs.rig.parts.magnet import Poles, Solid, iron_magnet
-from anhyst.support.units import MU_0
 from tests.plant.irons import WITH_CELLS
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from anhyst.control.controller_file import ControllerTable, read_controller
+from anhyst.support.kinds import MethodName
+from anhyst.support.page import Note
 from anhyst_rigs.reports.bearing.figures import LoopCurve, Response, StepPanel
 from anhyst_rigs.reports.bearing.subject import SimulationSubject, Tracking
 from anhyst_rigs.reports.tuning import GainsPoint, figure_pareto
@@ -29,10 +30,9 @@ from anhyst_rigs.study.benefit import (
 )
 from anhyst_rigs.study.engine.table import Interval, Quotient
 from anhyst_rigs.study.tuning.aims import TITLES
-from anhyst.support.kinds import MethodName
-from anhyst.support.page import Note
+from tests.repository import ROOT
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+EXAMPLE = ROOT / "examples" / "bearing"
 SHOWN: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
 RATE, BEGIN, HEIGHT, GAP = 20e3, 200, 10e-6, 0.45e-3
 # Overshoot in % of the height at 10 and 50 um: mean, half width.

@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
 from anhyst.data.loops import Loop, Loops
+from anhyst.support.kinds import MethodName
+from anhyst.support.units import QUANTITIES
 from anhyst_rigs.reports.bearing.block_diagram import figure_structure
 from anhyst_rigs.reports.bearing.figures import (
     LoopCurve,
@@ -36,8 +38,6 @@ from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.tables import DisturbanceTable
 from anhyst_rigs.study.benefit import OF_STEPS, Comparison
 from anhyst_rigs.study.engine.table import Interval
-from anhyst.support.kinds import MethodName
-from anhyst.support.units import QUANTITIES
 from tests.reports import bearing_reports
 from tests.reports.bearing_reports import (
     GAP,

@@ -13,12 +13,12 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.compensate.methods import BASELINES
 from anhyst.control.controller_file import read_controller
+from anhyst.support.page import number
 from anhyst_rigs.reports.benefit import render_bearing
 from anhyst_rigs.reports.study.page import interval_text
 from anhyst_rigs.rig.body import read_bearing
 from anhyst_rigs.study.benefit import benefit
 from anhyst_rigs.study.engine.table import Interval
-from anhyst.support.page import number
 from tests.cli.command import unwrapped
 from tests.page import Page
 from tests.refusals import says

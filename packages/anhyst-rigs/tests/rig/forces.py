@@ -12,9 +12,10 @@ from anhyst_rigs.rig.force.file import Rig, read_rig
 from anhyst_rigs.rig.force.programs import Program
 from anhyst_rigs.study.force_control import build_program
 from tests.once import made_once
+from tests.repository import ROOT
 from tests.truths import truth
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
+EXAMPLE = ROOT / "examples" / "solenoid"
 
 
 def example() -> Rig:

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from anhyst._core import Coil, HeldPlant
+from anhyst.support.numeric import FloatArray, passed
+from anhyst.support.units import MU_0
 from anhyst_rigs.rig.force.file import Rig, read_rig
 from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst_rigs.rig.parts.magnet import CircuitTable, FluxPath, solenoid_magnet
 from anhyst_rigs.rig.sensor_table import NoisySensor
-from anhyst.support.numeric import FloatArray, passed
-from anhyst.support.units import MU_0
 from tests.oracles.cell_iron import CellIron
 from tests.oracles.held import OracleSensor, currents
 from tests.oracles.solenoid import OracleGap, OracleSolenoid
+from tests.repository import ROOT
 
 STEEL = CellSteel(
     cells=12,
@@ -181,7 +181,7 @@ def test_a_solenoid_on_a_voltage_gives_its_plunger_what_it_took_less_the_heat_of
 
 @pytest.fixture(scope="module")
 def rig() -> Rig:
-    return read_rig(Path(__file__).resolve().parents[2] / "examples" / "solenoid" / "rig.toml")
+    return read_rig(ROOT / "examples" / "solenoid" / "rig.toml")
 
 
 def test_amplifier_and_sensors_of_a_held_actuator_are_those_written_again_bit_for_bit(

@@ -12,6 +12,8 @@ import pytest
 
 from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model
+from anhyst.support.kinds import NumberFormat
+from anhyst.support.states import Command
 from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at, make_setup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import changed
@@ -19,8 +21,6 @@ from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import HOVER, READY, Recording
 from anhyst_rigs.rig.tables import DisturbanceTable
 from anhyst_rigs.study.bearing.operating import find_operating_point
-from anhyst.support.kinds import NumberFormat
-from anhyst.support.states import Command
 from tests.study import bearings
 from tests.study.bearings import GAP
 

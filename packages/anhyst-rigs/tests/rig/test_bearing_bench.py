@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, Phase, State
 from anhyst_rigs.link.client import ControllerLink, Refused
 from anhyst_rigs.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
 from anhyst_rigs.link.virtual_boards import Q31, run_library
@@ -19,8 +21,6 @@ from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder, land_time
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.loop import Scenario
 from anhyst_rigs.study.bearing.on_board import build_firmware
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command, Fault, Phase, State
 from tests.refusals import refused
 from tests.rig.lockstep import SteppedBearing
 from tests.study import bearings

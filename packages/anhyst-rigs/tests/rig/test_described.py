@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, get_args
 
 import pytest
 from pydantic import BaseModel
 
 from anhyst.control.controller_file import ControllerTable
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.force.file import SolenoidFile
 from anhyst_rigs.rig.sensor_table import POSITION_SENSORS
-from anhyst.support.kinds import MethodName
+from tests.repository import ROOT
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+DOCS = ROOT / "docs"
 
 
 def keys(table: type[BaseModel]) -> Iterator[str]:

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.current_map import fit_ratio
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.client import Refused
 from anhyst_rigs.link.virtual_boards import Reading
 from anhyst_rigs.rig.bench.force import Armature, ForceBench, StandPlant, run_firmware
@@ -16,8 +18,6 @@ from anhyst_rigs.rig.case_table import ForceCase
 from anhyst_rigs.rig.force.bench import ActuatorStand, run_open_loop, triangle
 from anhyst_rigs.rig.force.file import Rig
 from anhyst_rigs.rig.force.programs import Program, loops_at, loops_of_rig, ticks_that_differ
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
 from tests.rig import forces
 

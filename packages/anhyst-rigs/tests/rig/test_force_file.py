@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from anhyst_rigs.rig.force.file import read_rig
 from anhyst.support.toml_file import TomlFileError
+from anhyst_rigs.rig.force.file import read_rig
 from tests.refusals import refused
+from tests.repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "solenoid"
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from anhyst.compensate.current_map import fit_ratio, fit_single_valued
 from anhyst.data import History, Loop, Loops
+from anhyst.support.units import QUANTITIES
 from anhyst_rigs.rig.case_table import ForceCase, MovingCase
 from anhyst_rigs.rig.force.bench import (
     LEAD_IN,
@@ -19,10 +18,10 @@ from anhyst_rigs.rig.force.bench import (
     with_lead_in,
 )
 from anhyst_rigs.rig.force.file import Rig, read_rig
-from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
+from tests.repository import ROOT
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
+EXAMPLE = ROOT / "examples" / "solenoid"
 RATE = 200.0
 
 

@@ -11,16 +11,17 @@ from typing import Any
 
 import pytest
 
+from anhyst.support.kinds import kind_of
+from anhyst.support.toml_text import toml_key, toml_value
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.parts.magnet import ACTUATORS, ActuatorKind, Poles
 from anhyst_rigs.rig.stage.file import least_of, opposed, read_stage
 from anhyst_rigs.study.excite.design import Bound, bearing_specimen
-from anhyst.support.kinds import kind_of
-from anhyst.support.toml_text import toml_key, toml_value
 from tests.refusals import refused
+from tests.repository import ROOT
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 FOLDERS = {"bearing": "bearing", "stage": "stage", "force": "solenoid", "piezo": "piezo"}
 LISTS = ("magnet", "stack", "amplifier", "body", "sensor", "case")
 SINGLE = ("loops", "load", "frame", "measurement", "spread")

@@ -7,8 +7,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from anhyst_rigs.rig.measuring import measure_path
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.rig.measuring import measure_path
 
 
 class Held:

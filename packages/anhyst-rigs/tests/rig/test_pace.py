@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import pytest
 
-from anhyst_rigs.rig.bench.pace import BEHIND_S, PacedBench, going_first
-from anhyst_rigs.rig.bench.protocol import Aim, Bench, Parameter, Signal, Subscription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
+from anhyst_rigs.rig.bench.pace import BEHIND_S, PacedBench, going_first
+from anhyst_rigs.rig.bench.protocol import Aim, Bench, Parameter, Signal, Subscription
 from tests.refusals import refused
 
 RATE = 20000.0

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from anhyst._core import PiezoLoop
+from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.piezo import at_rest, controller_numbers, read_piezo_rig
 from anhyst_rigs.study.piezo import follow, judged_from, measure, reference
-from anhyst.support.numeric import FloatArray, rms
 from tests.refusals import refused
 from tests.study import piezos
 

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from anhyst.support.numeric import FloatArray, rms
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.rig.bench.piezo import PiezoBench
 from anhyst_rigs.rig.bench.protocol import next_step, refusal, standing
 from anhyst_rigs.rig.drift import draw_plant, drifted_file
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.piezo import follow, reference
-from anhyst.support.numeric import FloatArray, rms
-from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
 from tests.study import piezos
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from anhyst._core import Coil, Magnet
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.rig.bench import stage
 from anhyst_rigs.rig.bench.stage import StageBench
 from anhyst_rigs.rig.parts.magnet import circuit_numbers
 from anhyst_rigs.rig.recording import Loss
 from anhyst_rigs.rig.stage.file import pull_rows
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, track
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_axes import planar

@@ -17,6 +17,7 @@ from anhyst.control.controller_file import (
     read_controller,
     write_controller,
 )
+from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig, read_bearing
@@ -29,11 +30,11 @@ from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.recording import HOVER, Recording
 from anhyst_rigs.rig.sensor_table import FluxSensorTable, GapSensorTable
 from anhyst_rigs.study.bearing.on_board import build_firmware
-from anhyst.support.kinds import MethodName, NumberFormat
 from tests.once import made_once
+from tests.repository import ROOT
 from tests.truths import truth
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+EXAMPLE = ROOT / "examples" / "bearing"
 FORMATS: tuple[NumberFormat, ...] = ("f64", "f32", "fixed")
 GAP = 0.45e-3
 TOTAL = 2.0 * GAP

@@ -12,12 +12,12 @@ from anhyst.data import Loops
 from anhyst.data.path import History
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import QUANTITIES
 from anhyst_rigs.rig.body import read_bearing
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.measurement_table import MeasurementTable
 from anhyst_rigs.rig.measuring import HeldBearing, HeldRig, measure_place, straight
-from anhyst.support.numeric import FloatArray
-from anhyst.support.units import QUANTITIES
 from tests.rig.test_iron_families import EXAMPLES, keys_of, with_keys
 
 UNSEEN = {"bearing": (0.38e-3, 0.45e-3, 0.52e-3), "solenoid": (1.07e-3, 1.25e-3, 1.8e-3, 2.6e-3)}

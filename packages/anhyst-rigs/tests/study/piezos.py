@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 
 from anhyst.compensate.force_controller import ForceController
 from anhyst_rigs.rig.bench.piezo import PiezoBench
 from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst_rigs.study.piezo import find_inverses
 from anhyst_rigs.study.prepared import PreparedPiezo
+from tests.repository import ROOT
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "piezo"
+EXAMPLE = ROOT / "examples" / "piezo"
 
 
 @cache

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import Drift
 from anhyst_rigs.rig.recording import Recording
@@ -15,10 +15,10 @@ from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, trac
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
 from anhyst_rigs.rig.tables import FrameTable
 from anhyst_rigs.study.tracking.simulate import TrackingStudy, explore_stage
-from anhyst.support.kinds import MethodName
+from tests.repository import ROOT
 from tests.study import bearings
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "stage"
+EXAMPLE = ROOT / "examples" / "stage"
 SHORT = {
     "speed_m_per_s": 0.25,
     "cruise_s": 0.03,

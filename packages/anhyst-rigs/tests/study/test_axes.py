@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.reports.tracking import render
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
@@ -30,11 +32,10 @@ from anhyst_rigs.rig.stage.loop import (
 from anhyst_rigs.rig.stage.setpoint import instants, motion_of, ticks_of
 from anhyst_rigs.study.tracking.measures import cross_talk, measure, still_axes
 from anhyst_rigs.study.tracking.simulate import explore_stage
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import MethodName
+from tests.repository import ROOT
 from tests.study import bearings, stages
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 PLANAR = (EXAMPLES / "planar" / "rig.toml").read_text()
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CENTRE
 from anhyst_rigs.rig.drift import Drift, changed, draw_plant
@@ -22,8 +24,6 @@ from anhyst_rigs.study.tracking.bodies import AxesLaw
 from anhyst_rigs.study.tracking.calibrate import calibrate
 from anhyst_rigs.study.tracking.learner import Learner, fit
 from anhyst_rigs.study.tracking.measures import cross_talk, measure
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import MethodName
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_axes import EXAMPLES, PLANAR, planar

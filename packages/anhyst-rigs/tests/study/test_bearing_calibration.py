@@ -12,6 +12,8 @@ import pytest
 
 from anhyst import Calibration, InputError, calibrate
 from anhyst.control.controller_file import ControllerFile
+from anhyst.support.numeric import rms
+from anhyst.support.states import Command
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.rig.bearing.loop import BearingSetup, compiled_model, fit_magnets, make_setup
 from anhyst_rigs.rig.bearing.scenario import parts_of_run
@@ -26,8 +28,6 @@ from anhyst_rigs.study.bearing.experiments import following
 from anhyst_rigs.study.bearing.operating import make_ready, read_files
 from anhyst_rigs.study.plants import BearingWork
 from anhyst_rigs.study.tracking.bodies import BearingLaw
-from anhyst.support.numeric import rms
-from anhyst.support.states import Command
 from tests.study import bearings
 
 WRONG = Drift(pinning=0.2, gap_offset=10e-6)

@@ -12,6 +12,8 @@ import pytest
 
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.verdict import reversal_share
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.drift import changed, with_iron
 from anhyst_rigs.rig.measuring import measure_loops
@@ -28,14 +30,13 @@ from anhyst_rigs.study.benefit import (
     compare_cell,
 )
 from anhyst_rigs.study.engine.table import Interval, mean_interval, quotient
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
 from anhyst_rigs.verbs.simulate import simulate
 from tests.page import Page
 from tests.refusals import refused
+from tests.repository import ROOT
 from tests.study import bearings, stages
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+EXAMPLE = ROOT / "examples" / "bearing"
 HEIGHTS = (10e-6, 100e-6)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.controller_file import write_controller
+from anhyst.support.states import Command, Fault, Phase, State
 from anhyst_rigs.link.client import Refused
 from anhyst_rigs.link.frames import DemandRequest, Reason, StatusAnswer, TargetRequest
 from anhyst_rigs.rig.bearing.loop import BearingSetup
@@ -17,7 +18,6 @@ from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.loop import DROP, SimulatedLoop
 from anhyst_rigs.study.bearing.board_faults import FaultRuns, injections
 from anhyst_rigs.study.bearing.on_board import build_firmware, count_differences, run_board
-from anhyst.support.states import Command, Fault, Phase, State
 from tests.refusals import refused
 from tests.study import bearings
 from tests.study.bearings import GAP

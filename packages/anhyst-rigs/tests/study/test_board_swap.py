@@ -13,14 +13,14 @@ import pytest
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.control.controller_file import ControllerFile, write_controller
-from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup, position_control
-from anhyst_rigs.rig.bench.bearing import BearingBench
-from anhyst_rigs.rig.fitting import IdentifiedMagnet
-from anhyst_rigs.study.bearing.on_board import build_firmware
 from anhyst.support.block_words import regenerate
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Phase, State
+from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup, position_control
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.fitting import IdentifiedMagnet
+from anhyst_rigs.study.bearing.on_board import build_firmware
 from tests.once import made_once
 from tests.study import bearings
 from tests.study.bearings import GAP

@@ -14,14 +14,14 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from anhyst import Calibration, InputError, calibrate
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.calibration import CalibratedMethod, ParameterName
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.simulate import explore_stage
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.stages import WRONG, recorded, training

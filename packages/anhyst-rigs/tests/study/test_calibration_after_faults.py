@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anhyst.support.errors import InputError
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.frames import PlantDrive, PlantSample
 from anhyst_rigs.link.virtual_boards import Q31
 from anhyst_rigs.rig.bearing.loop import position_control
@@ -17,8 +19,6 @@ from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.drift import drifted_plant
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.board_faults import Act, Injection, injections
-from anhyst.support.errors import InputError
-from anhyst.support.states import Command, Fault, State
 from tests.study import bearings
 from tests.study.test_bearing_calibration import WRONG, setup, taught
 

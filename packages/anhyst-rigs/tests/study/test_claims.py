@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.study.bearing import responses
 from anhyst_rigs.study.bearing.experiments import (
@@ -17,7 +18,6 @@ from anhyst_rigs.study.bearing.experiments import (
     stand_still,
 )
 from anhyst_rigs.study.bearing.responses import StepCell, StepResult, StepRun, compare_steps
-from anhyst.support.kinds import MethodName, NumberFormat
 from tests.study import bearings
 from tests.study.bearings import GAP
 

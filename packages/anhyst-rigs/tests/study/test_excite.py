@@ -12,15 +12,16 @@ import pytest
 
 from anhyst.data.reading import read_loops
 from anhyst.data.speeds import rate_line, speeds_of
+from anhyst.support.numeric import FloatArray
+from anhyst.support.toml_text import toml_value
 from anhyst_rigs.rig.measuring import HeldRig, Pull
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.rig.sensor_table import Sensors
 from anhyst_rigs.study.excite.design import Bound, Specimen, Winding
 from anhyst_rigs.study.excite.excite import Excitation, excite, measure, read_specimen
-from anhyst.support.numeric import FloatArray
-from anhyst.support.toml_text import toml_value
 from tests.plant.test_energy import STAGE
 from tests.refusals import refused
+from tests.repository import ROOT
 from tests.study.measured_rigs import INNER, WIDE, measured_rig
 
 TIGHT = """
@@ -250,7 +251,7 @@ def test_the_speed_that_a_set_point_needs_is_that_of_its_force_over_the_slope() 
     assert not any("fast_A_per_s" in note for note in measure(replace(specimen, fast=(2e3,))).notes)
 
 
-PIEZO = Path(__file__).resolve().parents[2] / "examples" / "piezo" / "rig.toml"
+PIEZO = ROOT / "examples" / "piezo" / "rig.toml"
 
 
 def piezo(folder: Path, **keys: float) -> Path:

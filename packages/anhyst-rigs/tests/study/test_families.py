@@ -17,6 +17,8 @@ from anhyst.compensate.measure import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.identification.run import IdentifyTable
 from anhyst.identification.uncertainty import first_rise
+from anhyst.support.errors import CreepWarning
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import TrajectoryCase
@@ -26,8 +28,6 @@ from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.study.bearing import experiments
 from anhyst_rigs.study.bearing.responses import compare_steps
 from anhyst_rigs.study.benefit import benefit
-from anhyst.support.errors import CreepWarning
-from anhyst.support.kinds import MethodName
 from tests.plant.irons import generator
 from tests.study import bearings
 from tests.study.bearings import GAP

@@ -14,6 +14,8 @@ import pytest
 from anhyst._core import FixedCompensator, FixedController, FixedForceController
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
+from anhyst.support.kinds import MethodName
+from anhyst.support.states import Command
 from anhyst_rigs.rig.bearing.loop import BearingSetup, position_control
 from anhyst_rigs.rig.loop import DROP, Scenario
 from anhyst_rigs.rig.recording import (
@@ -26,8 +28,6 @@ from anhyst_rigs.rig.recording import (
     SET_DOWN,
     Recording,
 )
-from anhyst.support.kinds import MethodName
-from anhyst.support.states import Command
 from tests.study import bearings
 from tests.study.bearings import GAP
 

@@ -13,12 +13,19 @@ import pytest
 from anhyst.identification import identify
 from anhyst.identification.space import coordinate_of
 from anhyst.model.actuator import Model
-from anhyst_rigs.study import fleet as whole
-from anhyst_rigs.study.fleet import Fleet, fleet
-from anhyst_rigs.study.fleet_magnets import RESULT, FleetSettings, Member, decide, find_members, judge
-from anhyst_rigs.study.fleet_spread import MagnetEstimate, spread_of
 from anhyst.support.errors import NegativeResult
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.study import fleet as whole
+from anhyst_rigs.study.fleet import Fleet, fleet
+from anhyst_rigs.study.fleet_magnets import (
+    RESULT,
+    FleetSettings,
+    Member,
+    decide,
+    find_members,
+    judge,
+)
+from anhyst_rigs.study.fleet_spread import MagnetEstimate, spread_of
 from tests.cli.command import quick
 from tests.refusals import refused, says
 from tests.study.fleets import (

@@ -20,8 +20,8 @@ from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loops
 from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst_rigs.link.firmware import build
 from anhyst.model.actuator import Model, read_model
+from anhyst_rigs.link.firmware import build
 from anhyst_rigs.reports import force
 from anhyst_rigs.reports.force import draw, figure_constant_gap, figure_moving, figure_positions
 from anhyst_rigs.reports.studies import lines_of
@@ -34,9 +34,10 @@ from anhyst_rigs.study.force_control import ForceControl, force_control
 from anhyst_rigs.study.force_trials import ForceOutcome, judge_stages, strongest_baselines
 from tests.cli.command import unwrapped
 from tests.refusals import says
+from tests.repository import ROOT
 from tests.truths import truth
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
+EXAMPLE = ROOT / "examples" / "solenoid"
 GAPS = ("0.00100", "0.00160", "0.00280")
 TRIAL = """
 [[case]]

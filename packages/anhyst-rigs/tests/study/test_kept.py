@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.support.atomic import cache_folder
 from anhyst_rigs.study import bench
 from anhyst_rigs.study.bench import MOST, prepared_once
 from anhyst_rigs.study.excite.excite import excite
 from anhyst_rigs.study.prepared import PreparedForce
-from anhyst.support.atomic import cache_folder
 from tests.study.measured_rigs import measured_rig
 
 ONE_GAP = """

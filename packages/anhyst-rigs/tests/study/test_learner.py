@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.calibration import LearntParameter
 from anhyst_rigs.rig.drift import Drift, changed
 from anhyst_rigs.rig.recording import Recording
@@ -19,7 +20,6 @@ from anhyst_rigs.study.tracking.learner import FORGET_S, RATE, Learner
 from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.motion import Motion, MotionLaw
 from anhyst_rigs.study.tracking.simulate import explore_stage
-from anhyst.support.kinds import MethodName
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.stages import WRONG, recorded, training

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from anhyst_rigs.study.bearing.experiments import limit_cycle, lowest_frequency
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.study.bearing.experiments import limit_cycle, lowest_frequency
 
 RATE = 20e3
 T = np.arange(round(1.0 * RATE)) / RATE

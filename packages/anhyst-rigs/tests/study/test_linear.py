@@ -6,11 +6,11 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-import control
 from anhyst.control import Pidd2, design, to_control
 from anhyst_rigs.study.bearing.linear import (
     Chain,

@@ -14,6 +14,7 @@ from anhyst.compensate.sources import Sources
 from anhyst.control import Pidd2
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bearing.loop import BearingSetup, operating_point
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig, read_bearing
@@ -29,9 +30,9 @@ from anhyst_rigs.study.bearing.linear import (
 )
 from anhyst_rigs.study.bearing.operating import find_operating_point
 from anhyst_rigs.study.bearing.responses import measure_sensitivity
-from anhyst.support.numeric import FloatArray
+from tests.repository import ROOT
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+EXAMPLE = ROOT / "examples" / "bearing"
 FREQUENCIES = np.array([20.0, 60.0, 120.0, 200.0, 320.0, 450.0, 700.0])
 
 

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedPosition, Plant, PlantLoop, Position, PositionF32
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import NumberFormat
+from anhyst.support.states import Command
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.loop import DROP, Scenario
@@ -20,9 +23,6 @@ from anhyst_rigs.rig.plant import (
 )
 from anhyst_rigs.rig.recording import COLUMNS, HOVER, READY, Recording, column
 from anhyst_rigs.study.bearing.responses import StepRun, run_steps
-from anhyst.support.jobs import all_of
-from anhyst.support.kinds import NumberFormat
-from anhyst.support.states import Command
 from tests.study import bearings
 from tests.study.bearings import GAP
 

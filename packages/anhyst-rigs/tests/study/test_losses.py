@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from anhyst.support.states import Command, Flag
 from anhyst_rigs.rig.case_table import LossCase
 from anhyst_rigs.rig.drift import NO_DRIFT, drifted_plant
 from anhyst_rigs.rig.loop import FAILS, HEAD_FAULTS, ClosedLoop, Scenario
@@ -29,7 +30,6 @@ from anhyst_rigs.rig.stage.loop import (
 )
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.measures import Losses, LostMagnet
-from anhyst.support.states import Command, Flag
 from tests.control.test_wrench import LAYOUTS
 from tests.study import bearings
 from tests.study.test_axes import planar

@@ -14,6 +14,7 @@ from anhyst.cli.app import main
 from anhyst.cli.printing import printer, start_printing
 from anhyst.cli.shared import show
 from anhyst.data.table import read_columns
+from anhyst.support.errors import NegativeResult
 from anhyst_rigs.reports.studies import lines_of
 from anhyst_rigs.reports.tracking import printed, render
 from anhyst_rigs.rig.force.bench import with_lead_in
@@ -22,11 +23,11 @@ from anhyst_rigs.rig.stage.loop import Feedforward, track
 from anhyst_rigs.study.force_trials import ForceOutcome, ForceTrial, lost_in
 from anhyst_rigs.study.tracking import simulate as tracking
 from anhyst_rigs.study.tracking.measures import LOST, measure
-from anhyst.support.errors import NegativeResult
 from tests.cli.command import unwrapped
+from tests.repository import ROOT
 from tests.study import bearings, stages
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 
 
 def within(values: list[float]) -> SignalBound:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.study.bearing.responses import (
     rate_of_change,
     recovery_time,
@@ -14,7 +15,6 @@ from anhyst_rigs.study.bearing.responses import (
     step_figures,
 )
 from anhyst_rigs.study.engine.table import mean_interval
-from anhyst.support.numeric import FloatArray
 
 RATE = 20e3
 SENSOR = 5e-9  # resolution, rms, m

@@ -15,6 +15,8 @@ import pytest
 
 from anhyst.compensate.block import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.support.errors import Interrupted
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import make_setup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig, read_bearing
@@ -26,13 +28,12 @@ from anhyst_rigs.study.bearing.responses import StepRun, run_steps
 from anhyst_rigs.study.engine import monte_carlo as engine
 from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants, fault_of, percentile
 from anhyst_rigs.study.plants import bearing_plants
-from anhyst.support.errors import Interrupted
-from anhyst.support.kinds import MethodName
 from tests.refusals import refused
+from tests.repository import ROOT
 from tests.study import bearings
 from tests.truths import path_of, truth
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+EXAMPLE = ROOT / "examples" / "bearing"
 NONE = dict.fromkeys(SpreadTable.model_fields, 0.0)
 
 

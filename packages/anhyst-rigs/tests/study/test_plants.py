@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
+from anhyst.support.kinds import kind_of
 from anhyst_rigs.reports.plants import render
 from anhyst_rigs.rig.drift import Drift, draw_drift, drifted_file
 from anhyst_rigs.rig.kind_rules import read_rig_file, spread_keys
@@ -19,13 +20,13 @@ from anhyst_rigs.rig.tables import SpreadTable
 from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants, monte_carlo
 from anhyst_rigs.study.piezo import find_inverses, follow, judged_from, reference
 from anhyst_rigs.study.plants import ERRORS, force_plants, piezo_plants, stage_plants
-from anhyst.support.kinds import kind_of
 from tests.refusals import refused
+from tests.repository import ROOT
 from tests.rig import forces
 from tests.study import bearings, stages
 from tests.truths import truth
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from anhyst.support.kinds import MethodName
+from anhyst.support.states import Command, Phase, State
 from anhyst_rigs.rig.bearing.loop import lost_at
 from anhyst_rigs.rig.drift import changed
 from anhyst_rigs.rig.loop import DROP, SimulatedLoop
@@ -18,8 +20,6 @@ from anhyst_rigs.study.bearing.experiments import (
     excess_band,
     recover,
 )
-from anhyst.support.kinds import MethodName
-from anhyst.support.states import Command, Phase, State
 from tests.study import bearings
 from tests.study.bearings import GAP
 

@@ -13,6 +13,7 @@ from scipy.signal import cont2discrete
 
 from anhyst._core import Controller
 from anhyst.control import Pidd2, design
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.recording import COLUMNS, Recording
 from anhyst_rigs.study.bearing.linear import (
     BOUNDARIES,
@@ -24,7 +25,6 @@ from anhyst_rigs.study.bearing.linear import (
     zone,
 )
 from anhyst_rigs.study.bearing.responses import Sensitivity, measure_sensitivity
-from anhyst.support.numeric import FloatArray
 
 RATE, STEPS = 20e3, 4
 Row = FloatArray

@@ -20,6 +20,10 @@ from anhyst.compensate.methods import METHODS
 from anhyst.control.position import PositionLimits
 from anhyst.data.table import read_columns
 from anhyst.model.writer import write_model
+from anhyst.support.errors import NegativeResult
+from anhyst.support.jobs import Progress
+from anhyst.support.states import Command, Flag, Phase, State
+from anhyst.support.units import split_header
 from anhyst_rigs.reports.bearing.page import render
 from anhyst_rigs.reports.bearing.subject import subject_of
 from anhyst_rigs.rig.bearing import scenario
@@ -29,11 +33,8 @@ from anhyst_rigs.rig.recording import COLUMNS, FAULT, HOVER
 from anhyst_rigs.study.bearing import simulate as module
 from anhyst_rigs.study.bearing.responses import FIGURES
 from anhyst_rigs.study.bearing.simulate import Simulation, explore
-from anhyst.support.errors import NegativeResult
-from anhyst.support.jobs import Progress
-from anhyst.support.states import Command, Flag, Phase, State
-from anhyst.support.units import split_header
 from tests.refusals import refused, says
+from tests.repository import ROOT
 from tests.study import bearings
 from tests.truths import truth
 
@@ -161,7 +162,7 @@ def test_nothing_but_recording_and_figures_is_written(
     assert written(out.parent) == {"run.csv", "figures.json"}
 
 
-DOCUMENT = (Path(__file__).resolve().parents[2] / "docs" / "simulate.md").read_text()
+DOCUMENT = (ROOT / "docs" / "simulate.md").read_text()
 
 
 def documented(heading: str) -> dict[str, str]:

@@ -14,6 +14,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compilation.manifest import controller_bytes, state_bytes
 from anhyst.model.actuator import Model
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
 from anhyst_rigs.rig.bench.bearing import BearingBench
@@ -26,7 +27,6 @@ from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.study.bearing.on_board import build_firmware, count_differences
 from anhyst_rigs.study.bearing.responses import compare_steps
 from anhyst_rigs.study.prepared import PreparedBearing
-from anhyst.support.kinds import MethodName
 from tests.refusals import refused
 from tests.study import bearings
 from tests.study.test_solid_stage import late

@@ -23,6 +23,8 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.dynamics import Layers
 from anhyst.model.schema import CHOSEN
+from anhyst.support.units import QUANTITIES
+from anhyst.verification.verify import verify
 from anhyst_rigs.reports import force
 from anhyst_rigs.reports.force import draw
 from anhyst_rigs.reports.studies import lines_of
@@ -31,9 +33,7 @@ from anhyst_rigs.rig.force.file import Rig, read_rig
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.measuring import straight, take
 from anhyst_rigs.study.force_control import build_program, force_control
-from anhyst.support.units import QUANTITIES
 from anhyst_rigs.verbs.init import init
-from anhyst.verification.verify import verify
 from tests.refusals import refused
 from tests.truths import truth
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-import anhyst
 from tests.refusals import refused
+from tests.repository import ROOT
 
 control = pytest.importorskip("control")
 
-RIG = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
+RIG = ROOT / "examples" / "bearing" / "rig.toml"
 
 
 def test_a_current_driven_bearing_has_one_unstable_pole_and_newton_s_law() -> None:

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from anhyst._core import allocate
 from anhyst.data.table import read_columns
 from anhyst.data.verdict import WHERE_IT_PAYS
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.reports.tracking import limits, render
 from anhyst_rigs.rig.drift import Drift, changed, draw_drift
 from anhyst_rigs.rig.recording import Recording, moving
@@ -22,7 +23,6 @@ from anhyst_rigs.rig.stage.setpoint import ticks_of
 from anhyst_rigs.study.plants import ERRORS
 from anhyst_rigs.study.tracking.measures import Measures, cruises, measure, settling
 from anhyst_rigs.study.tracking.simulate import find_gains
-from anhyst.support.kinds import MethodName
 from tests.study import stages
 
 SLIT = 0.01

@@ -12,13 +12,13 @@ import pytest
 
 import anhyst
 from anhyst.cli.app import main
+from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.piezo import PiezoRig, notch_of, read_piezo_rig
 from anhyst_rigs.rig.recording import peak
 from anhyst_rigs.study import piezo
 from anhyst_rigs.study.tuning.aims import Aims
 from anhyst_rigs.study.tuning.piezo import CONDITIONS, DRAWN, FRESH, NOMINAL, PiezoLoop
 from anhyst_rigs.study.tuning.search import GainSearch
-from anhyst.support.numeric import FloatArray, rms
 from tests.refusals import refused
 from tests.study.test_excite import piezo as piezo_file
 

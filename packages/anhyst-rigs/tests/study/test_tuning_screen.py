@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.study.bearing.linear import LinearLoop
 from anhyst_rigs.study.bearing.operating import find_operating_point, linear_loop
 from anhyst_rigs.study.tuning.aims import MISSED, Aims
 from anhyst_rigs.study.tuning.search import Screen, closed_loop, make_screen, refine
 from anhyst_rigs.study.tuning.trial import GainSpace
-from anhyst.support.numeric import FloatArray
 from tests.study import bearings
 from tests.study.small_tuning import HERE, setup
 

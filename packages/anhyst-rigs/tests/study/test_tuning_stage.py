@@ -15,6 +15,7 @@ import pytest
 
 import anhyst
 from anhyst.cli import app as cli
+from anhyst.support.errors import Interrupted
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, make_stage, pid, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, instants, ticks_of
@@ -23,7 +24,6 @@ from anhyst_rigs.study.tuning.aims import LOST, Aims
 from anhyst_rigs.study.tuning.search import FoundGains, GainSearch
 from anhyst_rigs.study.tuning.stage import TRAINING, UNSEEN, StageLoop, linear_stage
 from anhyst_rigs.study.tuning.trial import GainTrial, run_trial
-from anhyst.support.errors import Interrupted
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_axes import planar

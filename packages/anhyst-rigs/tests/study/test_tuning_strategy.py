@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from anhyst_rigs.study.tuning.search import Strategy
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.study.tuning.search import Strategy
 
 BOTTOM = np.array([0.3, 0.62, 0.5, 0.44, 0.71, 0.38, 0.55])
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from anhyst.model.actuator import Model
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.force.file import Rig, read_rig
 from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst_rigs.study.watch import TURN, Chart, DriftWatch, Finding, Reference
-from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 from tests.rig.test_iron_families import EXAMPLES
 from tests.truths import truth

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from anhyst_rigs.study.tracking.compiled import write_stage
 from anhyst.verification import verify
 from anhyst.verification.bundle import read_bundle
 from anhyst.verification.compare import Workshop
 from anhyst.verification.targets import cortex_m
+from anhyst_rigs.study.tracking.compiled import write_stage
 from tests.compilation.test_compile_stage import single
 from tests.refusals import refused
 from tests.verification.conftest import sign

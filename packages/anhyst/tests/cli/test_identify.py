@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from tests.refusals import says
+from tests.repository import ROOT
 
 from .command import quick
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
+EXAMPLE = ROOT / "examples" / "electromagnet"
 TWO_GAPS = ("0.00030", "0.00060")
 
 

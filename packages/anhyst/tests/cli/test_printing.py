@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
 from anhyst.cli.printing import MAX_LINES, MIN_LINES, WIDTH, Printer, TerminalTable, wrapped
+from tests.repository import ROOT
 
 from .command import quick, unwrapped
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 
 
 def printed(

@@ -24,9 +24,10 @@ from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick
 from tests.foreign.magnets import MAGNETS
 from tests.refusals import says
+from tests.repository import ROOT
 from tests.truths import truth
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 RATE = 10_000.0
 WANTED = 1e-3  # of the largest output
 

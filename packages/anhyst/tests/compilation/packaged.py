@@ -23,9 +23,9 @@ from tests.compensate.test_solid import LAYERS, RATE
 from tests.compensate.test_solid import magnet as solid_magnet
 from tests.compilation.test_compile import WARNINGS, measured
 from tests.core.test_c_core import tool
+from tests.repository import ROOT
 from tests.truths import path_of
 
-ROOT = Path(__file__).resolve().parents[2]
 CONTROLLER = ROOT / "examples" / "bearing" / "controller.toml"
 
 

@@ -30,8 +30,8 @@ from tests.actuators import GAPS, magnet, ring
 from tests.core.test_c_core import tool
 from tests.firmware.build import tool as avr_gcc
 from tests.refusals import refused, says
+from tests.repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 WARNINGS = (
     "-std=c99",
     "-O2",

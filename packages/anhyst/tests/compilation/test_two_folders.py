@@ -11,6 +11,7 @@ import pytest
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from tests.compensate.test_solid import LAYERS, RATE, magnet
+from tests.repository import ROOT
 
 PROGRAM = """
 #include <stdio.h>
@@ -122,7 +123,7 @@ def test_object_files_with_different_room_are_told_at_start(folders: Path, tmp_p
 def test_single_precision_refuses_fast_math(folders: Path, tmp_path: Path, option: str) -> None:
     core = tmp_path / "main.c"
     core.write_text('#include "anhyst/numeric/f32.h"\nint main(void) { return 0; }\n')
-    include = Path(__file__).resolve().parents[2] / "core" / "include"
+    include = ROOT / "core" / "include"
     command = [compiler(), option, "-fsyntax-only", f"-I{include}", str(core)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode != 0

@@ -6,12 +6,12 @@ import math
 import sys
 from dataclasses import replace
 
+import control
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import control
 from anhyst._core import Controller, FixedController
 from anhyst.control import FullScales, Pidd2, design, from_control, to_control
 from anhyst.support.numeric import FloatArray

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from anhyst.data import read_loops
+from anhyst.data.convert import convert
 from anhyst.data.formats import FORMATS, WRITERS, ChannelTable, open_table
 from anhyst.data.formats.channels import ChannelGroup, Series, sections
-from anhyst.data.convert import convert
 from tests.data import recordings
 from tests.data.recordings import PACKAGES, Array, loop, workbook
 from tests.refusals import refused

@@ -17,6 +17,7 @@ from tests.cli.command import quick, refused
 from tests.cli.records import model
 from tests.foreign.magnets import MAGNETS
 from tests.refusals import says
+from tests.repository import ROOT
 
 Loops = list[tuple[str, float, FloatArray, FloatArray]]
 """Label, gap in m, current in A and force in N of each record."""
@@ -204,7 +205,7 @@ def test_gadolinium_starts_on_its_virgin_curve(measurements: Path) -> None:
 @pytest.mark.first(2)
 @pytest.mark.parametrize("example", ["electromagnet", "bearing", "solenoid"])
 def test_the_bundled_loops_are_settled_without_their_sidecars(tmp_path: Path, example: str) -> None:
-    loops = Path(__file__).parents[2] / "examples" / example / "loops.csv"
+    loops = ROOT / "examples" / example / "loops.csv"
     copy = tmp_path / "loops.csv"
     copy.write_bytes(loops.read_bytes())
     assert {history.partition(":")[0] for history in histories(copy)} == {"settled"}

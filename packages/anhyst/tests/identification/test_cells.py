@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,9 +23,10 @@ from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.support.numeric import FloatArray
 from tests.identification.truths import HISTORIES, loops_of, magnet, noisy
+from tests.repository import ROOT
 from tests.truths import truth as kept
 
-FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
+FOLDER = ROOT / "examples" / "electromagnet"
 NOISE = 2e-3
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +13,9 @@ from anhyst.data.clean import ReadOptions
 from anhyst.identification import IdentifyResult, identify
 from anhyst.identification.bare import COST, PARTS
 from tests.identification.truths import core, largest, loops_of, magnet, predicted
+from tests.repository import ROOT
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 
 
 @cache

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,9 +12,10 @@ from anhyst.model.actuator import Model
 from anhyst.model.schema import FitFigures
 from anhyst.support.numeric import FloatArray
 from tests.identification.truths import largest, predicted
+from tests.repository import ROOT
 from tests.truths import truth as kept
 
-FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
+FOLDER = ROOT / "examples" / "electromagnet"
 
 
 pytestmark = pytest.mark.slow

@@ -8,18 +8,18 @@ on a fitted model.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from anhyst.compensate.block import Kind
 from tests.actuators import CURRENTS, GAPS, WIDE, magnet
+from tests.repository import ROOT
 
 if TYPE_CHECKING:
     from initial_state import Actuator, Outcome
 
-BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
+BENCHMARKS = ROOT / "benchmarks"
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
 
 

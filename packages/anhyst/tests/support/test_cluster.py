@@ -15,6 +15,7 @@ import pytest
 
 from anhyst.support.jobs import all_of, each, workers_of
 from tests.refusals import refused
+from tests.repository import ROOT
 
 pytest.importorskip("distributed")
 
@@ -27,7 +28,7 @@ def start(*arguments: str) -> subprocess.Popen[bytes]:
         [sys.executable, "-m", "distributed.cli.dask_scheduler", *arguments]
         if arguments[0] == "--port"
         else [sys.executable, "-m", "distributed.cli.dask_worker", *arguments],
-        cwd=Path(__file__).resolve().parents[2],
+        cwd=ROOT,
         stdout=quiet,
         stderr=quiet,
     )

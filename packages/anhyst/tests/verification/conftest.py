@@ -16,7 +16,6 @@ from tests.compensate.test_solid import LAYERS, magnet
 from tests.once import made_once
 from tests.truths import path_of
 
-ROOT = Path(__file__).resolve().parents[2]
 RATE = 10_000.0
 NAME = "magnet"
 

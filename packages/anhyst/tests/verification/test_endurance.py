@@ -17,7 +17,12 @@ WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 
 @pytest.mark.slow
 @pytest.mark.depends(
-    *("core", "packages/anhyst/src/anhyst/compensate", "packages/anhyst/src/anhyst/compilation", "packages/anhyst/src/anhyst/model"),
+    *(
+        "core",
+        "packages/anhyst/src/anhyst/compensate",
+        "packages/anhyst/src/anhyst/compilation",
+        "packages/anhyst/src/anhyst/model",
+    ),
     *("tests/truths", "tests/verification", "tests/compensate", "tests/core/check.h"),
 )
 @pytest.mark.parametrize("kind", ["cells", "full", "simplified", "solid"])

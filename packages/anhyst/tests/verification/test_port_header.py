@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.repository import ROOT
 
 # Each operator over two rows of words; the third row takes the results.
 SOURCE = """

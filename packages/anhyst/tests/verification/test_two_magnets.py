@@ -18,8 +18,9 @@ from tests.actuators import magnet
 from tests.compilation.test_compile import measured
 from tests.core.test_c_core import tool
 from tests.once import made_once
+from tests.repository import ROOT
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "two_magnets"
+EXAMPLE = ROOT / "examples" / "two_magnets"
 COLUMNS = ("demand", "gap", "applied", "expected")
 RAM = 0x20000000
 

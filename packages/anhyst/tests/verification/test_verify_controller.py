@@ -20,11 +20,12 @@ from anhyst.verification.result import Verification
 from anhyst.verification.targets import reference
 from tests.once import made_once
 from tests.refusals import says
+from tests.repository import ROOT
 from tests.truths import path_of
 from tests.verification.conftest import sign
 from tests.verification.test_verify_targets import needs_avr
 
-BEARING = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+BEARING = ROOT / "examples" / "bearing"
 TICKS = ["tick, controls", "tick, ramps", "tick, rests", "tick"]
 
 

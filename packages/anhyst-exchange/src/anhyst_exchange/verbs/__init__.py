@@ -1,0 +1,1 @@
+"""The verb ``export``, as :mod:`anhyst.verbs` describes verbs."""

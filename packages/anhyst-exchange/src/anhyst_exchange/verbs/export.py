@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from anhyst_exchange.export import Exported
     from anhyst.model.actuator import Model
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
+    from anhyst_exchange.exporter import Exported
 
 PLACE = 25, "Use a model"
 
@@ -94,15 +94,15 @@ def export(
 
     anhyst export model.toml --as lut --out magnet.csv
     """
-    from anhyst_exchange.export import (
+    from anhyst.model.actuator import model_from
+    from anhyst.support.atomic import check_path
+    from anhyst_exchange.exporter import (
         PLATFORMS_ALL,
         Exported,
         export_fmu,
         export_sfunction,
         export_tables,
     )
-    from anhyst.model.actuator import model_from
-    from anhyst.support.atomic import check_path
 
     check_path(out, "export: out")
     if as_ == "lut":

@@ -9,11 +9,11 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from anhyst_rigs.rig.bench.protocol import Bench, Parameter
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
 from anhyst.support.units import Unit, parse_header, unit_of
+from anhyst_rigs.rig.bench.protocol import Bench, Parameter
 
 SHAPES: Mapping[str, Callable[[float], float]] = {
     "step": lambda part: 1.0 if part < 0.5 else -1.0,

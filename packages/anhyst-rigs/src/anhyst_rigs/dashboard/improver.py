@@ -16,6 +16,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
+from anhyst.support.block_words import GENERATION_AT, regenerate
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress
 from anhyst_rigs.study.excite.on_board import DrivenBoard
 from anhyst_rigs.study.improve import (
     LOOPS,
@@ -31,9 +34,6 @@ from anhyst_rigs.study.improve import (
     within,
 )
 from anhyst_rigs.study.prepared import Improvable, PreparedBoard
-from anhyst.support.block_words import GENERATION_AT, regenerate
-from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress
 
 Work = Callable[..., Mapping[str, Any]]
 """Called with a :data:`anhyst.support.jobs.Progress` and what else was given; of a module."""

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 from anhyst_rigs.dashboard.generator import Chirp, Generator, Wave, read_table
 from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.dashboard.recording import Span
 from anhyst_rigs.dashboard.session import LiveSession, disturbs, finite
 from anhyst_rigs.dashboard.sets import ENDING, values_for
 from anhyst_rigs.rig.bench.protocol import Aim, Parameter, Signal
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command
 
 _CHUNKS = 1000
 """That wait to be looked at; more than what a measurement is ever late by."""

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import orjson
 
-from anhyst_rigs.rig.bench.protocol import Signal, Subscription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.rig.bench.protocol import Signal, Subscription
 
 _HEAD = struct.Struct("<4s4xQQ")
 """Of every block: name, length, number of links."""

@@ -18,6 +18,9 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from anhyst.support.atomic import plain
+from anhyst.support.errors import InputError
+from anhyst.support.states import Fault, Phase, State
 from anhyst_rigs.dashboard.browsers import Allowance, Guard, Outbox, encode
 from anhyst_rigs.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
 from anhyst_rigs.dashboard.orders import BESIDE, parameters_of, perform
@@ -25,9 +28,6 @@ from anhyst_rigs.dashboard.recording import KEPT_S, header
 from anhyst_rigs.dashboard.session import WATCHES, LiveSession, all_refused
 from anhyst_rigs.rig.bench.protocol import Parameter
 from anhyst_rigs.study.improve import DrawnLoop
-from anhyst.support.atomic import plain
-from anhyst.support.errors import InputError
-from anhyst.support.states import Fault, Phase, State
 
 ASKED_S = 10.0
 """After so long without an answer the desk goes to whoever asked, s."""

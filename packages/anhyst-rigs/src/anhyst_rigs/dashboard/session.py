@@ -11,18 +11,25 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 from anhyst_rigs.dashboard.generator import DrivenBench, Wave
 from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.dashboard.recording import RecordingFile, Span, TickRecorder
 from anhyst_rigs.dashboard.sets import ParameterSets
 from anhyst_rigs.rig.bench.force import demand_refusal
 from anhyst_rigs.rig.bench.pace import PacedBench, going_first
-from anhyst_rigs.rig.bench.protocol import Bench, Standing, Subscription, next_step, refusal, standing
+from anhyst_rigs.rig.bench.protocol import (
+    Bench,
+    Standing,
+    Subscription,
+    next_step,
+    refusal,
+    standing,
+)
 from anhyst_rigs.study.improve import BenchWatch, DrawnLoop, KnownModel
 from anhyst_rigs.study.tracking.beside import BenchLearner
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command
 
 WATCHES = "another browser operates; ask to take over"
 

@@ -10,9 +10,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from anhyst_rigs.rig.bench.protocol import Parameter
 from anhyst.support.atomic import atomic_writer, json_text
 from anhyst.support.errors import InputError
+from anhyst_rigs.rig.bench.protocol import Parameter
 
 ENDING = ".parameters.json"
 

@@ -18,10 +18,10 @@ from starlette.responses import FileResponse, JSONResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from anhyst.support.wording import worded
 from anhyst_rigs.dashboard.browsers import Guard, names_of
 from anhyst_rigs.dashboard.connections import Connection
 from anhyst_rigs.dashboard.server import ASSETS
-from anhyst.support.wording import worded
 
 _OPEN_S = 2.0
 """A page that has asked within this time is open, s."""

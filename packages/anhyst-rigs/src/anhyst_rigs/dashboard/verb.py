@@ -11,6 +11,10 @@ from pathlib import Path
 
 import uvicorn
 
+from anhyst.support.atomic import PathLike, check_path
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
+from anhyst.support.kinds import COMPILED, kind_of
 from anhyst_rigs.dashboard.browsers import names_of, read_address
 from anhyst_rigs.dashboard.connections import Connection
 from anhyst_rigs.dashboard.improver import BlockHolder, Improver
@@ -23,10 +27,6 @@ from anhyst_rigs.rig.bench.protocol import Bench
 from anhyst_rigs.study.bench import address_of, open_board, prepare_board, prepared_once
 from anhyst_rigs.study.prepared import Prepared
 from anhyst_rigs.study.tracking.beside import BenchLearner
-from anhyst.support.atomic import PathLike, check_path
-from anhyst.support.errors import InputError
-from anhyst.support.jobs import Progress
-from anhyst.support.kinds import COMPILED, kind_of
 
 _HTTP_MOST = 512
 """Connections at a time, of pages that load and of those that are open; half of the files that a

@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from anhyst.data.surface import Tangent
+from anhyst.support.errors import InputError
 from anhyst_rigs.draft.magnet import Machine, MeasuredMagnet, Value
 from anhyst_rigs.draft.text import (
     SEED,
@@ -35,7 +36,6 @@ from anhyst_rigs.draft.text import (
     step_up,
     up,
 )
-from anhyst.support.errors import InputError
 
 POLES_IN_BANDWIDTH = 1.4
 """The controller's poles lie so many times farther out than the unstable one."""

@@ -1,8 +1,7 @@
-"""From measured loops, or from a bundled example, to a folder that runs: ``anhyst init``."""
+"""From measured loops to a folder that runs: ``anhyst init``."""
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,113 +11,29 @@ from anhyst.data import Loops
 from anhyst.data.clean import ReadOptions
 from anhyst.data.reading import files_read
 from anhyst.data.speeds import rate_line
+from anhyst.support.atomic import PathLike, add_files, check_new
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
+from anhyst.support.wording import count_of
 from anhyst_rigs.draft.bearing import Numbers, draft_bearing, numbers_of
 from anhyst_rigs.draft.force import draft_force_control
 from anhyst_rigs.draft.magnet import Machine, MeasuredMagnet, Wanted, machine_of, reach_of
 from anhyst_rigs.draft.piezo import draft_piezo, fit_stack, found_lines
 from anhyst_rigs.draft.stage import draft_stage
 from anhyst_rigs.draft.text import Draft
-from anhyst.support.atomic import PathLike, whole_folder, write_files
-from anhyst.support.errors import InputError
-from anhyst.support.jobs import Progress
-from anhyst.support.wording import count_of
 
-NEXT: Mapping[str, tuple[str, ...]] = {
-    "bearing": (
-        "anhyst simulate {out}/rig.toml --out {out}/run.csv",
-        "anhyst tune {out}/rig.toml --out {out}/tuned",
-    ),
-    "electromagnet": (
-        "anhyst inspect {out}/loops.csv",
-        "anhyst identify {out}/loops.csv --out {out}/model.toml",
-    ),
-    "magnetostrictive": (
-        "anhyst inspect {out}/loops.csv",
-        "anhyst identify {out}/loops.csv --out {out}/model.toml",
-    ),
-    "piezo": (
-        "anhyst identify {out}/loops.csv --out {out}/model.toml",
-        "anhyst simulate {out}/rig.toml --out {out}/run.csv",
-    ),
-    "solenoid": ("anhyst force-control {out}/rig.toml --out {out}/run",),
-    "stage": ("anhyst simulate {out}/rig.toml --out {out}/run.csv",),
-    "steels": (
-        "anhyst inspect {out}/m270_50a.csv",
-        "anhyst identify {out}/m270_50a.csv --out {out}/model.toml",
-    ),
-}
-"""The examples, and what to run in a copy of one."""
-
+RUN_BEARING = (
+    "anhyst simulate {out}/rig.toml --out {out}/run.csv",
+    "anhyst tune {out}/rig.toml --out {out}/tuned",
+)
+RUN_FORCE = ("anhyst force-control {out}/rig.toml --out {out}/run",)
+RUN_STAGE = ("anhyst simulate {out}/rig.toml --out {out}/run.csv",)
 RUN_PIEZO = (
     "anhyst simulate {out}/rig.toml --out {out}/run.csv",
     "anhyst tune {out}/rig.toml --out {out}/tuned",
     "anhyst excite {out}/rig.toml --out {out}/own.csv",
 )
-"""The same in a drafted piezo stage."""
-
-KINDS = (".csv", ".md", ".toml")
-"""Suffixes of the files that are copied, and the licence of data of others: no scripts."""
-
-
-def example_files(name: str) -> dict[str, Path]:
-    """Return the files of an example by their names in its folder.
-
-    In a source tree they are those that are edited, otherwise the copies inside the package.
-
-    Parameters
-    ----------
-    name : str
-        Of the example, as ``anhyst init --example`` takes it.
-
-    Returns
-    -------
-    dict of str to Path
-
-    Raises
-    ------
-    InputError
-        There is no such example, or the installation is not complete.
-    """
-    if name not in NEXT:
-        raise InputError(
-            f"example: '{name}' is not known; there are: {', '.join(NEXT)}",
-            code="unknown-example",
-            key="example",
-        )
-    package = Path(__file__).resolve().parents[1]
-    for root in (package.parents[1] / "examples", package / "_examples"):
-        folder = root / name
-        every = (path for path in folder.rglob("*") if path.is_file())
-        files = sorted(path for path in every if path.suffix in KINDS or path.name == "LICENSE")
-        if files:
-            return {path.relative_to(folder).as_posix(): path for path in files}
-    raise InputError(
-        f"{package}: the examples are missing; install anhyst again", code="installation-incomplete"
-    )
-
-
-def check_new(out: PathLike, names: Sequence[str]) -> None:
-    """Find out before the work whether files can be put into a folder."""
-    target = Path(out)
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
-    for name in names:
-        if (target / name).exists():
-            raise InputError(
-                f"{target / name}: is there already; remove it or name another folder",
-                code="exists-already",
-            )
-
-
-def put(out: PathLike, texts: Mapping[str, str], copies: Mapping[str, Path]) -> None:
-    """Write texts and copies of files into a folder, all of them or none."""
-    check_new(out, [*texts, *{Path(name).parts[0] for name in copies}])
-    with whole_folder(out) as draft:
-        write_files(draft, texts)
-        for name, source in copies.items():
-            (draft / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source, draft / name)
-
+"""What to run in a drafted rig of each kind."""
 
 RIG, CONTROLLER, LOOPS = "rig.toml", "controller.toml", "loops"
 """What is written; loops are copied into a folder, so that no file of theirs meets ours."""
@@ -184,7 +99,7 @@ def init_bearing(
         raise error.at(source.text) from error
     drafts = draft_bearing(source.name, source.key, source.reading, reach, machine, numbers)
     files = {RIG: drafts.rig, CONTROLLER: drafts.controller}
-    return _put(out, files, source, NEXT["bearing"], _found(reach, machine, numbers), machine)
+    return _put(out, files, source, RUN_BEARING, _found(reach, machine, numbers), machine)
 
 
 def _init_piezo(loops: Loops, source: _Source, out: PathLike, wanted: Wanted) -> Drafted:
@@ -227,15 +142,8 @@ def init_rig(
     except InputError as error:
         raise error.at(source.text) from error
     lines = [line] if (line := rate_line(loops)) else []
-    run = NEXT["solenoid" if stage is None else "stage"]
+    run = RUN_FORCE if stage is None else RUN_STAGE
     return _put(out, {RIG: draft}, source, run, (_magnet(reach), *lines))
-
-
-def init_example(name: str, out: PathLike) -> Drafted:
-    """Copy a bundled example."""
-    files = example_files(name)
-    put(out, {}, files)
-    return Drafted(Path(out), tuple(files), _commands(NEXT[name], out))
 
 
 class _Source:
@@ -270,7 +178,7 @@ def _put(
     found: tuple[str, ...],
     machine: Machine | None = None,
 ) -> Drafted:
-    put(out, {name: draft.text() for name, draft in files.items()}, source.copies)
+    add_files(out, {name: draft.text() for name, draft in files.items()}, source.copies)
     return Drafted(
         Path(out),
         (*files, *source.copies),

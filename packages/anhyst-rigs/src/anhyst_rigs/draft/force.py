@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from anhyst.support.errors import InputError
 from anhyst_rigs.draft.magnet import MeasuredMagnet
 from anhyst_rigs.draft.text import (
     SEED,
@@ -23,7 +24,6 @@ from anhyst_rigs.draft.text import (
     sensor_section,
     up,
 )
-from anhyst.support.errors import InputError
 
 EXAMPLE = "as in the example solenoid"
 

@@ -14,9 +14,9 @@ from anhyst.data.estimates import noise
 from anhyst.data.output_map import is_electromagnet
 from anhyst.data.speeds import rate_matters, slow_loops, speeds_of
 from anhyst.data.surface import Tangent, fit_plane, fit_surface
-from anhyst_rigs.draft.text import down, nearest
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.draft.text import down, nearest
 
 NEAR_TOP = 0.95
 """Share of the largest current from which samples say what force it makes."""

@@ -19,6 +19,8 @@ from anhyst.data import Loop, Loops
 from anhyst.data.estimates import noise
 from anhyst.data.path import correlation
 from anhyst.data.speeds import rate_of
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import (
     Draft,
     Entry,
@@ -32,8 +34,6 @@ from anhyst_rigs.draft.text import (
     step_down,
     up,
 )
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray
 
 CREEP = (1 / 100, 1 / 10, 1.0)
 """Time constants that are tried, in parts of the longest record: of slower ones it shows the begin."""

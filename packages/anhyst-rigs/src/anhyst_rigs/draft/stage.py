@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from anhyst.support.errors import InputError
 from anhyst_rigs.draft.bearing import SUPPLIES, force_sensor, measurement, shunt
 from anhyst_rigs.draft.magnet import MeasuredMagnet, Value, Wanted
 from anhyst_rigs.draft.text import (
@@ -24,7 +25,6 @@ from anhyst_rigs.draft.text import (
     step_up,
     up,
 )
-from anhyst.support.errors import InputError
 
 EXAMPLE = "as in the example stage"
 RATE, CROSSOVER = 20e3, 130.0

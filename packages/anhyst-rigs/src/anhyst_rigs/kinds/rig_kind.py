@@ -14,7 +14,7 @@ from anhyst.support.kinds import RIG_FORMAT, FileKind
 class RigKind(FileKind):
     """A kind of rig: its name, the verbs that take it, and where the work of each is done.
 
-    A package registers an instance as an entry point of the group ``anhyst_rigs.kinds``, whose name is
+    A package registers an instance as an entry point of the group ``anhyst.kinds``, whose name is
     the word. What a verb asks of a kind is a protocol beside the work of that verb, and `places`
     has the methods of the protocols of all verbs of the kind:
 
@@ -26,8 +26,8 @@ class RigKind(FileKind):
     - ``excite``: :class:`anhyst_rigs.study.excite.excite.HasSpecimen`
     - ``calibrate``: :class:`anhyst_rigs.study.tracking.calibrate.HasCalibration`
     - ``live``: :class:`anhyst_rigs.study.bench.HasBench`
-    - ``export``: :class:`anhyst_exchange.export.HasPart`
-    - ``compile``: :class:`anhyst_rigs.study.tracking.compiled.HasController`
+    - ``export``: :class:`anhyst_exchange.exporter.HasPart`
+    - ``compile``: :class:`anhyst.compilation.compiled_stage.HasController`
 
     A function is imported when it is first asked for, so that the kind of a file is known at once.
     The module of the record is imported by every verb that takes a file: it should import nothing

@@ -16,6 +16,9 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Self, TypeVar
 
+from anhyst.support.block_words import GENERATION_AT, LENGTH_AT, checksum, misfit
+from anhyst.support.errors import InputError
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link import frames
 from anhyst_rigs.link.frames import (
     ANSWERS,
@@ -41,9 +44,6 @@ from anhyst_rigs.link.frames import (
     StatusAnswer,
 )
 from anhyst_rigs.link.wire import BAUD, Frame, LinkPort, Port, Receiver, Status, encode
-from anhyst.support.block_words import GENERATION_AT, LENGTH_AT, checksum, misfit
-from anhyst.support.errors import InputError
-from anhyst.support.states import Command, Fault, State
 
 _Answer = TypeVar("_Answer", bound=Message)
 

@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from anhyst_rigs.link.virtual_boards import check_runs_here
+from anhyst.compilation.toolchain import actuator_defines
 from anhyst.support import running_version
-from anhyst.support.atomic import PathLike, core_folder, firmware_folder, write_bytes
+from anhyst.support.atomic import PathLike, core_folder, shipped_folder, write_bytes
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kept import compile_and_link
 from anhyst.support.kinds import COMPILED, refuse_other
+from anhyst_rigs.link.virtual_boards import check_runs_here
 
 _MANIFEST = "manifest.json"
 _WARNINGS = ["-Wall", "-Wextra", "-Wconversion"]
@@ -72,9 +73,9 @@ def check_compiler(board: str) -> None:
     _compiler(board)
 
 
-def actuator_defines(name: str) -> dict[str, str]:
-    """Return the macros by which ``boards/actuator.h`` knows around which actuator a program is built."""
-    return {"ACTUATOR_NAME": name, "ACTUATOR_MACRO": name.upper()}
+def firmware_folder() -> Path:
+    """Return the folder with the sources of the firmware."""
+    return shipped_folder("anhyst_rigs", "firmware", "_firmware", "boards")
 
 
 def _actuator(folder: Path) -> str:
@@ -111,7 +112,7 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     else:
         # A compensator alone needs no states; the firmware around it does.
         sources.append(core_folder() / "src" / "control" / "supervisor.c")
-        include.append(core_folder() / "include")
+    include.append(core_folder() / "include")
     for part in ("app", "link", "services", "xcp", body):
         sources += sorted((root / part).glob("*.c"))
     for sources_of_board in own:

@@ -20,10 +20,10 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from anhyst_rigs.link.frames import PlantDrive, PlantSample
-from anhyst_rigs.link.wire import LinkPort
 from anhyst.support.errors import InputError
 from anhyst.support.states import Fault, State
+from anhyst_rigs.link.frames import PlantDrive, PlantSample
+from anhyst_rigs.link.wire import LinkPort
 
 Q30 = float(1 << 30)
 Q31 = float(1 << 31)

@@ -19,10 +19,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
-from anhyst_rigs.link.frames import VERSION, Message, StatusAnswer
 from anhyst.support.errors import InputError
 from anhyst.support.states import Fault, Flag, State
 from anhyst.support.xcp_map import PACKET, SECRET
+from anhyst_rigs.link.frames import VERSION, Message, StatusAnswer
 
 _HEAD = struct.Struct("<BBBBI")
 _CHECK = struct.Struct("<I")

@@ -21,6 +21,10 @@ from queue import Empty, Queue
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.support.block_words import GENERATION_AT, LENGTH_AT
+from anhyst.support.errors import InputError
+from anhyst.support.states import Command, State
+from anhyst.support.xcp_map import AREAS, INPUTS, SIGNALS
 from anhyst_rigs.link.client import ControllerLink, Refused
 from anhyst_rigs.link.frames import (
     BlockDataRequest,
@@ -38,10 +42,6 @@ from anhyst_rigs.link.frames import (
     XcpRequest,
 )
 from anhyst_rigs.link.wire import BAUD, Port, framed, key_for, split
-from anhyst.support.block_words import GENERATION_AT, LENGTH_AT
-from anhyst.support.errors import InputError
-from anhyst.support.states import Command, State
-from anhyst.support.xcp_map import AREAS, INPUTS, SIGNALS
 
 _EVENT = 0xFD
 _COMMAND_LEAST = 0xFC

@@ -14,13 +14,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from anhyst.control.controller_file import ControllerFile
-from anhyst_rigs.reports.bearing.page import plant_text, structure
-from anhyst_rigs.reports.study.page import INK, SHADE, hashes, origin, page_text, picture
-from anhyst_rigs.reports.study.task import SimulationTask
-from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.study.bearing.operating import controller_of, make_ready
-from anhyst_rigs.study.benefit import AnyRig, Benefit, Comparison, MapCell, benefit, benefit_of_plants
-from anhyst_rigs.study.engine.table import Metric
 from anhyst.support.figures import ALARM, new_figure, styled
 from anhyst.support.page import (
     NBSP,
@@ -34,6 +27,20 @@ from anhyst.support.page import (
     number,
     table,
 )
+from anhyst_rigs.reports.bearing.page import plant_text, structure
+from anhyst_rigs.reports.study.page import INK, SHADE, hashes, origin, page_text, picture
+from anhyst_rigs.reports.study.task import SimulationTask
+from anhyst_rigs.rig.body import BodyRig
+from anhyst_rigs.study.bearing.operating import controller_of, make_ready
+from anhyst_rigs.study.benefit import (
+    AnyRig,
+    Benefit,
+    Comparison,
+    MapCell,
+    benefit,
+    benefit_of_plants,
+)
+from anhyst_rigs.study.engine.table import Metric
 
 STRONGEST = "the strongest baseline"
 _DARK = 0.45  # ratio below which its colour asks for white letters

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from anhyst.support.atomic import PathLike
+from anhyst.support.page import Block, Headline, Items, Note, PageTable, Section, Text, Tile, table
 from anhyst_rigs.reports.study.page import page_text, picture, write_page
 from anhyst_rigs.study.fleet import Fleet
 from anhyst_rigs.study.fleet_spread import FleetSpread
-from anhyst.support.atomic import PathLike
-from anhyst.support.page import Block, Headline, Items, Note, PageTable, Section, Text, Tile, table
 
 _MOST_ROWS = 200
 

@@ -10,6 +10,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from anhyst.support.errors import InputError
+from anhyst.support.figures import (
+    FALLING,
+    MEASURED,
+    RISING,
+    new_figure,
+    styled,
+    write_png,
+    write_svg,
+)
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
+from anhyst.support.page import Headline, Note, PageTable, Section, Text, Tile, number, table
 from anhyst_rigs.reports.benefit import map_plants
 from anhyst_rigs.reports.study.page import (
     COLOURS,
@@ -40,19 +53,6 @@ from anhyst_rigs.rig.recording import peak
 from anhyst_rigs.study.benefit import Benefit
 from anhyst_rigs.study.force_control import ForceControl, force_control
 from anhyst_rigs.study.force_trials import STAGES, TITLES, ForceOutcome, stage_of, worst_errors
-from anhyst.support.errors import InputError
-from anhyst.support.figures import (
-    FALLING,
-    MEASURED,
-    RISING,
-    new_figure,
-    styled,
-    write_png,
-    write_svg,
-)
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
-from anhyst.support.page import Headline, Note, PageTable, Section, Text, Tile, number, table
 
 
 @styled

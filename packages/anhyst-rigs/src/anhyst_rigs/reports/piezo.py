@@ -6,6 +6,9 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from anhyst.support.atomic import check_writable
+from anhyst.support.figures import new_figure, styled, write_svg
+from anhyst.support.page import NBSP, Headline, PageTable, Section
 from anhyst_rigs.reports.study.page import (
     Printed,
     hashes,
@@ -21,9 +24,6 @@ from anhyst_rigs.reports.study.task import SimulationTask, files_written
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.study.engine.table import Interval
 from anhyst_rigs.study.piezo import METRICS, TITLES, PiezoTracking, track
-from anhyst.support.atomic import check_writable
-from anhyst.support.figures import new_figure, styled, write_svg
-from anhyst.support.page import NBSP, Headline, PageTable, Section
 
 LOOK = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
 

@@ -9,6 +9,20 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from anhyst.support.figures import new_figure, panels, styled
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
+from anhyst.support.page import (
+    MINUS,
+    NBSP,
+    Headline,
+    Items,
+    Note,
+    PageTable,
+    Section,
+    number,
+    table,
+)
 from anhyst_rigs.reports.study.page import (
     COLOURS,
     Printed,
@@ -24,20 +38,6 @@ from anhyst_rigs.reports.study.page import (
 from anhyst_rigs.rig.drift import Drift
 from anhyst_rigs.rig.tables import SPREADS, SPREADS_OF_AXES
 from anhyst_rigs.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
-from anhyst.support.figures import new_figure, panels, styled
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
-from anhyst.support.page import (
-    MINUS,
-    NBSP,
-    Headline,
-    Items,
-    Note,
-    PageTable,
-    Section,
-    number,
-    table,
-)
 
 
 def printed(runs: MonteCarlo) -> Printed:

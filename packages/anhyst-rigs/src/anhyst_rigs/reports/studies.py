@@ -6,6 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
 
+from anhyst.support.atomic import PathLike, check_writable, write_json
+from anhyst.support.jobs import Progress, in_parts
+from anhyst.support.page import PageTable
 from anhyst_rigs.reports import plants
 from anhyst_rigs.reports.study.page import Printed, write_page
 from anhyst_rigs.reports.study.task import MONTE_CARLO, SimulationTask
@@ -18,9 +21,6 @@ from anhyst_rigs.study.engine.table import StudyResult
 from anhyst_rigs.study.force_control import ForceControl
 from anhyst_rigs.study.piezo import PiezoTracking
 from anhyst_rigs.study.tracking.simulate import TrackingStudy
-from anhyst.support.atomic import PathLike, check_writable, write_json
-from anhyst.support.jobs import Progress, in_parts
-from anhyst.support.page import PageTable
 
 
 def lines_of(result: StudyResult, printed: Printed, written: str) -> Iterator[str | PageTable]:

@@ -8,6 +8,10 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
+from anhyst.support.figures import new_figure, styled
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
+from anhyst.support.page import NBSP, Headline, Items, Note, PageTable, Section, Text, number, table
 from anhyst_rigs.reports.study.page import (
     INK,
     SHADE,
@@ -38,10 +42,6 @@ from anhyst_rigs.study.tracking.measures import (
     cross_metrics,
 )
 from anhyst_rigs.study.tracking.simulate import OWN, TrackingStudy, TriedVariant, explore_stage
-from anhyst.support.figures import new_figure, styled
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
-from anhyst.support.page import NBSP, Headline, Items, Note, PageTable, Section, Text, number, table
 
 
 def limits(study: TrackingStudy) -> list[str]:

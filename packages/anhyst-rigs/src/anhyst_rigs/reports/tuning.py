@@ -10,12 +10,12 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from anhyst.support.figures import ALARM, new_figure, styled, write_png
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.reports.study.page import COLOURS, INK, legend_below, line_of, ordered
 from anhyst_rigs.study.engine.table import Metric
 from anhyst_rigs.study.tuning.aims import TITLES, Aims, GainFigures
 from anhyst_rigs.study.tuning.result import RESULTS, Tuning, keeps_others
-from anhyst.support.figures import ALARM, new_figure, styled, write_png
-from anhyst.support.kinds import MethodName
 
 
 @dataclass(frozen=True)

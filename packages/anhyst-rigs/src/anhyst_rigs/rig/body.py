@@ -12,6 +12,12 @@ import numpy as np
 
 from anhyst._core import Coil, Magnet
 from anhyst.model.actuator import Model, read_model
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
+from anhyst.support.toml_file import FileFault, Table, faults_error
+from anhyst.support.toml_text import Path as KeyPath
 from anhyst_rigs.rig.calibration import (
     CENTRE,
     OF_ONE_AXIS,
@@ -34,12 +40,6 @@ from anhyst_rigs.rig.parts.magnet import (
     law_magnet,
     read_flux_table,
 )
-from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
-from anhyst.support.toml_file import FileFault, Table, faults_error
-from anhyst.support.toml_text import Path as KeyPath
 
 LEAST_HOLD = 8
 """Ticks for which a step is held, to judge it by."""

@@ -13,10 +13,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from anhyst_rigs.rig.file import RigFile
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import CALIBRATION, MethodName
 from anhyst.support.toml_file import NotNegative, Number, Positive, Table, read_toml
+from anhyst_rigs.rig.file import RigFile
 
 ParameterName = str
 """Of a magnet, by its number: ``scale``, the part by which its current (with ``flux`` and ``fused`` its

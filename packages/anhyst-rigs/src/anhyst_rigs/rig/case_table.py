@@ -8,7 +8,6 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from anhyst_rigs.rig.magnet_table import OPENS, Direction
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import (
     BRANCH,
@@ -21,6 +20,7 @@ from anhyst.support.toml_file import (
     ordered,
     tag_by,
 )
+from anhyst_rigs.rig.magnet_table import OPENS, Direction
 
 Peaks = Annotated[list[Positive], Field(min_length=2)]
 

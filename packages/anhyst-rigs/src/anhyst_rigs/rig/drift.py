@@ -14,6 +14,7 @@ from anhyst.laws import law_of
 from anhyst.laws.law import Role
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
+from anhyst.support.errors import InputError
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import AnyRig
@@ -21,7 +22,6 @@ from anhyst_rigs.rig.parts.iron import NamedCells
 from anhyst_rigs.rig.parts.magnet import iron_magnet
 from anhyst_rigs.rig.plant import make_plant, plant_numbers
 from anhyst_rigs.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
-from anhyst.support.errors import InputError
 
 CUT = 3.0
 """Standard deviations at which the distribution of a change ends."""

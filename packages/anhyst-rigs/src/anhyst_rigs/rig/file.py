@@ -11,6 +11,9 @@ from typing import Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
 from pydantic import Field
 
+from anhyst.support.kinds import FileKind, rig_kinds
+from anhyst.support.toml_file import Table
+from anhyst.support.toml_text import Path as KeyPath
 from anhyst_rigs.rig.case_table import (
     CaseEntry,
     DisplacementCase,
@@ -53,9 +56,6 @@ from anhyst_rigs.rig.tables import (
     TimingTable,
     TrackingTable,
 )
-from anhyst.support.kinds import FileKind, rig_kinds
-from anhyst.support.toml_file import Table
-from anhyst.support.toml_text import Path as KeyPath
 
 MOST_SEED = 1 << 31
 """Seeds are below it."""

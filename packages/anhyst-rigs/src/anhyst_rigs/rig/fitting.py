@@ -19,12 +19,12 @@ from anhyst.identification.run import IdentifyTable
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.model.schema import LawName
+from anhyst.support.errors import CreepWarning
+from anhyst.support.kinds import PROBED, MethodName, NumberFormat
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.distance import PlantCheck, along, distance, follower, model_distance
 from anhyst_rigs.rig.drift import Drift, drifted_law
 from anhyst_rigs.rig.measurement_table import identify_loops, misclosures
-from anhyst.support.errors import CreepWarning
-from anhyst.support.kinds import PROBED, MethodName, NumberFormat
 
 
 @dataclass(frozen=True)

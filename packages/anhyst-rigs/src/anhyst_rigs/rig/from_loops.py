@@ -21,15 +21,15 @@ from anhyst._core import Magnet
 from anhyst.data import Loops
 from anhyst.data.speeds import slow_loops, speeds_of
 from anhyst.data.verdict import largest_output
+from anhyst.support.errors import InputError
+from anhyst.support.kept import kept
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import MU_0
 from anhyst_rigs.rig.distance import along, along_in_time, follower, thinned
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.magnet_table import FROM_LOOPS, POLES, MagnetTable, SolidTable
 from anhyst_rigs.rig.parts.iron import NamedCells
 from anhyst_rigs.rig.parts.magnet import Poles, iron_magnet
-from anhyst.support.errors import InputError
-from anhyst.support.kept import kept
-from anhyst.support.numeric import FloatArray
-from anhyst.support.units import MU_0
 
 CELLS = 24
 """Pinned cells."""

@@ -6,6 +6,10 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from anhyst.support.atomic import PathLike
+from anhyst.support.kinds import rig_kinds
+from anhyst.support.toml_file import FileFault, Table, faults_error, read_toml
+from anhyst.support.toml_text import Path as KeyPath
 from anhyst_rigs.rig.case_table import (
     DisplacementCase,
     ForceCase,
@@ -18,7 +22,14 @@ from anhyst_rigs.rig.case_table import (
     TrajectoryCase,
 )
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.magnet_table import CLOSES, FROM_LOOPS, OPENS, LikeTable, MagnetTable, SolenoidTable
+from anhyst_rigs.rig.magnet_table import (
+    CLOSES,
+    FROM_LOOPS,
+    OPENS,
+    LikeTable,
+    MagnetTable,
+    SolenoidTable,
+)
 from anhyst_rigs.rig.measurement_table import identify_faults
 from anhyst_rigs.rig.sensor_table import (
     CurrentSensorTable,
@@ -38,10 +49,6 @@ from anhyst_rigs.rig.tables import (
     TimingTable,
     TrackingTable,
 )
-from anhyst.support.atomic import PathLike
-from anhyst.support.kinds import rig_kinds
-from anhyst.support.toml_file import FileFault, Table, faults_error, read_toml
-from anhyst.support.toml_text import Path as KeyPath
 
 KINDS = ("levitation", "tracking", "axes", "force", "displacement")
 """Columns of the grids below: the words of ``control.kind``, and a stage of several coordinates."""

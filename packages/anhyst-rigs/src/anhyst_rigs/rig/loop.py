@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from anhyst._core import LoopController, Plant, PlantLoop
 from anhyst.compensate.force_controller import ForceController
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.plant import current_loops, make_plant
 from anhyst_rigs.rig.recording import Recording, column
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
 
 DROP, SHORT, FAILS = 256, 512, 16
 """Of a command: bits of a dropped sample and of a short circuit, first bit of what fails;

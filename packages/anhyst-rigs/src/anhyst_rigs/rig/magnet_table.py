@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from anhyst.data.output_map import output_map
-from anhyst_rigs.rig.parts.magnet import ACTUATORS, Poles, Solid
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import BRANCH, Name, NotNegative, Number, Positive, Table
 from anhyst.support.units import QUANTITIES
+from anhyst_rigs.rig.parts.magnet import ACTUATORS, Poles, Solid
 
 FROM_LOOPS = "from loops"
 

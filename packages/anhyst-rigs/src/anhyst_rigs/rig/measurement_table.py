@@ -17,7 +17,7 @@ from anhyst.data.verdict import closings, largest_output
 from anhyst.identification import identify
 from anhyst.identification.identify import check_wanted
 from anhyst.identification.run import IdentifyTable, whole_search
-from anhyst.laws import LAWS, OWN
+from anhyst.laws import LAWS
 from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -186,7 +186,7 @@ def identify_loops(
         return whole_search(identify(loops, **settings, progress=progress)).model
 
     # What else is registered has sources that the cache does not know.
-    return whole() if LAWS.keys() - OWN else kept("models", whole, loops, settings)
+    return whole() if LAWS.added else kept("models", whole, loops, settings)
 
 
 _FINEST = 2e-4

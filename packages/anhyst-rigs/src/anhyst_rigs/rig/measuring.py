@@ -14,13 +14,13 @@ from anhyst._core import Coil
 from anhyst.data import Loops
 from anhyst.data.loops import Loop
 from anhyst.data.path import History
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import QUANTITIES
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.measurement_table import MeasurementTable
 from anhyst_rigs.rig.piezo import PiezoRig
 from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray
-from anhyst.support.units import QUANTITIES
 
 _WHOLE = 1e-6
 """Of a step: so much more than a whole number of them is rounding."""

@@ -18,14 +18,14 @@ from anhyst._core import PiezoLoop, PiezoMotion
 from anhyst.compensate.force_controller import ForceController
 from anhyst.control.pidd2 import Biquad, integrator, notch
 from anhyst.control.position import Allocation
-from anhyst_rigs.rig.body import frequency_faults
-from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.kind_rules import read_rig_file
-from anhyst_rigs.rig.recording import Loss, SignalBound, find_loss
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import faults_error
+from anhyst_rigs.rig.body import frequency_faults
+from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.rig.kind_rules import read_rig_file
+from anhyst_rigs.rig.recording import Loss, SignalBound, find_loss
 
 STEP = 25e-6
 """Longest step of the integration, s: a fortieth of the period of 1 kHz."""

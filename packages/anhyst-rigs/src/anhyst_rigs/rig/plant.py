@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from anhyst._core import Magnet, Plant
+from anhyst.support.numeric import passed
 from anhyst_rigs.rig.body import BodyRig, travel_m
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.tables import AXES
-from anhyst.support.numeric import passed
 
 STOP_RESONANCE = 1600.0
 """Of the mass on an end stop, Hz; half of critical damping while it touches."""

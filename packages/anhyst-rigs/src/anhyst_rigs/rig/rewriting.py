@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from anhyst_rigs.rig.file import RigFile
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable, seen_from
 from anhyst.support.toml_file import TomlFile
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import parts_of, toml_key, toml_value, with_comment
+from anhyst_rigs.rig.file import RigFile
 
 
 def rewrite_rig(source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any], note: str) -> None:

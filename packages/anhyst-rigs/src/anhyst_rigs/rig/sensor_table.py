@@ -15,7 +15,6 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from anhyst._core import Sensor
-from anhyst_rigs.rig.magnet_table import Direction, Place
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, passed
 from anhyst.support.toml_file import (
@@ -28,6 +27,7 @@ from anhyst.support.toml_file import (
     ordered,
     tag_by,
 )
+from anhyst_rigs.rig.magnet_table import Direction, Place
 
 GainError = Annotated[float, Field(gt=-0.5, lt=0.5)]
 

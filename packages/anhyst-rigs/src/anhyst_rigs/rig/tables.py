@@ -9,7 +9,6 @@ from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from anhyst_rigs.rig.magnet_table import ORIGIN, Place
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.toml_file import (
@@ -22,6 +21,7 @@ from anhyst.support.toml_file import (
     ordered,
     tag_by,
 )
+from anhyst_rigs.rig.magnet_table import ORIGIN, Place
 
 Spread = Annotated[float, Field(ge=0.0, le=30.0)]
 Ratio = Annotated[float, Field(gt=0.0, le=1000.0)]

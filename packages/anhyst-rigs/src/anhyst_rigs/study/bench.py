@@ -21,8 +21,15 @@ from typing import Any, Protocol
 
 from anhyst.compensate.block import DemandLimits, Kind
 from anhyst.compensate.plan import CompileRequest
-from anhyst_rigs.link.xcp import XcpMaster
 from anhyst.model.actuator import Model, read_model
+from anhyst.support.atomic import PathLike, cache_folder, core_folder
+from anhyst.support.block_words import Scales
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress, all_of, in_parts
+from anhyst.support.kept import computed_with, forget, load, sealed
+from anhyst.support.kinds import COMPILED, MethodName, capability, refuse_other
+from anhyst.support.toml_file import take_rig
+from anhyst_rigs.link.xcp import XcpMaster
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.force import ForceBench
 from anhyst_rigs.rig.bench.hardware import HardwareBench
@@ -51,13 +58,6 @@ from anhyst_rigs.study.prepared import (
     PreparedStage,
 )
 from anhyst_rigs.study.tracking.simulate import OWN, check_calibration, find_gains
-from anhyst.support.atomic import PathLike, cache_folder, core_folder, firmware_folder
-from anhyst.support.block_words import Scales
-from anhyst.support.errors import InputError
-from anhyst.support.jobs import Progress, all_of, in_parts
-from anhyst.support.kept import computed_with, forget, load, sealed
-from anhyst.support.kinds import COMPILED, MethodName, capability, refuse_other
-from anhyst.support.toml_file import take_rig
 
 
 def open_bench(

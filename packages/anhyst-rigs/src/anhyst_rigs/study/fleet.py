@@ -12,6 +12,11 @@ import numpy as np
 
 from anhyst.data.formats.text import write_csv
 from anhyst.identification.space import coordinate_of
+from anhyst.support.atomic import PathLike, check_writable, write_json
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.numeric import FloatArray
+from anhyst.support.result import Result, columns_of
 from anhyst_rigs.study.fleet_magnets import (
     MODEL,
     FleetSettings,
@@ -23,11 +28,6 @@ from anhyst_rigs.study.fleet_magnets import (
     share,
 )
 from anhyst_rigs.study.fleet_spread import FleetSpread, MagnetEstimate, spread_of
-from anhyst.support.atomic import PathLike, check_writable, write_json
-from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, all_of
-from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

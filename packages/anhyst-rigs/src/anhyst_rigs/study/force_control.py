@@ -16,10 +16,16 @@ from anhyst.compensate.force_controller import Compensator
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data.table import check_format, read_columns
-from anhyst_rigs.link.firmware import build, check_compiler
-from anhyst_rigs.link.virtual_boards import find_qemu
 from anhyst.model.actuator import Model
 from anhyst.model.writer import write_model
+from anhyst.support.atomic import PathLike, whole_folder, write_json
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress, all_of, in_parts
+from anhyst.support.kinds import MethodName
+from anhyst.support.result import columns_of
+from anhyst.verification.result import Verification
+from anhyst_rigs.link.firmware import build, check_compiler
+from anhyst_rigs.link.virtual_boards import find_qemu
 from anhyst_rigs.rig.distance import PlantCheck
 from anhyst_rigs.rig.force.bench import Demand, triangle, with_lead_in
 from anhyst_rigs.rig.force.file import Rig, read_rig
@@ -38,12 +44,6 @@ from anhyst_rigs.study.force_trials import (
     run_trial,
     verdict_of,
 )
-from anhyst.support.atomic import PathLike, whole_folder, write_json
-from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, all_of, in_parts
-from anhyst.support.kinds import MethodName
-from anhyst.support.result import columns_of
-from anhyst.verification.result import Verification
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

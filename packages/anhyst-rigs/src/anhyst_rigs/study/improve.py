@@ -19,6 +19,9 @@ from anhyst.data.path import thinned
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
+from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.bench.protocol import Signal
 from anhyst_rigs.rig.recording import peak
 from anhyst_rigs.study.excite.design import Bound, Specimen
@@ -26,9 +29,6 @@ from anhyst_rigs.study.excite.excite import Excitation, measure, write_excitatio
 from anhyst_rigs.study.excite.on_board import DrivenBoard, measure_on_board
 from anhyst_rigs.study.prepared import Improvable, PreparedBoard, block_of
 from anhyst_rigs.study.watch import LEARN, RUN_LENGTH, DriftWatch
-from anhyst.support.errors import InputError
-from anhyst.support.jobs import Progress
-from anhyst.support.numeric import FloatArray, rms
 
 SAMPLES_HZ = 250.0
 """Rows a second that are looked at."""

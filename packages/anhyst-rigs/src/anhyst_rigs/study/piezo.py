@@ -27,16 +27,23 @@ from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.identification import identify
 from anhyst.identification.run import whole_search
 from anhyst.model.actuator import Model
-from anhyst_rigs.rig.measuring import read_stack
-from anhyst_rigs.rig.piezo import SEED, PiezoRig, at_rest, notch_of, piezo_loss, rounded, triangle
-from anhyst_rigs.rig.recording import Recording, peak
-from anhyst_rigs.study.engine.table import FIGURES, ComparedFigure, Judgement, Metric, StudyResult, judge
 from anhyst.support.atomic import PathLike
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.result import columns_of
 from anhyst.support.units import QUANTITIES
+from anhyst_rigs.rig.measuring import read_stack
+from anhyst_rigs.rig.piezo import SEED, PiezoRig, at_rest, notch_of, piezo_loss, rounded, triangle
+from anhyst_rigs.rig.recording import Recording, peak
+from anhyst_rigs.study.engine.table import (
+    FIGURES,
+    ComparedFigure,
+    Judgement,
+    Metric,
+    StudyResult,
+    judge,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -20,6 +20,10 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.model.actuator import Model
+from anhyst.support.atomic import PathLike
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import rms
 from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at, make_setups
 from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
 from anhyst_rigs.rig.body import BodyRig
@@ -60,10 +64,6 @@ from anhyst_rigs.study.tracking.simulate import (
     refuse_unstable,
     settle,
 )
-from anhyst.support.atomic import PathLike
-from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import rms
 
 STANDSTILL_S = 0.25
 BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued")

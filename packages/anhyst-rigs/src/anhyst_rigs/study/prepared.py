@@ -15,6 +15,9 @@ from anhyst.compilation.controller import BEYOND
 from anhyst.data import Loops
 from anhyst.model.actuator import Model, has_layers
 from anhyst.model.schema import ValidRange
+from anhyst.support.block_words import Scales
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst_rigs.rig.bearing.loop import BearingSetup, pair_of
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.force import ForceBench
@@ -28,9 +31,6 @@ from anhyst_rigs.rig.piezo import PiezoRig
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup
 from anhyst_rigs.study.excite.design import Specimen, bearing_specimen, force_specimen
 from anhyst_rigs.study.tracking.beside import BearingLearner, StageLearner
-from anhyst.support.block_words import Scales
-from anhyst.support.errors import InputError
-from anhyst.support.jobs import Progress
 
 _SAME_GAP = 1e-6
 """Of the range: so far may the ends of the measured gaps be inside those of a board."""

@@ -1,0 +1,1 @@
+"""The verbs of rigs, as :mod:`anhyst.verbs` describes them."""

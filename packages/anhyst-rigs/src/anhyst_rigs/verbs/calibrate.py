@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from anhyst.cli.shared import Part
     from anhyst.control.controller_file import ControllerFile
+    from anhyst.support.atomic import PathLike
+    from anhyst.support.kinds import MethodName
     from anhyst_rigs.rig.body import BodyRig
     from anhyst_rigs.rig.fitting import IdentifiedMagnet
     from anhyst_rigs.rig.recording import Recording
     from anhyst_rigs.study.tracking.calibrate import Calibration
-    from anhyst.support.atomic import PathLike
-    from anhyst.support.kinds import MethodName
 
 PLACE = 34, "Rigs, simulated and real"
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 if TYPE_CHECKING:
     from anhyst.cli.shared import Part
-    from anhyst_rigs.study.excite.excite import Excitation
-    from anhyst_rigs.study.tracking.excitation import CalibratingMove
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
+    from anhyst_rigs.study.excite.excite import Excitation
+    from anhyst_rigs.study.tracking.excitation import CalibratingMove
 
 PLACE = 36, "Rigs, simulated and real"
 PROGRESS = "measuring"
@@ -94,12 +94,12 @@ def excite(
 
     anhyst excite --calibrate examples/stage/rig.toml --out run.csv
     """
+    from anhyst.support.atomic import check_path, check_picture, write_figure
+    from anhyst.support.errors import InputError
     from anhyst_rigs.reports.excitation import figure_excitation
     from anhyst_rigs.study.bench import address_of, through
     from anhyst_rigs.study.excite.excite import excite as work
     from anhyst_rigs.study.tracking.excitation import excite_to_calibrate
-    from anhyst.support.atomic import check_path, check_picture, write_figure
-    from anhyst.support.errors import InputError
 
     if calibrate:
         if folder or xcp or port:

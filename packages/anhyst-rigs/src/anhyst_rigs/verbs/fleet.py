@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from anhyst.cli.shared import Part
     from anhyst.data.path import HistoryLike
-    from anhyst_rigs.study.fleet import Fleet
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
+    from anhyst_rigs.study.fleet import Fleet
 
 PLACE = 14, "From measurements to a model"
 PROGRESS = "magnets"
@@ -98,11 +98,11 @@ def fleet(
 
     from anhyst.data.path import history_text
     from anhyst.identification.identify import check_wanted
+    from anhyst.support.atomic import check_path
+    from anhyst.support.jobs import workers_of
     from anhyst_rigs.reports.fleet import write_fleet_report
     from anhyst_rigs.study.fleet import fleet as work
     from anhyst_rigs.study.fleet_magnets import FleetSettings
-    from anhyst.support.atomic import check_path
-    from anhyst.support.jobs import workers_of
 
     check_path(magnets, "fleet: magnets", "the path of a folder")
     check_path(out, "fleet: out")

@@ -10,9 +10,9 @@ from anhyst.verbs import verify as verifying
 
 if TYPE_CHECKING:
     from anhyst.cli.shared import Part
-    from anhyst_rigs.study.force_control import ForceControl
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
+    from anhyst_rigs.study.force_control import ForceControl
 
 PLACE = 35, "Rigs, simulated and real"
 PROGRESS = "force control"
@@ -76,10 +76,10 @@ def force_control(
     """
     from dataclasses import replace
 
-    from anhyst_rigs.reports.force import draw
-    from anhyst_rigs.study.force_control import force_control as work
     from anhyst.support.atomic import check_path
     from anhyst.support.page import table
+    from anhyst_rigs.reports.force import draw
+    from anhyst_rigs.study.force_control import force_control as work
     from anhyst_rigs.verbs.init import init
 
     given: Sequence[Any] = rig if isinstance(rig, list | tuple) and rig else [rig]

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from anhyst_rigs.draft.drafting import Drafted
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
+    from anhyst_rigs.draft.drafting import Drafted
 
 PLACE = 31, "Rigs, simulated and real"
 PROGRESS = "reading"
@@ -26,7 +26,6 @@ def init(
     gap: float | None = None,
     force_control: bool = False,
     stage: bool = False,
-    example: str | None = None,
     progress: Progress | None = None,
     **reading: Any,
 ) -> Drafted:
@@ -54,9 +53,6 @@ def init(
         Create a rig for force control instead.
     stage : bool
         Create a stage instead. It follows set-points between two such magnets.
-    example : str, ``NAME``, optional
-        Copy a bundled example instead: 'bearing', 'electromagnet', 'magnetostrictive', 'piezo',
-        'solenoid', 'stage' or 'steels'.
     progress : callable, optional
         Called with bytes read and file size.
     **reading
@@ -81,18 +77,15 @@ def init(
     anhyst init loops.csv --force-control --out my
 
     anhyst init loops.csv --stage --mass 10 --out my
-
-    anhyst init --example bearing --out my
     """
     import os
 
-    from anhyst.data.clean import ReadOptions
     from anhyst.data.source import options_of
     from anhyst.data.table import check_source, is_frame
-    from anhyst_rigs.draft.drafting import init_bearing, init_example, init_rig
-    from anhyst_rigs.draft.magnet import Wanted
     from anhyst.support.atomic import check_path
     from anhyst.support.errors import InputError, wrong_type
+    from anhyst_rigs.draft.drafting import init_bearing, init_rig
+    from anhyst_rigs.draft.magnet import Wanted
 
     check_path(out, "init: out")
     wanted, options = Wanted(mass, load, gap), options_of("init", **reading)
@@ -108,19 +101,12 @@ def init(
             code="option-not-for-this",
             key="--stage",
         )
-    if example is not None:
-        if loops or force_control or stage or wanted != Wanted() or options != ReadOptions():
-            raise InputError(
-                "--example is complete: leave out all but --out",
-                code="option-not-for-this",
-                key="--example",
-            )
-        return init_example(example, out)
     if loops is not None and is_frame(loops):
         raise wrong_type("init: loops", "a file, a folder or a list of files", loops)
     if loops is None or (isinstance(loops, Sequence) and not loops):
         raise InputError(
-            "nothing to begin with: name files with loops, or --example bearing", code="no-loops"
+            "nothing to begin with: name files with loops; anhyst example copies some",
+            code="no-loops",
         )
     check_source(loops, "init: loops", "a file, a folder or a list of files")
     paths = [loops] if isinstance(loops, str | os.PathLike) else list(loops)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from anhyst_rigs.dashboard.recording import RecordingFile
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
+    from anhyst_rigs.dashboard.recording import RecordingFile
 
 PLACE = 41, "During operation"
 PACKAGES = ("orjson", "starlette", "uvicorn", "websockets")

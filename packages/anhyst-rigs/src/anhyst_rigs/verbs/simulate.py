@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 if TYPE_CHECKING:
     from anhyst.cli.printing import TerminalTable
     from anhyst.cli.shared import Part
+    from anhyst.support.atomic import PathLike
+    from anhyst.support.jobs import Progress
     from anhyst_rigs.reports.studies import Simulated, Studied
     from anhyst_rigs.study.bearing.board_faults import Ending
     from anhyst_rigs.study.bearing.on_board import BoardComparison
     from anhyst_rigs.study.benefit import Benefit, Comparison
-    from anhyst.support.atomic import PathLike
-    from anhyst.support.jobs import Progress
 
 PLACE = 32, "Rigs, simulated and real"
 
@@ -123,6 +123,11 @@ def simulate(
 
     anhyst simulate examples/stage/rig.toml --out run/scan.csv
     """
+    from anhyst.support.atomic import check_path
+    from anhyst.support.errors import InputError
+    from anhyst.support.jobs import workers_of
+    from anhyst.support.kinds import capability
+    from anhyst.support.toml_file import take_rig
     from anhyst_rigs.reports.studies import (
         HasBenefit,
         HasBoard,
@@ -132,11 +137,6 @@ def simulate(
     )
     from anhyst_rigs.reports.studies import monte_carlo as run_plants
     from anhyst_rigs.reports.study.task import SimulationTask
-    from anhyst.support.atomic import check_path
-    from anhyst.support.errors import InputError
-    from anhyst.support.jobs import workers_of
-    from anhyst.support.kinds import capability
-    from anhyst.support.toml_file import take_rig
 
     check_path(rig, "simulate: rig", "the path of a rig file")
     switches = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
@@ -170,13 +170,13 @@ def warnings(result: Studied) -> Sequence[str]:
 
 def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
     """Return what a terminal shows of the study, whichever it is."""
+    from anhyst.support.kinds import capability, rig_kinds
     from anhyst_rigs.reports import plants
     from anhyst_rigs.reports.studies import HasSimulation, lines_of
     from anhyst_rigs.reports.study.task import files_written
     from anhyst_rigs.study.bearing.on_board import BoardComparison
     from anhyst_rigs.study.benefit import Benefit
     from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
-    from anhyst.support.kinds import capability, rig_kinds
 
     out = given["out"]
     if isinstance(result, BoardComparison):

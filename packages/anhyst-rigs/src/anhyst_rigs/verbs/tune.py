@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from anhyst.cli.shared import Part
-    from anhyst_rigs.study.tuning.result import Tuning
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
+    from anhyst_rigs.study.tuning.result import Tuning
 
 PLACE = 33, "Rigs, simulated and real"
 PROGRESS = "tuning"
@@ -114,11 +114,11 @@ def tune(
     """
     from pathlib import Path
 
+    from anhyst.support.atomic import check_path
+    from anhyst.support.jobs import workers_of
     from anhyst_rigs.reports.tuning import write_pareto
     from anhyst_rigs.study.tuning.aims import Aims
     from anhyst_rigs.study.tuning.tuning import tune as work
-    from anhyst.support.atomic import check_path
-    from anhyst.support.jobs import workers_of
 
     check_path(rig, "tune: rig", "the path of a rig file")
     folder = Path(check_path(out, "tune: out"))
@@ -172,8 +172,8 @@ def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[Part]:
 
 def refuse(result: Tuning, _: Mapping[str, Any]) -> None:
     """Raise an error if the search was interrupted or requirements were missed."""
-    from anhyst_rigs.study.tuning.result import shortfall
     from anhyst.support.errors import Interrupted, NegativeResult
+    from anhyst_rigs.study.tuning.result import shortfall
 
     if result.interrupted:
         kept = ", ".join(str(path) for path in result.written.values())

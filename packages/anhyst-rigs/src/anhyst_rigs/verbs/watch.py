@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from anhyst.data.loops import Loops
     from anhyst.model.actuator import Model
-    from anhyst_rigs.study.watch import Watched
     from anhyst.support.atomic import PathLike
+    from anhyst_rigs.study.watch import Watched
 
 PLACE = 42, "During operation"
 

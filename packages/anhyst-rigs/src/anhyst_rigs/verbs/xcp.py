@@ -31,9 +31,9 @@ def xcp(port: str, listen: int = 5555, *, started: Callable[[int], None] | None 
     --------
     anhyst xcp /dev/ttyACM0
     """
+    from anhyst.support.atomic import check_path
     from anhyst_rigs.link.client import ControllerLink
     from anhyst_rigs.link.xcp import XcpBridge
-    from anhyst.support.atomic import check_path
 
     check_path(port, "xcp: port", "the port of a controller")
     with ControllerLink(port) as controller:

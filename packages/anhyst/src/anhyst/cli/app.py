@@ -13,7 +13,8 @@ from typing import Annotated, Any, cast
 
 import typer
 
-from anhyst.cli.generate import add_command, read_verbs
+from anhyst import verbs
+from anhyst.cli.generate import add_absent, add_command, read_verbs
 from anhyst.cli.printing import printer, start_printing
 from anhyst.cli.shared import one_line, say_error, warn
 from anhyst.support.errors import (
@@ -44,6 +45,10 @@ app = typer.Typer(
 )
 for _verb in read_verbs():
     add_command(app, _verb)
+for _package, _names in verbs.ELSEWHERE.items():
+    for _name in _names:
+        if verbs.package_with(_name):
+            add_absent(app, _name, _package)
 
 
 def _print_version(asked_for: bool) -> None:
@@ -73,9 +78,9 @@ def _anhyst(
 
 
 @cache
-def command_of(verbs: typer.Typer) -> Callable[..., Any]:
+def command_of(commands: typer.Typer) -> Callable[..., Any]:
     """Return what runs the verbs: their options take a while to gather."""
-    return typer.main.get_command(verbs)
+    return typer.main.get_command(commands)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

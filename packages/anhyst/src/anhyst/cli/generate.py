@@ -19,6 +19,7 @@ from typing import Annotated, Any, Literal, get_origin
 
 import typer
 
+from anhyst import verbs
 from anhyst.cli.docstring import Described, Docstring, read_docstring, with_options
 from anhyst.cli.reading import read_options
 from anhyst.cli.shared import (
@@ -32,7 +33,7 @@ from anhyst.cli.shared import (
     show_with,
     warn,
 )
-from anhyst.support.errors import Interrupted
+from anhyst.support.errors import InputError, Interrupted
 
 Given = Mapping[str, Any]
 """The arguments of a verb, as the command line gives them to its function."""
@@ -101,9 +102,20 @@ class Verb:
 
 
 def read_verbs() -> list[Verb]:
-    """Return every verb, in the order of the help."""
-    package = import_module("anhyst.verbs")
-    found = [Verb(name, import_module(f"anhyst.verbs.{name}")) for name in package.names()]
+    """Return every verb, in the order of the help; warn of one of another package that cannot be used."""
+    found = []
+    for fault in verbs.faults():
+        warn(f"left out: {fault}")
+    for name, place in verbs.modules().items():
+        try:
+            verb = Verb(name, import_module(place))
+            _options(verb)
+        except Exception as error:
+            if place.startswith("anhyst."):
+                raise
+            warn(f"left out: the verb {name} of {place}: {error}; update its package")
+        else:
+            found.append(verb)
     return sorted(found, key=lambda verb: (verb.place, verb.name))
 
 
@@ -121,6 +133,19 @@ def add_command(app: typer.Typer, verb: Verb) -> None:
     app.command(
         verb.command, help="\n\n".join(about), no_args_is_help=True, rich_help_panel=verb.place[1]
     )(run)
+
+
+def add_absent(app: typer.Typer, name: str, package: str) -> None:
+    """Let a verb of a package that is not installed say so, whatever follows it."""
+    command = name.replace("_", "-")
+
+    def refuse() -> None:
+        raise InputError(
+            f"{command} is in the package {package}: pip install {package}", code="not-installed"
+        )
+
+    takes_all = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
+    app.command(command, hidden=True, context_settings=takes_all)(refuse)
 
 
 def _flags(verb: Verb) -> dict[str, str]:

@@ -42,14 +42,23 @@ def missing_programs(target: str, packages: Mapping[str, str]) -> tuple[Missing,
 
 
 def missing_modules(
-    target: str, names: Iterable[str], extra: str = "verify"
+    target: str, names: Iterable[str], extra: str = "anhyst[verify]"
 ) -> tuple[Missing, ...]:
     """Return the Python packages of an extra that are not installed."""
     return tuple(
-        Missing(target, name, f"pip install 'anhyst[{extra}]'")
+        Missing(target, name, f"pip install '{extra}'")
         for name in names
         if importlib.util.find_spec(name) is None
     )
+
+
+ACTUATOR_HEADER = "include/anhyst/actuator.h"
+"""Gives the actuator that a program is built around one set of names."""
+
+
+def actuator_defines(name: str) -> dict[str, str]:
+    """Return the macros by which that header knows what the actuator is called."""
+    return {"ACTUATOR_NAME": name, "ACTUATOR_MACRO": name.upper()}
 
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")

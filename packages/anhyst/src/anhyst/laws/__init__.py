@@ -1,4 +1,4 @@
-"""The hysteresis laws by name. A further one is one more entry, whoever makes it."""
+"""The hysteresis laws by name; an installed package adds one as an entry point."""
 
 from __future__ import annotations
 
@@ -7,15 +7,23 @@ from typing import TYPE_CHECKING
 from anhyst.laws.jiles_atherton import EFFECTIVE_FIELD, JILES_ATHERTON_1986
 from anhyst.laws.law import Law
 from anhyst.laws.play_cells import PLAY_CELLS, PLAY_CELLS_LANGEVIN
+from anhyst.support.registry import Registry
 
 if TYPE_CHECKING:
     from anhyst.laws.cells import CellWeights
 
-LAWS: dict[str, Law] = {
-    law.name: law for law in (EFFECTIVE_FIELD, JILES_ATHERTON_1986, PLAY_CELLS, PLAY_CELLS_LANGEVIN)
-}
-OWN = frozenset(LAWS)
-"""Laws of this package."""
+_OWN = (EFFECTIVE_FIELD, JILES_ATHERTON_1986, PLAY_CELLS, PLAY_CELLS_LANGEVIN)
+
+
+def _fault_of(law: object, name: str) -> str:
+    """Say what keeps a law of another package from being used; empty where nothing does."""
+    if not isinstance(law, Law):
+        return "and it is no Law"
+    return "" if law.name == name else "and its law has another name"
+
+
+LAWS: Registry[Law] = Registry("anhyst.laws", {law.name: law for law in _OWN}, _fault_of)
+"""By name: those of anhyst, and of the entry points ``anhyst.laws`` of installed packages."""
 
 
 def law_of(name: str, cells: CellWeights | None = None) -> Law:

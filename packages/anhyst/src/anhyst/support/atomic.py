@@ -10,6 +10,7 @@ import shutil
 import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -167,28 +168,26 @@ def seen_from(folder: Path, path: Path) -> str:
 def core_folder() -> Path:
     """Return the folder with ``include/``, ``src/`` and ``port/`` of the core."""
     marked = "include/anhyst/compensator/compensator.h"
-    return _sources("core", "_core/c", marked, "C sources of the core")
+    return shipped_folder("anhyst", "core", "_core/c", marked)
 
 
-def plant_folder() -> Path:
-    """Return the folder with ``include/`` and ``src/`` of the virtual plant."""
-    marked = "include/anhyst_plant/body.h"
-    return _sources("plant", "_core/plant", marked, "C sources of the plant")
+def shipped_folder(name: str, edited: str, shipped: str, marked: str) -> Path:
+    """Return a folder of the repository that a package ships, or the copy in that package.
 
-
-def firmware_folder() -> Path:
-    """Return the folder with the sources of the firmware."""
-    return _sources("firmware", "_firmware", "boards", "sources of the firmware")
-
-
-def _sources(edited: str, shipped: str, marked: str, what: str) -> Path:
-    """Return the folder that is edited, in a source tree, otherwise the copy inside the package."""
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package.parents[1] / edited, package / shipped):
+    ``edited`` is its name in the repository, ``shipped`` that in the installed package ``name``, and
+    ``marked`` what must be in it.
+    """
+    spec = find_spec(name)
+    package = Path(spec.origin if spec and spec.origin else name).resolve().parent
+    folders = [package / shipped]
+    if package.parent.name == "src" and package.parents[2].name == "packages":
+        folders.insert(0, package.parents[3] / edited)
+    for folder in folders:
         if (folder / marked).exists():
             return folder
     raise InputError(
-        f"{package}: the {what} are missing; install anhyst again", code="installation-incomplete"
+        f"{package}: the folder {shipped} is missing; install {name.replace('_', '-')} again",
+        code="installation-incomplete",
     )
 
 
@@ -221,6 +220,29 @@ def write_files(folder: Path, files: Mapping[str, str | bytes]) -> None:
     for name, content in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(as_bytes(content))
+
+
+def check_new(out: PathLike, names: Sequence[str]) -> None:
+    """Find out before the work whether files can be put into a folder."""
+    target = Path(out)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
+    for name in names:
+        if (target / name).exists():
+            raise InputError(
+                f"{target / name}: is there already; remove it or name another folder",
+                code="exists-already",
+            )
+
+
+def add_files(out: PathLike, texts: Mapping[str, str], copies: Mapping[str, Path]) -> None:
+    """Write texts and copies of files into a folder, all of them or none; replace nothing."""
+    check_new(out, [*texts, *{Path(name).parts[0] for name in copies}])
+    with whole_folder(out) as draft:
+        write_files(draft, texts)
+        for name, source in copies.items():
+            (draft / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, draft / name)
 
 
 def as_bytes(content: str | bytes) -> bytes:

@@ -36,6 +36,7 @@ from anhyst._core import _native
 from anhyst.support.atomic import PathLike, atomic_writer, cache_folder, write_bytes, write_error
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import cores
+from anhyst.support.registry import packages_that_add
 
 T = TypeVar("T")
 
@@ -93,8 +94,11 @@ def computed_with() -> bytes:
     """Return a hash of what computes here."""
     about = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
     digest = hashlib.sha256(about.encode())
-    package = Path(__file__).resolve().parents[1]
-    sources = (path for path in package.rglob("*.*") if path.suffix in {".py", ".j2", ".toml"})
+    places = {Path(__file__).resolve().parents[1], *packages_that_add()}
+    every = (
+        path for place in places for path in (place.rglob("*.*") if place.is_dir() else [place])
+    )
+    sources = (path for path in every if path.suffix in {".py", ".j2", ".toml"})
     for path in (Path(_native.__file__), *sorted(sources)):
         digest.update(f"\0{path}\0".encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())

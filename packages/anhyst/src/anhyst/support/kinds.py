@@ -6,14 +6,12 @@ import json
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Literal, TypeVar, cast
 
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.registry import Registry
 
 RIG_FORMAT = "anhyst-rig"
 """What the key ``format`` of every rig file says; ``control.kind`` says which kind of rig it is."""
@@ -121,43 +119,12 @@ def capability(kind: FileKind, needed: type[Needed]) -> Needed:
     return cast(Needed, kind)
 
 
-_OWN = {
-    "levitation": "anhyst_rigs.kinds.bearing:BEARING",
-    "tracking": "anhyst_rigs.kinds.stage:STAGE",
-    "force": "anhyst_rigs.kinds.force:FORCE",
-    "displacement": "anhyst_rigs.kinds.piezo:PIEZO",
-}
-"""Where the records of anhyst itself are; no package replaces them."""
 RIG_VERBS = ("simulate", "tune", "excite", "calibrate", "live", "export", "compile")
 """Verbs that a kind of another package can have."""
 
 
-@cache
-def _registered() -> tuple[Mapping[str, FileKind], Mapping[str, str]]:
-    """Return the records of all kinds of rigs by their words, and why others cannot be used."""
-    others: dict[str, tuple[FileKind, str]] = {}
-    unusable: dict[str, str] = {}
-    for point in entry_points(group="anhyst_rigs.kinds"):
-        word, package = point.name, point.dist.name if point.dist else point.value
-        try:
-            record = point.load()
-        except (Exception, SystemExit) as error:
-            unusable[word] = f"{package} adds it and cannot be loaded ({error}); update it"
-            continue
-        if fault := _fault_of(record, word):
-            unusable[word] = f"{package} adds it, {fault}; update it"
-        elif others.setdefault(word, (record, package))[0] is not record:
-            unusable[word] = f"{others[word][1]} and {package} both add it; remove one of them"
-    every = {word: one for word, (one, _) in others.items() if word not in unusable}
-    for word, place in _OWN.items():
-        module, _, name = place.partition(":")
-        every[word] = getattr(import_module(module), name)
-    kinds = sorted(every.values(), key=lambda kind: kind.plural)
-    return {kind.word: kind for kind in kinds}, unusable
-
-
 def _fault_of(record: object, word: str) -> str:
-    """Say what keeps a record of another package from being used; empty where nothing does."""
+    """Say what keeps a record from being used; empty where nothing does."""
     if not isinstance(record, FileKind) or record.format != RIG_FORMAT:
         return "and its record is no RigKind"
     if record.word != word:
@@ -170,19 +137,22 @@ def _fault_of(record: object, word: str) -> str:
     return "" if all(isinstance(one, Mapping) for one in tables) else "and a table of it is none"
 
 
+_RIG_KINDS: Registry[FileKind] = Registry("anhyst.kinds", {}, _fault_of)
+
+
 def rig_kinds() -> Mapping[str, FileKind]:
     """Return the kinds of rigs by their words, in the order in which messages list them.
 
-    They are the four of anhyst, and the records of the entry points ``anhyst_rigs.kinds`` of all other
-    installed packages; each is a :class:`anhyst_rigs.kinds.rig_kind.RigKind`, and its entry point has the
-    name of its word.
+    They are the entry points ``anhyst.kinds`` of all installed packages; each is an
+    ``anhyst_rigs.kinds.rig_kind.RigKind``, and its entry point has the name of its word.
     """
-    return _registered()[0]
+    kinds = sorted(_RIG_KINDS.values(), key=lambda kind: kind.plural)
+    return {kind.word: kind for kind in kinds}
 
 
 def why_unusable(word: object) -> str:
     """Say why no record of that word can be used, if a package adds one; empty otherwise."""
-    return _registered()[1].get(word, "") if isinstance(word, str) else ""
+    return _RIG_KINDS.why_unusable(word)
 
 
 def kinds_for(verb: str) -> tuple[FileKind, ...]:

@@ -4,11 +4,59 @@ A file has a function of its own name, whose signature and docstring become the 
 of the command. It may also say how the command presents the result: see
 :class:`anhyst.cli.generate.Verb`. A file imports what it works with inside its functions, so that
 the help is shown at once.
+
+Another package has such a folder too, and names it in an entry point of the group ``anhyst.verbs``.
 """
 
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
 from pkgutil import iter_modules
+from types import ModuleType
+
+from anhyst.support.registry import loaded, package_of, points_of
+
+ELSEWHERE: Mapping[str, tuple[str, ...]] = {
+    "anhyst-rigs": (
+        *("calibrate", "excite", "fleet", "force_control", "init", "live", "simulate", "tune"),
+        *("watch", "xcp"),
+    ),
+    "anhyst-exchange": ("export",),
+}
+"""The verbs of the other packages of this project: to say which one is not installed."""
 
 
-def names() -> list[str]:
-    """Return the names of the verbs."""
-    return sorted(module.name for module in iter_modules(__path__))
+@cache
+def _read() -> tuple[Mapping[str, str], tuple[str, ...]]:
+    """Return the full name of the module of each verb, and which packages cannot be used."""
+    found = {module.name: f"{__name__}.{module.name}" for module in iter_modules(__path__)}
+    faults = []
+    for point in points_of("anhyst.verbs"):
+        try:
+            folder = loaded(point)
+        except ValueError as error:
+            faults.append(f"{package_of(point)}: '{point.value}' {error}; update it")
+            continue
+        if not isinstance(folder, ModuleType) or not hasattr(folder, "__path__"):
+            faults.append(f"{package_of(point)}: '{point.value}' is no folder of verbs; update it")
+            continue
+        for module in iter_modules(folder.__path__):
+            found.setdefault(module.name, f"{folder.__name__}.{module.name}")
+    return dict(sorted(found.items())), tuple(faults)
+
+
+def modules() -> Mapping[str, str]:
+    """Return the full name of the module of each verb that is installed."""
+    return _read()[0]
+
+
+def faults() -> tuple[str, ...]:
+    """Say which packages have a folder of verbs that cannot be used."""
+    return _read()[1]
+
+
+def package_with(name: str) -> str:
+    """Return the package of this project that has a verb and is not installed; else nothing."""
+    owners = (package for package, verbs in ELSEWHERE.items() if name in verbs)
+    return "" if name in modules() else next(owners, "")

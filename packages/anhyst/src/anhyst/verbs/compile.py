@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from anhyst.cli.shared import Part
+    from anhyst.compilation.compiled_stage import CompiledStage
     from anhyst.compilation.output import Compiled
     from anhyst.compilation.play import CompiledPlay
     from anhyst.model.actuator import Model
-    from anhyst_rigs.study.tracking.compiled import CompiledStage
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
 
@@ -94,9 +94,9 @@ def compile(  # noqa: A001
     --------
     anhyst compile model.toml --kind full --io q15 --rate 10000 --out controller
     """
+    from anhyst.compilation.compiled_stage import HasController, StageRequest
     from anhyst.compilation.output import compile_actuator
     from anhyst.model.actuator import MODEL_SOURCES, Model
-    from anhyst_rigs.study.tracking.compiled import HasController, StageRequest
     from anhyst.support.atomic import check_path
     from anhyst.support.errors import InputError
     from anhyst.support.kinds import MODEL as MODEL_FILE
@@ -132,8 +132,8 @@ def compile(  # noqa: A001
 
 def show(result: Compiled | CompiledPlay | CompiledStage, _: Mapping[str, Any]) -> Iterator[Part]:
     """Return what was compiled, how accurate it is, and where to read on."""
+    from anhyst.compilation.compiled_stage import CompiledStage
     from anhyst.compilation.play import CompiledPlay
-    from anhyst_rigs.study.tracking.compiled import CompiledStage
 
     if isinstance(result, CompiledPlay):
         yield from _show_play(result)

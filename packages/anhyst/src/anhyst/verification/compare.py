@@ -10,9 +10,15 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from anhyst.compilation.toolchain import PIDD2, SRC, Build, core_files
-from anhyst_rigs.link.firmware import actuator_defines
-from anhyst.support.atomic import firmware_folder
+from anhyst.compilation.toolchain import (
+    ACTUATOR_HEADER,
+    PIDD2,
+    SRC,
+    Build,
+    actuator_defines,
+    core_files,
+    read_core,
+)
 from anhyst.verification.bundle import FORMATS, PLAY, Bundle, GoldenVectors
 from anhyst.verification.elf import Image
 from anhyst.verification.protocol import (
@@ -91,7 +97,9 @@ class Workshop:
             folder_of = sources / FREE_OF_LIBRARIES if source.name == "math.h" else sources
             folder_of.mkdir(exist_ok=True)
             shutil.copyfile(source, folder_of / source.name)
-        for name, text in core_files(PIDD2).items():
+        for name, text in (
+            core_files(PIDD2) | {ACTUATOR_HEADER: read_core(ACTUATOR_HEADER)}
+        ).items():
             path = sources / name
             if not path.exists():
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -114,7 +122,7 @@ class Workshop:
         ]
         return Build(
             tuple(target / name for name in names),
-            (target, target / "include", target / "port", firmware_folder(), *free),
+            (target, target / "include", target / "port", *free),
             self._defines(),
             (*SECTIONS_APART, ONE_ROUNDING_EACH, ROOT_IS_AN_INSTRUCTION, *flags),
             ("-lm",) if port == "host" and self.subject == "stage" else (),

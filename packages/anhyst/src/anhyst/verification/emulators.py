@@ -1,19 +1,15 @@
-"""Emulated processors: Cortex-M by Unicorn, MSP430 by mspdebug's simulator, a whole board by QEMU."""
+"""Emulated processors: Cortex-M by Unicorn, MSP430 by mspdebug's simulator."""
 
 from __future__ import annotations
 
 import ctypes
-import math
 import re
 import subprocess
 import threading
-import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from random import Random
 from typing import Any
 
 import numpy as np
@@ -21,19 +17,10 @@ from numpy.typing import NDArray
 
 from anhyst.compilation.toolchain import (
     Build,
-    Missing,
     compile_c,
-    missing_modules,
-    missing_programs,
     zig_cc,
 )
-from anhyst_rigs.link.client import ControllerLink
-from anhyst_rigs.link.firmware import build
-from anhyst_rigs.link.virtual_boards import Plant, Reading, Running, run_host, run_qemu
-from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.states import Command, Fault
-from anhyst.verification.bundle import Bundle
-from anhyst.verification.compare import Difference
+from anhyst.support.errors import NegativeResult
 from anhyst.verification.elf import FLASH, Image
 from anhyst.verification.protocol import (
     BOX_BYTES,
@@ -44,7 +31,6 @@ from anhyst.verification.protocol import (
     target_failed,
     too_slow,
 )
-from anhyst.verification.result import TargetResult
 
 TIME_LIMIT, TIME_A_STEP = 60.0, 0.02  # s, of an answer; a step of solid iron takes 1 ms
 FLASH_BYTES = 256 * 1024
@@ -270,102 +256,3 @@ def _write(address: int, content: bytes) -> list[str]:
         f"mw {address + at:#x} " + " ".join(f"{byte:#04x}" for byte in content[at : at + A_LINE])
         for at in range(0, len(content), A_LINE)
     ]
-
-
-TARGET = "cortex-m3-qemu"
-QEMU = "qemu-system-arm"
-ONE = 1 << 31
-SELF_TEST_TICKS = 40
-TICKS_A_DEMAND = 5
-NOISE = 1e-4
-
-Runner = Callable[[Path, Plant], AbstractContextManager[Running]]
-
-
-class WalkingPlant:
-    """An actuator whose force goes with its current, with a slowly moving gap and noisy sensors."""
-
-    def __init__(self, seed: int) -> None:
-        self.drives: list[int] = []
-        self._flows = 0.0
-        self._next = 0.0
-        self._random = Random(seed)
-
-    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Let the current of the tick before flow."""
-        current = currents[0]
-        self.drives.append(round(current * ONE))
-        self._flows, self._next = self._next, current
-        gap = 0.5 + 0.3 * math.sin(tick * 2.0 * math.pi / 5000.0)
-        gap, force, flows = (
-            value + self._random.gauss(0.0, NOISE)
-            for value in (gap, 0.5 * self._flows, self._flows)
-        )
-        return Reading(gap, force, flows)
-
-
-@dataclass(frozen=True, slots=True)
-class FirmwareRun:
-    """What a firmware did: currents by tick, and answers to demands."""
-
-    drives: list[int]
-    statuses: list[dict[str, int]]
-
-
-def missing_tools() -> tuple[Missing, ...]:
-    """Return what of emulator, compiler and link is not there."""
-    return (
-        *missing_programs(TARGET, {QEMU: QEMU}),
-        *missing_modules(TARGET, ["ziglang"]),
-        *missing_modules(TARGET, ["serial"], extra="link"),
-    )
-
-
-def verify_firmware(bundle: Bundle, folder: Path, ticks: int, seed: int) -> TargetResult:
-    """Drive both firmwares through the same demands and readings, and compare every tick."""
-    began = time.monotonic()
-    head = (TARGET, "firmware", "mps2-an385 in QEMU", "zig cc -Os")
-    try:
-        host, board = (
-            _run(runner, build(name, bundle.folder, folder / f"firmware-{name}"), ticks, seed)
-            for name, runner in (("host", run_host), ("qemu-mps2", run_qemu))
-        )
-    except (InputError, NegativeResult) as error:
-        return TargetResult(*head, 0, 0, failure=f"target {TARGET}: {error}")
-    return TargetResult(
-        *head, ticks, 0, difference=compare_runs(host, board), seconds=time.monotonic() - began
-    )
-
-
-def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
-    random = Random(seed)
-    plant = WalkingPlant(seed)
-    statuses = []
-    with runner(program, plant) as board, ControllerLink(board.url, timeout=5.0) as controller:
-        board.bus.step(SELF_TEST_TICKS)
-        controller.command(Command.ARM)
-        controller.command(Command.RUN)
-        demand = 0.0
-        for _ in range(0, ticks, TICKS_A_DEMAND):
-            jumps = random.random() < 0.1
-            demand = random.random() if jumps else demand + random.gauss(0.0, 0.02)
-            demand = min(max(demand, 0.0), 1.0)
-            statuses.append(asdict(controller.demand(round(demand * (ONE - 1))).codes))
-            board.bus.step(TICKS_A_DEMAND)
-        if board.bus.fault is not Fault.NONE:
-            raise NegativeResult(
-                f"the firmware went to the fault {board.bus.fault.name}", code="controller-in-fault"
-            )
-    return FirmwareRun(plant.drives, statuses)
-
-
-def compare_runs(host: FirmwareRun, board: FirmwareRun) -> Difference | None:
-    """Return where a board first departs from the host, if it does."""
-    for tick, (value, answer) in enumerate(zip(host.drives, board.drives, strict=True)):
-        if value != answer:
-            return Difference("firmware", tick, "drive", value, answer)
-    for index, (expected, answered) in enumerate(zip(host.statuses, board.statuses, strict=True)):
-        for name, value in expected.items():
-            if value != answered[name]:
-                return Difference("status", index, name, value, answered[name])
-    return None

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 from anhyst.compilation.toolchain import (
     FREESTANDING,
@@ -20,10 +21,10 @@ from anhyst.compilation.toolchain import (
     zig_cc,
 )
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.registry import Registry
 from anhyst.verification.bundle import PLAY, PORT_HEADER, Bundle
 from anhyst.verification.compare import HARNESS, Variant, Workshop
 from anhyst.verification.elf import read_image
-from anhyst.verification.emulators import TARGET as FIRMWARE
 from anhyst.verification.emulators import CortexProgram, Msp430Program, build_counter
 from anhyst.verification.protocol import (
     BOX_BYTES,
@@ -34,6 +35,7 @@ from anhyst.verification.protocol import (
     target_failed,
     too_slow,
 )
+from anhyst.verification.result import TargetResult
 
 TIME_LIMIT = 1800.0
 
@@ -310,6 +312,29 @@ TARGETS: Mapping[str, Maker] = {
 }
 
 
+class WholeTarget(Protocol):
+    """A target that runs a whole program around a compensator: another package builds it."""
+
+    def missing_tools(self) -> tuple[Missing, ...]:
+        """Return what it would need and is not there."""
+
+    def verify(self, bundle: Bundle, folder: Path, steps: int, seed: int) -> TargetResult:
+        """Run a bundle; ``folder`` is for what is built."""
+
+
+def _fault_of(target: object, _: str) -> str:
+    """Say what keeps a target of another package from being used; empty where nothing does."""
+    work = (getattr(target, name, None) for name in ("missing_tools", "verify"))
+    return "" if all(map(callable, work)) else "and it is no target"
+
+
+WHOLE_TARGETS: Registry[WholeTarget] = Registry("anhyst.targets", {}, _fault_of)
+"""By name: the entry points ``anhyst.targets`` of installed packages."""
+
+_FIRMWARE = "cortex-m3-qemu"
+"""That of anhyst-rigs."""
+
+
 FLOATING = ("host", *CORTEX)
 """Where single precision and stages are compared."""
 
@@ -317,12 +342,18 @@ FLOATING = ("host", *CORTEX)
 def parse_targets(names: str, bundle: Bundle) -> list[str]:
     """Read a list such as ``host,cortex-m4``."""
     targets = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
-    known = (*TARGETS, FIRMWARE)
+    known = (*TARGETS, *WHOLE_TARGETS)
     if not targets:
         raise InputError(
             f"--on: no target; known are {', '.join(known)}", code="no-target", key="--on"
         )
     for name in targets:
+        if name == _FIRMWARE and name not in known:
+            raise InputError(
+                f"--on: {name} is in the package anhyst-rigs: pip install anhyst-rigs",
+                code="not-installed",
+                key="--on",
+            )
         if name not in known:
             raise InputError(
                 f"--on: unknown target {name}; known are {', '.join(known)}",
@@ -341,7 +372,7 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
                 code="target-not-for-this",
                 key="--on",
             )
-        if bundle.kind == PLAY and name == FIRMWARE:
+        if bundle.kind == PLAY and name in WHOLE_TARGETS:
             raise InputError(
                 f"--on: {name} is built around a compensator, not a map with one play",
                 code="target-not-for-this",

@@ -44,13 +44,13 @@ from anhyst.verification.elf import (
     measure_sizes,
     stack_below,
 )
-from anhyst.verification.emulators import TARGET as FIRMWARE
-from anhyst.verification.emulators import CortexProgram, missing_tools, verify_firmware
+from anhyst.verification.emulators import CortexProgram
 from anhyst.verification.protocol import RecordForm, Reply
 from anhyst.verification.result import Cost, TargetResult, Verification
 from anhyst.verification.targets import (
     CORTEX,
     TARGETS,
+    WHOLE_TARGETS,
     Offer,
     Order,
     cortex_m,
@@ -96,8 +96,8 @@ def verify(
             vectors = read_flight(folder / VECTORS, workshop.form, bundle.io == "f32")
         offers, missing = _offers(workshop, names)
         works = {name for name, offer in offers.items() if offer.orders}
-        if FIRMWARE in names and not missing_tools():
-            works.add(FIRMWARE)
+        whole = [name for name in names if name in WHOLE_TARGETS and not _lacks(name)]
+        works.update(whole)
         if not works:
             texts = "; ".join(lack.text() for lack in missing)
             raise InputError(f"no target can run; missing is {texts}", code="no-target")
@@ -108,14 +108,14 @@ def verify(
             jobs.append((levitation, _offers(around, names)[0]))
         counted = _Counted(
             progress,
-            sum(len(offer.orders) for _, some in jobs for offer in some.values())
-            + (FIRMWARE in works),
+            sum(len(offer.orders) for _, some in jobs for offer in some.values()) + len(whole),
         )
         results: list[TargetResult] = []
         for job, some in jobs:
             results += job.run_all(some, counted)
-        if FIRMWARE in works:
-            results.append(verify_firmware(bundle, Path(scratch), target_steps, seed))
+        for name in whole:
+            target = WHOLE_TARGETS[name]
+            results.append(target.verify(bundle, Path(scratch), target_steps, seed))
             counted.one_more()
         estimates = tuple(e for job, _ in jobs for e in _estimates(job)) if SOURCE in works else ()
     return Verification(
@@ -137,7 +137,12 @@ def _offers(
     """Return what can be built for each target, and all tools that are missing."""
     offers = {name: TARGETS[name](workshop) for name in names if name in TARGETS}
     missing = [lack for offer in offers.values() for lack in offer.missing]
-    return offers, (*missing, *(missing_tools() if FIRMWARE in names else ()))
+    return offers, (*missing, *(lack for name in names for lack in _lacks(name)))
+
+
+def _lacks(name: str) -> tuple[Missing, ...]:
+    """Return what a target of another package would need and is not there."""
+    return WHOLE_TARGETS[name].missing_tools() if name in WHOLE_TARGETS else ()
 
 
 class _Counted:

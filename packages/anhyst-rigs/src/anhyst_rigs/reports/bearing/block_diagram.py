@@ -10,6 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from anhyst.control.controller_file import ControllerTable
+from anhyst.support.figures import FALLING, RISING, styled
+from anhyst.support.kinds import METHOD_TITLES, PROBED
+from anhyst.support.page import number
 from anhyst_rigs.reports.study.page import (
     HIGH,
     PLANT,
@@ -23,9 +26,6 @@ from anhyst_rigs.reports.study.page import (
 )
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
-from anhyst.support.figures import FALLING, RISING, styled
-from anhyst.support.kinds import METHOD_TITLES, PROBED
-from anhyst.support.page import number
 
 FORMATS = {"f64": "64-bit floating point", "f32": "32-bit floating point", "fixed": "fixed point"}
 

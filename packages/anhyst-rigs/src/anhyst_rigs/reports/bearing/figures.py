@@ -14,6 +14,10 @@ from numpy.typing import NDArray
 from anhyst.data.loops import Loops
 from anhyst.data.path import smooth_curve
 from anhyst.model.actuator import Model
+from anhyst.support.figures import ALARM, new_figure, styled
+from anhyst.support.kinds import METHOD_TITLES, MethodName
+from anhyst.support.numeric import FloatArray
+from anhyst.support.page import number
 from anhyst_rigs.reports.study.page import (
     COLOURS,
     INK,
@@ -30,10 +34,6 @@ from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.linear import BOUNDARIES, zone
 from anhyst_rigs.study.bearing.responses import SETTLED
 from anhyst_rigs.study.engine.table import Interval
-from anhyst.support.figures import ALARM, new_figure, styled
-from anhyst.support.kinds import METHOD_TITLES, MethodName
-from anhyst.support.numeric import FloatArray
-from anhyst.support.page import number
 
 Recordings = Mapping[MethodName, Recording]
 """Of every variant, all of the same scenario."""

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable
 
 from anhyst.control.controller_file import ControllerTable
+from anhyst.support.kinds import MethodName
+from anhyst.support.page import NBSP, Block, Headline, Note, Section, Text, Tile, number
 from anhyst_rigs.reports.bearing.block_diagram import figure_structure
 from anhyst_rigs.reports.bearing.figures import (
     figure_bode,
@@ -39,8 +41,6 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.study.bearing.linear import zone
 from anhyst_rigs.study.bearing.responses import OVERSHOOT, Steps, judge_steps
 from anhyst_rigs.study.engine.table import strongest
-from anhyst.support.kinds import MethodName
-from anhyst.support.page import NBSP, Block, Headline, Note, Section, Text, Tile, number
 
 _TILES = 4
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from anhyst.support.atomic import write_json
 from anhyst_rigs.reports.bearing import page, subject
 from anhyst_rigs.reports.study.task import SimulationTask
 from anhyst_rigs.study.bearing.on_board import BoardComparison, run_board
 from anhyst_rigs.study.bearing.simulate import Simulation, explore
-from anhyst.support.atomic import write_json
 
 
 def simulate(task: SimulationTask) -> Simulation:

@@ -10,6 +10,8 @@ import numpy as np
 
 from anhyst.control.controller_file import ControllerTable
 from anhyst.data.speeds import slow_loops
+from anhyst.support.kinds import MethodName
+from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Cell, Note, PageTable, number, table
 from anhyst_rigs.reports.bearing.figures import (
     LoopCurve,
     Response,
@@ -39,8 +41,6 @@ from anhyst_rigs.study.bearing.responses import (
 )
 from anhyst_rigs.study.bearing.simulate import Simulation
 from anhyst_rigs.study.engine.table import CaseFigures, ComparedFigure, Metric, no_mean
-from anhyst.support.kinds import MethodName
-from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Cell, Note, PageTable, number, table
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from matplotlib.text import Text
 
-from anhyst_rigs.study.engine.table import TITLES, CaseFigures, Cases, Interval, Judgement, Level, Metric
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.figures import FALLING, RISING, new_figure, svg_text
@@ -38,6 +37,15 @@ from anhyst.support.page import (
     number,
     render_page,
     table,
+)
+from anhyst_rigs.study.engine.table import (
+    TITLES,
+    CaseFigures,
+    Cases,
+    Interval,
+    Judgement,
+    Level,
+    Metric,
 )
 
 INK = "#000000"

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from anhyst.data.table import check_recording
-from anhyst_rigs.reports.study.page import REPORT, write_page
-from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
-from anhyst_rigs.study.engine.table import FIGURES, StudyResult
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
+from anhyst_rigs.reports.study.page import REPORT, write_page
+from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
+from anhyst_rigs.study.engine.table import FIGURES, StudyResult
 
 MONTE_CARLO = "montecarlo.json"
 """Figures of drifted plants, beside their results."""

@@ -15,6 +15,10 @@ from anhyst.control.controller_file import ControllerFile, ControllerTable, Pair
 from anhyst.control.position import PositionControl, ReferenceConverter
 from anhyst.data import Loops
 from anhyst.model.actuator import Model
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import PROBED, MethodName, NumberFormat
+from anhyst.support.states import Flag
+from anhyst.support.toml_file import FileFault, faults_error
 from anhyst_rigs.rig.bearing.scenario import land_time, lift_time
 from anhyst_rigs.rig.body import BodyRig, step_ends
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrated, fit_at
@@ -32,10 +36,6 @@ from anhyst_rigs.rig.recording import (
     SignalBound,
     find_loss,
 )
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import PROBED, MethodName, NumberFormat
-from anhyst.support.states import Flag
-from anhyst.support.toml_file import FileFault, faults_error
 
 LONGEST_RAMP_S = 60.0
 """Longest time that lifting off or landing may take, s."""

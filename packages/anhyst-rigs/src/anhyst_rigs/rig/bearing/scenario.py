@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from anhyst.control.controller_file import ControllerTable
+from anhyst.support.numeric import FloatArray, passed, sine
+from anhyst.support.states import Command
 from anhyst_rigs.rig.body import BodyRig, step_ends
 from anhyst_rigs.rig.loop import ReferenceStep, Scenario
 from anhyst_rigs.rig.tables import DisturbanceTable
-from anhyst.support.numeric import FloatArray, passed, sine
-from anhyst.support.states import Command
 
 SELFTEST_TICKS = 25
 """Until the self-test has passed: plausible samples that it counts, and a few that fill filters."""

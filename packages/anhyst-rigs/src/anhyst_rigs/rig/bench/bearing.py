@@ -14,9 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import POSITION_MAGNETS, BusController, Plant
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
+from anhyst.support.numeric import FloatArray, sine
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
-from anhyst_rigs.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, Exchange, LibraryBoard, Reading
+from anhyst_rigs.link.virtual_boards import (
+    Q30,
+    Q31,
+    VIRTUAL_BOARDS,
+    Exchange,
+    LibraryBoard,
+    Reading,
+)
 from anhyst_rigs.link.wire import LinkPort
 from anhyst_rigs.rig.bearing.loop import BearingSetup, position_control
 from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
@@ -31,10 +42,6 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import ClosedLoop, Scenario
 from anhyst_rigs.rig.plant import current_loops, make_plant
 from anhyst_rigs.rig.recording import Recording, column
-from anhyst.support.errors import InputError
-from anhyst.support.jobs import Progress
-from anhyst.support.numeric import FloatArray, sine
-from anhyst.support.states import Command, Fault, State
 
 
 class LoadDrive:

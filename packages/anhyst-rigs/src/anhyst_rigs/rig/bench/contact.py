@@ -10,6 +10,11 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.support.block_layout import PLACES
+from anhyst.support.block_words import CRC_AT
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.frames import Body, Setting
 from anhyst_rigs.link.virtual_boards import Q30, Q31
 from anhyst_rigs.rig.bench.protocol import Aim, Signal
@@ -21,11 +26,6 @@ from anhyst_rigs.rig.bench.settings import (
     position_settings,
 )
 from anhyst_rigs.rig.recording import column
-from anhyst.support.block_layout import PLACES
-from anhyst.support.block_words import CRC_AT
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command, Fault, State
 
 _RESERVED = -(1 << 31)
 """Code of a sensor that had no value."""

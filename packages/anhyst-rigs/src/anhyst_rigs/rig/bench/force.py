@@ -11,6 +11,10 @@ from typing import Self
 
 import numpy as np
 
+from anhyst.support.block_words import Scales
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray, sine
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, PlantBus, Reading
 from anhyst_rigs.link.wire import Status
@@ -31,10 +35,6 @@ from anhyst_rigs.rig.force.bench import (
 from anhyst_rigs.rig.force.file import Rig
 from anhyst_rigs.rig.force.programs import ONE, Program, Session
 from anhyst_rigs.rig.recording import Recording
-from anhyst.support.block_words import Scales
-from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.numeric import FloatArray, sine
-from anhyst.support.states import Command, Fault, State
 
 _SPEED = 0.02
 _SPEED_MOST = 1.0

@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.frames import Body
 from anhyst_rigs.rig.bench.bearing import BEARING_COMMANDS
 from anhyst_rigs.rig.bench.contact import (
@@ -23,9 +26,6 @@ from anhyst_rigs.rig.bench.contact import (
 from anhyst_rigs.rig.bench.force import FORCE_COMMANDS, check_demand
 from anhyst_rigs.rig.bench.protocol import Bench, Parameter
 from anhyst_rigs.rig.bench.settings import check_values
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command, Fault, State
 
 _BEAT_S = 0.02
 """Between two signs of life to a controller, s; it waits for 0.1 s."""

@@ -21,9 +21,9 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
+from anhyst.support.errors import InputError
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.rig.bench.protocol import Bench, Subscription
-from anhyst.support.errors import InputError
 
 SLOWEST, FASTEST = 0.01, 1.0
 """Speeds that can be asked for, in units of the clock's."""

@@ -14,6 +14,9 @@ import numpy as np
 
 from anhyst._core import PiezoLoop
 from anhyst.compensate.force_controller import ForceController
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray, sine
+from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.rig.bench.protocol import (
     STAGE_COMMANDS,
     STAGE_OWN,
@@ -35,9 +38,6 @@ from anhyst_rigs.rig.piezo import (
     rounded,
     triangle,
 )
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray, sine
-from anhyst.support.states import Command, Fault, State
 
 PIECE_S = 0.01
 """After so long at most it is seen whether the loop was lost, s."""

@@ -12,11 +12,11 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from anhyst._core import POSITION_MAGNETS, obstacle
-from anhyst_rigs.rig.recording import column
-from anhyst_rigs.rig.stage.loop import WRENCH
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Flag, Phase, State
+from anhyst_rigs.rig.recording import column
+from anhyst_rigs.rig.stage.loop import WRENCH
 
 
 class Signal(NamedTuple):

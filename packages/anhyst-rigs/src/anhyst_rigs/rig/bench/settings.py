@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
+from anhyst.support.errors import InputError
+from anhyst.support.xcp_map import HEARTBEAT_MS
 from anhyst_rigs.link.client import Refused
 from anhyst_rigs.link.frames import SETTINGS, Setting
 from anhyst_rigs.link.virtual_boards import Q30, Q31
 from anhyst_rigs.rig.bench.protocol import Parameter
 from anhyst_rigs.rig.file import RigFile
-from anhyst.support.errors import InputError
-from anhyst.support.xcp_map import HEARTBEAT_MS
 
 _GAINS = {
     Setting.GAIN_P: ("N/m", "K_p of the controller of position"),

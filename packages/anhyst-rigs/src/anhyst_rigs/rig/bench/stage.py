@@ -15,6 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from anhyst.compensate.force_controller import ForceController
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, Phase, State
 from anhyst_rigs.rig.bench.protocol import (
     AXES_COMMANDS,
     STAGE_COMMANDS,
@@ -56,10 +60,6 @@ from anhyst_rigs.rig.stage.setpoint import (
     motion_of,
     strayed,
 )
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command, Fault, Phase, State
 
 PIECE_S = 0.01
 """After so long at most it is seen whether the loop was lost, s."""

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.case_table import ForceCase, MovingCase
 from anhyst_rigs.rig.force.file import READ, Rig
 from anhyst_rigs.rig.recording import Recording
-from anhyst.support.numeric import FloatArray
 
 _PAST = 12
 """Steps of the unknown past."""

@@ -17,6 +17,9 @@ from anhyst._core import Coil, HeldPlant, Magnet
 from anhyst.data import Loop, Loops
 from anhyst.data.speeds import slow_loops
 from anhyst.model.actuator import Model
+from anhyst.support.atomic import PathLike
+from anhyst.support.numeric import FloatArray, passed
+from anhyst.support.toml_file import BRANCH, FileFault, Table, faults_error, read_toml
 from anhyst_rigs.rig.distance import (
     PlantCheck,
     along,
@@ -32,9 +35,6 @@ from anhyst_rigs.rig.measurement_table import Measured, MeasurementTable
 from anhyst_rigs.rig.parts.iron import BY_FAMILY, CellSteel, DuhemSteel, PreisachSteel
 from anhyst_rigs.rig.parts.magnet import CircuitTable, FluxPath, iron_magnet, solenoid_magnet
 from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
-from anhyst.support.atomic import PathLike
-from anhyst.support.numeric import FloatArray, passed
-from anhyst.support.toml_file import BRANCH, FileFault, Table, faults_error, read_toml
 
 READ = ("gap", "force", "current")
 """What sensors of the plant read, in the order of ``anhyst_plant/held.h``."""

@@ -14,13 +14,13 @@ from anhyst.compensate.block import Block, Kind
 from anhyst.data import Loops
 from anhyst.model.actuator import Model, has_lag, has_layers
 from anhyst.model.parameters import Parameter
-from anhyst_rigs.rig.force.file import Rig
-from anhyst_rigs.rig.measurement_table import identify_loops
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.rig.force.file import Rig
+from anhyst_rigs.rig.measurement_table import identify_loops
 
 Codes = NDArray[np.int64]
 

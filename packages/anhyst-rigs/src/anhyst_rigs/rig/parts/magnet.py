@@ -20,12 +20,12 @@ from scipy.interpolate import PchipInterpolator
 from anhyst._core import AnyIron, Coil, Magnet
 from anhyst.data.table import DataTable, read_columns
 from anhyst.laws.law import IronOperator
-from anhyst_rigs.rig.parts.iron import AnySteel
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import NotNegative, Positive, Table
 from anhyst.support.units import MU_0
+from anhyst_rigs.rig.parts.iron import AnySteel
 
 _CURRENTS, _GAPS = 257, 129
 

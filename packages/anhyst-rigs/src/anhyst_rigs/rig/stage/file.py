@@ -15,6 +15,13 @@ from scipy.optimize import linprog
 from anhyst._core import AXES_ODD, WrenchLayout
 from anhyst.compensate.force_controller import ForceController
 from anhyst.control.position import Allocation
+from anhyst.support.atomic import PathLike
+from anhyst.support.kinds import PROBED
+from anhyst.support.numeric import FloatArray
+from anhyst.support.toml_file import (
+    FileFault,
+    faults_error,
+)
 from anhyst_rigs.rig.body import BodyRig, plant_faults, travel_m
 from anhyst_rigs.rig.calibration import (
     CENTRE,
@@ -27,13 +34,6 @@ from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.magnet_table import DIRECTION_ROUNDING
 from anhyst_rigs.rig.recording import Recording, column
 from anhyst_rigs.rig.tables import AXES
-from anhyst.support.atomic import PathLike
-from anhyst.support.kinds import PROBED
-from anhyst.support.numeric import FloatArray
-from anhyst.support.toml_file import (
-    FileFault,
-    faults_error,
-)
 
 _YIELDS = {"x": 1e-2, "y": 5e-3, "z": 1e-4, "rx": 3e-3, "ry": 3e-3, "rz": 1e-4}
 _INSIDE = 1e-6

@@ -28,6 +28,9 @@ from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_co
 from anhyst.control.pidd2 import Biquad, FixedPidd2, FullScales, as_pidd2
 from anhyst.control.position import Allocation
 from anhyst.data import Loops
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName, NumberFormat
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig, travel_m
 from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod, ParameterName
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift, drifted_plant
@@ -66,9 +69,6 @@ from anhyst_rigs.rig.stage.file import (
     yields,
 )
 from anhyst_rigs.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import MethodName, NumberFormat
-from anhyst.support.numeric import FloatArray
 
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import ScanCase
-from anhyst.support.numeric import FloatArray
 
 STRAY_LATE = 5e-3
 """How late a long stroke follows the acceleration, s."""

@@ -6,15 +6,15 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
+from anhyst.support.block_words import regenerate
+from anhyst.support.errors import NegativeResult
+from anhyst.support.states import Command, Fault, Phase, State
 from anhyst_rigs.link.client import Refused
 from anhyst_rigs.link.frames import PlantSample
 from anhyst_rigs.link.virtual_boards import Q30, Q31
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import LEAST_LIFT_S
 from anhyst_rigs.rig.bench.bearing import BearingBench
-from anhyst.support.block_words import regenerate
-from anhyst.support.errors import NegativeResult
-from anhyst.support.states import Command, Fault, Phase, State
 
 Act = Callable[[BearingBench, int], bool]
 """Called before every tick, counted from the beginning of a fault; whether the link stays alive."""

@@ -24,6 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtr
 
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray, rms, sine, triangle
 from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig
@@ -32,9 +35,6 @@ from anhyst_rigs.rig.loop import DROP, ReferenceStep, Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import RISE, Recording, peak
 from anhyst_rigs.study.bearing.responses import position_resolution, recovery_time
 from anhyst_rigs.study.engine.table import CaseFigures
-from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray, rms, sine, triangle
 
 _PERIODS = 6  # a piece
 _PIECES = 5  # at least

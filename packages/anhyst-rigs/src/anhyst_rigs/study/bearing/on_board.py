@@ -14,9 +14,13 @@ import numpy as np
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.control.controller_file import ControllerFile
+from anhyst.model.writer import write_model
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress, in_parts
+from anhyst.support.states import State
 from anhyst_rigs.link.firmware import build, check_compiler
 from anhyst_rigs.link.virtual_boards import find_qemu
-from anhyst.model.writer import write_model
 from anhyst_rigs.rig.bearing.loop import BearingSetup, compiled_model, make_setups, position_control
 from anhyst_rigs.rig.bearing.scenario import parts_of_run
 from anhyst_rigs.rig.bench.bearing import BearingBench
@@ -26,10 +30,6 @@ from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.board_faults import Ending, FaultRuns, injections
 from anhyst_rigs.study.bearing.operating import make_ready, read_files
-from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, in_parts
-from anhyst.support.states import State
 
 QEMU = "qemu-mps2"
 _AIR_M = 5e-6

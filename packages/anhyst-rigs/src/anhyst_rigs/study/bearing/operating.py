@@ -20,6 +20,10 @@ from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import Model, read_model
+from anhyst.support.atomic import PathLike, check_writable
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray, spaced
+from anhyst.support.toml_file import FileFault, faults_error
 from anhyst_rigs.rig.bearing.loop import BearingSetup, check_controller
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
@@ -27,10 +31,6 @@ from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.measuring import HeldBearing
 from anhyst_rigs.rig.plant import current_gains
 from anhyst_rigs.study.bearing import linear
-from anhyst.support.atomic import PathLike, check_writable
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray, spaced
-from anhyst.support.toml_file import FileFault, faults_error
 
 _CURRENTS = 1200
 _GAP_STEP = 2e-6

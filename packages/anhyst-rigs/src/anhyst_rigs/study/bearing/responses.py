@@ -21,6 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from anhyst.compensate.methods import MODELS
 from anhyst.data.verdict import WHERE_IT_PAYS
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray, rms, sine
 from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder, steps_up_and_down
 from anhyst_rigs.rig.body import BodyRig
@@ -36,9 +39,6 @@ from anhyst_rigs.study.engine.table import (
     judge,
     strongest,
 )
-from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray, rms, sine
 
 SETTLED = 0.02  # of a step's height
 _RESOLUTIONS = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived

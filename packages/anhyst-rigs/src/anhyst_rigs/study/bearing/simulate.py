@@ -12,6 +12,11 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
 from anhyst.model.actuator import has_layers
 from anhyst.model.writer import write_model
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress, in_parts
+from anhyst.support.kinds import PROBED, MethodName
+from anhyst.support.result import columns_of
 from anhyst_rigs.rig.bearing.loop import (
     BearingSetup,
     calibrated_magnets,
@@ -44,11 +49,6 @@ from anhyst_rigs.study.bearing.responses import (
     sweep,
 )
 from anhyst_rigs.study.engine.table import FIGURES, Judgement, StudyResult, keep_lost
-from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, in_parts
-from anhyst.support.kinds import PROBED, MethodName
-from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from anhyst.control.exchange import control_library
+from anhyst.support.atomic import PathLike, check_path
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.drift import changed
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.study.bearing.linear import Point, voltage_matrices
 from anhyst_rigs.study.bearing.operating import find_operating_point
-from anhyst.support.atomic import PathLike, check_path
-from anhyst.support.numeric import FloatArray
 
 if TYPE_CHECKING:
     from control import StateSpace

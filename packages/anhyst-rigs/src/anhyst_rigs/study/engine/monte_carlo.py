@@ -15,6 +15,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from anhyst.support import running_version
+from anhyst.support.atomic import PathLike, plain
+from anhyst.support.errors import Interrupted, NegativeResult
+from anhyst.support.jobs import Progress, each
+from anhyst.support.kept import ResultsFile
+from anhyst.support.kinds import MethodName
+from anhyst.support.result import columns_of
 from anhyst_rigs.rig.drift import Drift, draw_plant
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.study.engine.table import (
@@ -26,13 +33,6 @@ from anhyst_rigs.study.engine.table import (
     mean_interval,
     strongest,
 )
-from anhyst.support import running_version
-from anhyst.support.atomic import PathLike, plain
-from anhyst.support.errors import Interrupted, NegativeResult
-from anhyst.support.jobs import Progress, each
-from anhyst.support.kept import ResultsFile
-from anhyst.support.kinds import MethodName
-from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

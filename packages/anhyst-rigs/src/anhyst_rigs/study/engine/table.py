@@ -20,11 +20,11 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from anhyst.compensate.methods import METHODS
-from anhyst_rigs.rig.recording import Recording
 from anhyst.support.atomic import PathLike, write_json
 from anhyst.support.errors import NegativeResult
 from anhyst.support.kinds import MethodName
 from anhyst.support.result import Result
+from anhyst_rigs.rig.recording import Recording
 
 Level = Literal["yes", "mixed", "no", "unknown"]
 TITLES: Mapping[Level, str] = {

@@ -15,6 +15,9 @@ from itertools import pairwise
 import numpy as np
 
 from anhyst.data.path import DEMAGNETISED, History
+from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import QUANTITIES
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import ScanCase
 from anhyst_rigs.rig.file import RigFile
@@ -22,9 +25,6 @@ from anhyst_rigs.rig.force.file import Rig
 from anhyst_rigs.rig.measurement_table import ExciteTable, MeasurementTable
 from anhyst_rigs.rig.measuring import FAST_CYCLES, FAST_SAMPLES, HeldBearing, HeldRig, straight
 from anhyst_rigs.rig.piezo import PiezoRig
-from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray
-from anhyst.support.units import QUANTITIES
 
 MARGIN = 0.95
 """Share of the warmth that trips, up to which a drive is designed."""

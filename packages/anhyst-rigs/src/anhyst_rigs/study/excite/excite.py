@@ -13,6 +13,14 @@ import numpy as np
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.sidecar import is_sidecar
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
+from anhyst.support.kinds import capability
+from anhyst.support.numeric import FloatArray
+from anhyst.support.toml_file import take_rig
+from anhyst.support.toml_text import toml_key, toml_value
+from anhyst.support.units import QUANTITIES
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.from_loops import complete_rig
@@ -34,14 +42,6 @@ from anhyst_rigs.study.excite.design import (
     stack_specimen,
     step_of,
 )
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable
-from anhyst.support.errors import InputError
-from anhyst.support.jobs import Progress
-from anhyst.support.kinds import capability
-from anhyst.support.numeric import FloatArray
-from anhyst.support.toml_file import take_rig
-from anhyst.support.toml_text import toml_key, toml_value
-from anhyst.support.units import QUANTITIES
 
 Measuring = Callable[[Specimen, Progress | None], "Excitation"]
 """How loops of a specimen are measured."""

@@ -16,6 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.loops import Loop, Loops
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
+from anhyst.support.units import QUANTITIES
 from anhyst_rigs.link.client import Refused
 from anhyst_rigs.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst_rigs.rig.measuring import straight
@@ -29,11 +34,6 @@ from anhyst_rigs.study.excite.excite import (
     notes_of,
     place_of,
 )
-from anhyst.support.errors import InputError
-from anhyst.support.jobs import Progress
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command, Fault, State
-from anhyst.support.units import QUANTITIES
 
 _DWELL_S = 0.02
 """At each turning point, s: the amplifier follows in the first half, the second is one sample."""

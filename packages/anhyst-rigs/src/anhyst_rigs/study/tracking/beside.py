@@ -11,6 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from anhyst.model.actuator import Model
+from anhyst.support.block_words import GENERATION_AT, regenerate
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.protocol import Bench, Signal, Subscription
@@ -23,10 +27,6 @@ from anhyst_rigs.study.tracking.bodies import BearingLaw, law_of
 from anhyst_rigs.study.tracking.learner import FORGET_S, Learner
 from anhyst_rigs.study.tracking.measures import exposures
 from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
-from anhyst.support.block_words import GENERATION_AT, regenerate
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray, rms
 
 KEPT = 500
 """Laps that a page can draw."""

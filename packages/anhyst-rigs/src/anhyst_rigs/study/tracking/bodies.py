@@ -23,6 +23,8 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from anhyst.compensate.force_controller import ForceController
 from anhyst.control.controller_file import ControllerTable
+from anhyst.support.kinds import PROBED, MethodName
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bearing.loop import fit_magnets, pair_of
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CENTRE, ParameterName
@@ -31,8 +33,6 @@ from anhyst_rigs.rig.recording import CURRENTS, HOVER, column, of_magnets
 from anhyst_rigs.rig.stage.file import axes_of, believed, head_rows, mass_matrix, pull_rows, weight
 from anhyst_rigs.rig.stage.loop import demand_columns, pose_columns
 from anhyst_rigs.study.tracking.motion import DEAD, UPDATES_HZ, Motion, MotionLaw, Moving, on_grid
-from anhyst.support.kinds import PROBED, MethodName
-from anhyst.support.numeric import FloatArray
 
 _STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-3)}
 """By which a number of the body is moved for its derivative."""

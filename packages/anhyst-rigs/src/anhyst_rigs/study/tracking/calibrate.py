@@ -15,6 +15,14 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.headers import without_word
 from anhyst.data.table import read_columns
 from anhyst.model.actuator import has_layers
+from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
+from anhyst.support.errors import InputError, wrong_type
+from anhyst.support.kinds import MethodName, capability
+from anhyst.support.numeric import FloatArray
+from anhyst.support.result import Result, columns_of
+from anhyst.support.toml_file import take_rig
+from anhyst.support.toml_text import toml_value
+from anhyst.support.units import parse_header
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CalibrationFile
 from anhyst_rigs.rig.drift import untaught
@@ -25,14 +33,6 @@ from anhyst_rigs.study.bearing.operating import controller_of, make_ready
 from anhyst_rigs.study.tracking.bodies import BearingLaw, law_of
 from anhyst_rigs.study.tracking.learner import fit
 from anhyst_rigs.study.tracking.motion import MOVED, Motion, MotionLaw, refuse_uncalibratable
-from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
-from anhyst.support.errors import InputError, wrong_type
-from anhyst.support.kinds import MethodName, capability
-from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, columns_of
-from anhyst.support.toml_file import take_rig
-from anhyst.support.toml_text import toml_value
-from anhyst.support.units import parse_header
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

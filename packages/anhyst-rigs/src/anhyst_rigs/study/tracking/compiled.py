@@ -3,24 +3,34 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.compensate.force_controller import Io
+from anhyst.compilation.compiled_stage import CompiledStage, StageRequest
 from anhyst.compilation.manifest import (
     MANIFEST,
     VERSION,
-    CompiledFolder,
     check_folder,
     write_folder,
 )
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
 from anhyst.compilation.vectors import vectors_csv
 from anhyst.control.fixed_axes import codes
+from anhyst.support import running_version
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress
+from anhyst.support.kept import c_name, check_name
+from anhyst.support.kinds import NumberFormat
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
+from anhyst.verification.bundle import column_of
+from anhyst.verification.protocol import stage_form
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.recording import Loss, column, of_magnets
@@ -50,89 +60,14 @@ from anhyst_rigs.rig.stage.loop import (
     track,
 )
 from anhyst_rigs.rig.stage.setpoint import instants, motion_of, stray, ticks_of
-from anhyst.support import running_version
-from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress
-from anhyst.support.kept import c_name, check_name
-from anhyst.support.kinds import NumberFormat
-from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command
-from anhyst.verification.bundle import column_of
-from anhyst.verification.protocol import stage_form
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-StageKind = Literal["full", "simplified", "play", "single-valued"]
+    pass
 
 COMMAND_ROWS = 20
 """In the end of the golden vectors, after each command."""
 ROWS = 2000
 """Ticks of the flight that become golden vectors, if it takes as many: at rest, acceleration, after it."""
-
-
-@dataclass(frozen=True, repr=False)
-class CompiledStage(CompiledFolder):
-    """What came out.
-
-    Parameters
-    ----------
-    out : Path
-        The folder.
-    manifest : dict
-        What stands in ``manifest.json``, without the hashes of the files.
-    files : tuple of str
-        Names of the files.
-    vectors : dict of str to array
-        The flight: what the controller was given and answered, a number a tick.
-    """
-
-    vectors: dict[str, FloatArray]
-
-    def facts(self) -> dict[str, str]:
-        """Return where it is and what it is."""
-        manifest, stage = self.manifest, self.manifest["stage"]
-        about = f"{len(stage['free'])} coordinates, {stage['magnets']} magnets"
-        return {
-            "folder": str(self.out),
-            "kind": manifest["kind"],
-            "signals": manifest["io"],
-            "force to current": stage["force_to_current"],
-            "rate": f"{manifest['rate_Hz']:g} Hz",
-            "stage": f"{about}, {stage['heads']} heads",
-        }
-
-    def to_columns(self) -> dict[str, Any]:
-        """Return the flight."""
-        return dict(self.vectors)
-
-    def draw(self, ax: Axes) -> None:
-        """Draw the currents of the flight."""
-        time = np.arange(len(self.vectors["flags"])) / self.manifest["rate_Hz"]
-        for number in range(1, self.manifest["stage"]["magnets"] + 1):
-            ax.plot(time, self.vectors[f"current_{number}"], lw=1.0, label=f"magnet {number}")
-        ax.set_xlabel("time [s]")
-        ax.set_ylabel("current [A]" if self.manifest["io"] == "f32" else "current [code]")
-
-
-@dataclass(frozen=True)
-class StageRequest:
-    """How the controller of a stage is compiled."""
-
-    kind: StageKind
-    io: Io
-    rate: float | None  # ticks a second that are expected; the rig file says how many there are
-    name: str | None  # of the C functions; that of the rig if left out
-
-
-class HasController(Protocol):
-    """A kind of rig whose controller can be compiled from the rig file."""
-
-    def compile_controller(
-        self, rig: PathLike, out: PathLike, request: StageRequest, progress: Progress | None
-    ) -> CompiledStage:
-        """Compile the controller to a folder of C."""
 
 
 def compile_stage(

@@ -16,6 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data.table import check_recording
+from anhyst.support.atomic import PathLike, check_path, check_picture, write_figure
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.kinds import UNKNOWN, kind_of
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import ParameterName
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
@@ -42,10 +46,6 @@ from anhyst_rigs.study.tracking.bodies import START_S, law_of
 from anhyst_rigs.study.tracking.learner import Learner
 from anhyst_rigs.study.tracking.motion import refuse_uncalibratable
 from anhyst_rigs.study.tracking.simulate import OWN, refuse_unstable
-from anhyst.support.atomic import PathLike, check_path, check_picture, write_figure
-from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.kinds import UNKNOWN, kind_of
-from anhyst.support.numeric import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

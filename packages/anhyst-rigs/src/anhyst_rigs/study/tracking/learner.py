@@ -13,7 +13,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from anhyst_rigs.rig.calibration import LIMITS, CalibratedMethod, LearntParameter, ParameterName, kind_of
+from anhyst.support.numeric import FloatArray, rms
+from anhyst_rigs.rig.calibration import (
+    LIMITS,
+    CalibratedMethod,
+    LearntParameter,
+    ParameterName,
+    kind_of,
+)
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.recording import Recording
@@ -21,7 +28,6 @@ from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
 from anhyst_rigs.study.tracking.bodies import law_of
 from anhyst_rigs.study.tracking.motion import MOVED, UPDATES_HZ, Motion, MotionLaw, on_grid
-from anhyst.support.numeric import FloatArray, rms
 
 MOST = 4.0
 """Standard deviations within which a parameter stays."""

@@ -15,6 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anhyst.support.numeric import FloatArray, rms
+from anhyst.support.states import Command, Phase, State
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import LossCase
 from anhyst_rigs.rig.file import RigFile
@@ -50,8 +52,6 @@ from anhyst_rigs.rig.stage.setpoint import (
     ticks_of,
 )
 from anhyst_rigs.study.engine.table import Metric
-from anhyst.support.numeric import FloatArray, rms
-from anhyst.support.states import Command, Phase, State
 
 BANDS_M = (50e-9, 10e-9)
 """Into which the settling is measured."""

@@ -18,6 +18,9 @@ from scipy.signal import lfilter
 
 from anhyst.compensate.methods import FluxFeedback, FusedInverse
 from anhyst.control.position import shared_by_pair
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import PROBED, MethodName
+from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CENTRE, OF_STAGE, CalibratedMethod, ParameterName, kind_of
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift
@@ -25,9 +28,6 @@ from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.recording import of_magnets
 from anhyst_rigs.rig.stage.file import per_root
 from anhyst_rigs.rig.stage.loop import COMMANDS, PROBES, READ, StageSetup, corrected, fit_method
-from anhyst.support.errors import InputError
-from anhyst.support.kinds import PROBED, MethodName
-from anhyst.support.numeric import FloatArray, rms
 
 FILTER_HZ = 250.0
 """Corner of the three poles that both sides pass; a twentieth of the ticks at most."""

@@ -15,6 +15,12 @@ from scipy.optimize import minimize
 from anhyst.compensate.methods import METHODS
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.model.actuator import has_layers
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import PROBED, MethodName
+from anhyst.support.numeric import FloatArray, rms
+from anhyst.support.result import columns_of
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CalibratedMethod
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
@@ -59,12 +65,6 @@ from anhyst_rigs.study.tracking.measures import (
     still_axes,
 )
 from anhyst_rigs.study.tracking.motion import refuse_uncalibratable
-from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import PROBED, MethodName
-from anhyst.support.numeric import FloatArray, rms
-from anhyst.support.result import columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

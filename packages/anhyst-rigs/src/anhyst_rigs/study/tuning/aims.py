@@ -15,8 +15,8 @@ from dataclasses import dataclass, fields, replace
 from functools import reduce
 from typing import ClassVar, Self, TypeVar
 
-from anhyst_rigs.study.engine.table import Metric
 from anhyst.support.errors import InputError
+from anhyst_rigs.study.engine.table import Metric
 
 MISSED = 1e3
 """Cost of gains that miss an aim, in SI units; what they miss is added."""

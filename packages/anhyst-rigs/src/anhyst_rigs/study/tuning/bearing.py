@@ -13,6 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray, spaced
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
 from anhyst_rigs.rig.body import BodyRig
@@ -33,9 +36,6 @@ from anhyst_rigs.study.bearing.responses import (
 from anhyst_rigs.study.tuning.aims import TITLES, Aims, Figures
 from anhyst_rigs.study.tuning.search import FIRMNESS, Screen, make_screen, refine
 from anhyst_rigs.study.tuning.trial import Check, Condition, GainSpace, Limit, what_helps
-from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray, spaced
 
 HOLD_S = 0.03
 """Longest time for which a position is held in the search, s; checks hold as the rig file says."""

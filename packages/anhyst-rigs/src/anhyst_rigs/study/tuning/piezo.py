@@ -11,6 +11,9 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.force_controller import ForceController
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.drift import draw_plant, drifted_file
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.piezo import PiezoRig, notch_numbers, notch_of, steps_in
@@ -20,9 +23,6 @@ from anhyst_rigs.study.piezo import follow, judged_from, reference
 from anhyst_rigs.study.tuning.aims import MISSED, Aims, PiezoFigures, worst_of
 from anhyst_rigs.study.tuning.search import least_cost, liked
 from anhyst_rigs.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
-from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray, rms
 
 SEARCHED, PLANTS = 6, 20
 """Plants drawn as [spread] says: on which gains are searched, and others on which they are checked."""

@@ -11,6 +11,10 @@ from typing import TYPE_CHECKING, Any
 from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.verdict import WHERE_IT_PAYS
+from anhyst.support import running_version
+from anhyst.support.atomic import atomic_writer, write_json
+from anhyst.support.kinds import PROBED, MethodName
+from anhyst.support.result import Result, columns_of
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.distance import PlantCheck
 from anhyst_rigs.rig.piezo import PiezoRig
@@ -18,10 +22,6 @@ from anhyst_rigs.study.engine.table import Interval, compare
 from anhyst_rigs.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst_rigs.study.tuning.search import FoundGains
 from anhyst_rigs.study.tuning.trial import Limit
-from anhyst.support import running_version
-from anhyst.support.atomic import atomic_writer, write_json
-from anhyst.support.kinds import PROBED, MethodName
-from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,6 +17,9 @@ from typing import Any, Protocol
 import numpy as np
 from cmaes import CMA
 
+from anhyst.support.errors import NegativeResult
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import changed
@@ -32,9 +35,6 @@ from anhyst_rigs.study.tuning.trial import (
     Tunable,
     run_trial,
 )
-from anhyst.support.errors import NegativeResult
-from anhyst.support.jobs import Progress, all_of
-from anhyst.support.numeric import FloatArray
 
 
 class Strategy:

@@ -10,6 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import draw_plant
 from anhyst_rigs.rig.recording import Recording
@@ -21,9 +24,6 @@ from anhyst_rigs.study.tracking.simulate import SMALL, find_gains, standing
 from anhyst_rigs.study.tuning.aims import MISSED, Aims, StageFigures
 from anhyst_rigs.study.tuning.search import least_cost, liked
 from anhyst_rigs.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
-from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray, rms
 
 PLANTS = 10
 """Drawn as [spread] says, on which gains are checked."""

@@ -19,11 +19,11 @@ import numpy as np
 
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
 from anhyst.control.pidd2 import Pidd2
-from anhyst_rigs.study.tuning.aims import LOST, TITLES, Aims, GainFigures, text_of, worst_of
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.study.tuning.aims import LOST, TITLES, Aims, GainFigures, text_of, worst_of
 
 _DIGITS = 5
 """Of every gain that is kept: what a file says is what was tried."""

@@ -13,6 +13,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
+from anhyst.support.atomic import PathLike, check_writable, seen_from
+from anhyst.support.errors import InputError, Interrupted
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import PROBED, MethodName, capability
+from anhyst.support.toml_file import take_rig
+from anhyst.support.toml_text import Path as KeyPath
 from anhyst_rigs.rig.bearing.loop import make_setups
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.distance import PlantCheck
@@ -41,12 +47,6 @@ from anhyst_rigs.study.tuning.result import RESULTS, Tuned, Tuning, file_note, w
 from anhyst_rigs.study.tuning.search import GainSearch
 from anhyst_rigs.study.tuning.stage import SLOWEST, StageLoop
 from anhyst_rigs.study.tuning.trial import Tunable
-from anhyst.support.atomic import PathLike, check_writable, seen_from
-from anhyst.support.errors import InputError, Interrupted
-from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import PROBED, MethodName, capability
-from anhyst.support.toml_file import take_rig
-from anhyst.support.toml_text import Path as KeyPath
 
 
 def tune(

@@ -1,7 +1,7 @@
 """File formats of measurements, one file a format.
 
 A new format needs an entry in `FORMATS`, in `SIGNATURES` if it is binary, and in `WRITERS` and
-`PACKAGES` if it can be written.
+`PACKAGES` if it can be written. An installed package adds one that is read.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from anhyst.data.formats.parquet import open_parquet, write_parquet
 from anhyst.data.formats.tdms import open_tdms, write_tdms
 from anhyst.data.formats.text import open_text, write_text
 from anhyst.support.atomic import PathLike
+from anhyst.support.registry import Registry
 
 __all__ = [
     "FORMATS",
@@ -34,7 +35,10 @@ __all__ = [
     "open_table",
 ]
 
-FORMATS: dict[str, Callable[[Path, int], OpenTable]] = {
+Opener = Callable[[Path, int], OpenTable]
+"""Opens a file that must have a given number of columns or more."""
+
+_OWN: dict[str, Opener] = {
     **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm"), open_text),
     ".mat": open_mat,
     **dict.fromkeys((".mf4", ".mdf"), open_mdf),
@@ -43,9 +47,18 @@ FORMATS: dict[str, Callable[[Path, int], OpenTable]] = {
     ".parquet": open_parquet,
     **dict.fromkeys((".xlsx", ".xlsm"), open_excel),
 }
-"""By suffix: opens a file that must have a given number of columns or more."""
+FORMATS: Registry[Opener] = Registry(
+    "anhyst.formats",
+    _OWN,
+    lambda opener, _: "" if callable(opener) else "and it is no function",
+    ".",
+)
+"""By suffix: those of anhyst, and of the entry points ``anhyst.formats`` of installed packages.
 
-SIGNATURES: tuple[tuple[bytes, Callable[[Path, int], OpenTable]], ...] = (
+An entry point has the name of its suffix, without the dot.
+"""
+
+SIGNATURES: tuple[tuple[bytes, Opener], ...] = (
     (b"MDF     ", open_mdf),
     (b"UnFinMF ", open_mdf),
     (b"MATLAB 5.0 MAT-file", open_mat),

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the harness runs: a whole position controller, tick by tick. */
-#include "boards/actuator.h"
+#include "anhyst/actuator.h"
 #include "steps.h"
 
 #include ACTUATOR_FILE(ACTUATOR_JOIN(ACTUATOR_NAME, _controller).h)

@@ -6,7 +6,7 @@
 #ifndef SIGNALS_H
 #define SIGNALS_H
 
-#include "boards/actuator.h"
+#include "anhyst/actuator.h"
 #include "harness.h"
 
 #if HARNESS_IO == 32

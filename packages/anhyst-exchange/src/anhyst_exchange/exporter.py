@@ -16,17 +16,6 @@ import numpy as np
 
 from anhyst.compilation.toolchain import zig_cc
 from anhyst.data.formats.text import write_csv
-from anhyst_exchange.part import (
-    MODEL,
-    WRAPPER,
-    FmiVersion,
-    Kind,
-    Part,
-    actuator_part,
-    build_description,
-    compensator_part,
-    model_description,
-)
 from anhyst.model.actuator import MODEL_SOURCES, Model, model_from
 from anhyst.support import running_version
 from anhyst.support.atomic import (
@@ -45,6 +34,17 @@ from anhyst.support.kept import c_name
 from anhyst.support.kinds import MODEL as MODEL_FILE
 from anhyst.support.kinds import capability, kinds_for
 from anhyst.support.toml_file import take_kind, take_rig
+from anhyst_exchange.part import (
+    MODEL,
+    WRAPPER,
+    FmiVersion,
+    Kind,
+    Part,
+    actuator_part,
+    build_description,
+    compensator_part,
+    model_description,
+)
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ def export_sfunction(
 ) -> Path:
     """Write a level-2 C S-function: sources, and the function that builds them in MATLAB.
 
-    It holds what :func:`~anhyst_exchange.export.export_fmu` puts into an FMU: outputs that follow
+    It holds what :func:`~anhyst_exchange.exporter.export_fmu` puts into an FMU: outputs that follow
     from the inputs of a sample are there at the next one. An actuator gets its sample time, s, as
     the parameter of the block.
     """

@@ -1,0 +1,126 @@
+"""A whole firmware as a target of ``anhyst verify``: an emulated board against this machine."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from random import Random
+
+from anhyst.compilation.toolchain import Missing, missing_modules, missing_programs
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.states import Command, Fault
+from anhyst.verification.bundle import Bundle
+from anhyst.verification.compare import Difference
+from anhyst.verification.result import TargetResult
+from anhyst_rigs.link.client import ControllerLink
+from anhyst_rigs.link.firmware import build
+from anhyst_rigs.link.virtual_boards import Plant, Reading, Running, run_host, run_qemu
+
+TARGET = "cortex-m3-qemu"
+"""Name of the entry point of the group ``anhyst.targets``."""
+QEMU = "qemu-system-arm"
+ONE = 1 << 31
+SELF_TEST_TICKS = 40
+TICKS_A_DEMAND = 5
+NOISE = 1e-4
+
+Runner = Callable[[Path, Plant], AbstractContextManager[Running]]
+
+
+class WalkingPlant:
+    """An actuator whose force goes with its current, with a slowly moving gap and noisy sensors."""
+
+    def __init__(self, seed: int) -> None:
+        self.drives: list[int] = []
+        self._flows = 0.0
+        self._next = 0.0
+        self._random = Random(seed)
+
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
+        """Let the current of the tick before flow."""
+        current = currents[0]
+        self.drives.append(round(current * ONE))
+        self._flows, self._next = self._next, current
+        gap = 0.5 + 0.3 * math.sin(tick * 2.0 * math.pi / 5000.0)
+        gap, force, flows = (
+            value + self._random.gauss(0.0, NOISE)
+            for value in (gap, 0.5 * self._flows, self._flows)
+        )
+        return Reading(gap, force, flows)
+
+
+@dataclass(frozen=True, slots=True)
+class FirmwareRun:
+    """What a firmware did: currents by tick, and answers to demands."""
+
+    drives: list[int]
+    statuses: list[dict[str, int]]
+
+
+@dataclass(frozen=True)
+class FirmwareTarget:
+    """The target of ``anhyst verify`` that runs a whole firmware, on an emulated board and here."""
+
+    def missing_tools(self) -> tuple[Missing, ...]:
+        """Return what of emulator, compiler and link is not there."""
+        return (
+            *missing_programs(TARGET, {QEMU: QEMU}),
+            *missing_modules(TARGET, ["ziglang"]),
+            *missing_modules(TARGET, ["serial"], extra="anhyst-rigs[link]"),
+        )
+
+    def verify(self, bundle: Bundle, folder: Path, steps: int, seed: int) -> TargetResult:
+        """Drive both firmwares through the same demands and readings, and compare every tick."""
+        began = time.monotonic()
+        head = (TARGET, "firmware", "mps2-an385 in QEMU", "zig cc -Os")
+        try:
+            host, board = (
+                _run(runner, build(name, bundle.folder, folder / f"firmware-{name}"), steps, seed)
+                for name, runner in (("host", run_host), ("qemu-mps2", run_qemu))
+            )
+        except (InputError, NegativeResult) as error:
+            return TargetResult(*head, 0, 0, failure=f"target {TARGET}: {error}")
+        return TargetResult(
+            *head, steps, 0, difference=compare_runs(host, board), seconds=time.monotonic() - began
+        )
+
+
+FIRMWARE = FirmwareTarget()
+
+
+def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
+    random = Random(seed)
+    plant = WalkingPlant(seed)
+    statuses = []
+    with runner(program, plant) as board, ControllerLink(board.url, timeout=5.0) as controller:
+        board.bus.step(SELF_TEST_TICKS)
+        controller.command(Command.ARM)
+        controller.command(Command.RUN)
+        demand = 0.0
+        for _ in range(0, ticks, TICKS_A_DEMAND):
+            jumps = random.random() < 0.1
+            demand = random.random() if jumps else demand + random.gauss(0.0, 0.02)
+            demand = min(max(demand, 0.0), 1.0)
+            statuses.append(asdict(controller.demand(round(demand * (ONE - 1))).codes))
+            board.bus.step(TICKS_A_DEMAND)
+        if board.bus.fault is not Fault.NONE:
+            raise NegativeResult(
+                f"the firmware went to the fault {board.bus.fault.name}", code="controller-in-fault"
+            )
+    return FirmwareRun(plant.drives, statuses)
+
+
+def compare_runs(host: FirmwareRun, board: FirmwareRun) -> Difference | None:
+    """Return where a board first departs from the host, if it does."""
+    for tick, (value, answer) in enumerate(zip(host.drives, board.drives, strict=True)):
+        if value != answer:
+            return Difference("firmware", tick, "drive", value, answer)
+    for index, (expected, answered) in enumerate(zip(host.statuses, board.statuses, strict=True)):
+        for name, value in expected.items():
+            if value != answered[name]:
+                return Difference("status", index, name, value, answered[name])
+    return None

@@ -1,0 +1,33 @@
+"""Names of a package that are imported once they are used."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any
+
+
+def lazy_names(package: str, nouns: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
+    """Return all public names of a package, and what finds one: its ``__getattr__``.
+
+    Parameters
+    ----------
+    package : str
+        Its name; its folder ``verbs`` has a function in each file.
+    nouns : mapping of str to str
+        The module of each other name, without the name of the package.
+    """
+    folder = import_module(f"{package}.verbs")
+    places = {verb.name: f"verbs.{verb.name}" for verb in iter_modules(folder.__path__)}
+    places |= nouns
+
+    def find(name: str) -> Any:
+        if name not in places:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        found = getattr(import_module(f"{package}.{places[name]}"), name)
+        setattr(sys.modules[package], name, found)
+        return found
+
+    return sorted(places), find

@@ -1,0 +1,131 @@
+"""What anhyst has of a sort, and what installed packages add to it, by name.
+
+A package adds a law, a format, a kind of rig, a target or verbs as an entry point of the group that
+a registry names. One that cannot be used is left out and its reason kept: it disturbs nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, cached_property
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Generic, TypeVar, cast
+
+PARTS = ("anhyst-rigs", "anhyst-exchange")
+"""The other packages of this project; what they add is replaced by nobody."""
+
+Thing = TypeVar("Thing")
+
+
+@cache
+def _every_point() -> EntryPoints:
+    """Return the entry points of all packages: to look them up takes a twentieth of a second."""
+    return entry_points()
+
+
+def points_of(group: str) -> list[EntryPoint]:
+    """Return the entry points of a group, those of this project first."""
+    found = _every_point().select(group=group)
+    return sorted(found, key=lambda point: (package_of(point) not in PARTS, point.name))
+
+
+def package_of(point: EntryPoint) -> str:
+    """Return the name of the package that has an entry point."""
+    return point.dist.name if point.dist else point.value
+
+
+def loaded(point: EntryPoint) -> object:
+    """Return what an entry point leads to.
+
+    Raises
+    ------
+    ValueError
+        It cannot be loaded, for any reason; the text completes a sentence about its package.
+    """
+    try:
+        return point.load()
+    except (Exception, SystemExit) as error:
+        raise ValueError(f"cannot be loaded ({error})") from error
+
+
+class Registry(Mapping[str, Thing], Generic[Thing]):
+    """Own things of a sort, and those of installed packages, which are loaded once they are asked for.
+
+    Parameters
+    ----------
+    group : str
+        Group of the entry points.
+    own : mapping of str to Thing
+        What no package replaces.
+    fault_of : callable
+        Says, of what an entry point leads to and its name, what keeps it from being used; an empty
+        text where nothing does.
+    prefix : str, optional
+        In front of the name of an entry point.
+    """
+
+    def __init__(
+        self,
+        group: str,
+        own: Mapping[str, Thing],
+        fault_of: Callable[[object, str], str],
+        prefix: str = "",
+    ) -> None:
+        self._group, self._own, self._fault_of, self._prefix = group, dict(own), fault_of, prefix
+
+    @cached_property
+    def _found(self) -> tuple[dict[str, Thing], dict[str, str]]:
+        """What packages add by name, and why something cannot be used."""
+        added: dict[str, Thing] = {}
+        whose: dict[str, str] = {}
+        unusable: dict[str, str] = {}
+        for point in points_of(self._group):
+            name, package = f"{self._prefix}{point.name}", package_of(point)
+            if name in self._own or whose.get(name) in PARTS:
+                continue
+            try:
+                thing = loaded(point)
+            except ValueError as error:
+                unusable[name] = f"{package} adds it and {error}; update it"
+                continue
+            if fault := self._fault_of(thing, point.name):
+                unusable[name] = f"{package} adds it, {fault}; update it"
+            elif name in added and added[name] is not thing:
+                unusable[name] = f"{whose[name]} and {package} both add it; remove one of them"
+            else:
+                added[name], whose[name] = cast(Thing, thing), package
+        return {name: one for name, one in added.items() if name not in unusable}, unusable
+
+    @property
+    def added(self) -> Mapping[str, Thing]:
+        """What packages add."""
+        return self._found[0]
+
+    def why_unusable(self, name: object) -> str:
+        """Say why nothing of that name can be used, if a package adds one; empty otherwise."""
+        return self._found[1].get(name, "") if isinstance(name, str) else ""
+
+    def __getitem__(self, name: str) -> Thing:
+        """Return the thing of a name; an own one without a look at packages."""
+        return self._own[name] if name in self._own else self.added[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Give the names, own ones first."""
+        yield from self._own
+        yield from self.added
+
+    def __len__(self) -> int:
+        """Count them."""
+        return len(self._own) + len(self.added)
+
+
+def packages_that_add() -> list[Path]:
+    """Return the folders, or files, of all packages that add something to anhyst."""
+    points = [point for point in _every_point() if point.group.startswith("anhyst.")]
+    specs = [
+        find_spec(name) for name in sorted({point.module.partition(".")[0] for point in points})
+    ]
+    origins = [Path(spec.origin) for spec in specs if spec is not None and spec.origin]
+    return [path.parent if path.name == "__init__.py" else path for path in origins]

@@ -1,0 +1,63 @@
+"""The verb ``example``: a copy of a bundled example."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from anhyst.data.examples import CopiedExample
+    from anhyst.support.atomic import PathLike
+
+PLACE = 10, "From measurements to a model"
+
+Name = Literal[
+    "bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels"
+]
+"""The bundled examples."""
+
+MAX_NAMED = 6
+"""Maximum number of files that are named one by one."""
+
+
+def example(name: Name, out: PathLike) -> CopiedExample:
+    """Copy a bundled example: measured loops, and the files of a rig.
+
+    Existing files are not overwritten.
+
+    Parameters
+    ----------
+    name : str, argument ``NAME``
+        'electromagnet', 'steels', 'magnetostrictive': loops. 'bearing', 'stage', 'solenoid',
+        'piezo': loops, and the files of a rig for the package anhyst-rigs.
+    out : path-like, ``DIR``
+        Output folder.
+
+    Returns
+    -------
+    CopiedExample
+        The folder, its files, and commands to go on with.
+
+    Raises
+    ------
+    InputError
+        There is no such example, or one of the files exists already.
+
+    Examples
+    --------
+    anhyst example electromagnet --out magnet
+    """
+    from anhyst.data.examples import copy_example
+    from anhyst.support.atomic import check_path
+
+    check_path(out, "example: out")
+    return copy_example(name, out)
+
+
+def show(result: CopiedExample, _: Mapping[str, Any]) -> Iterator[str]:
+    """Return what was written, and what to run next."""
+    named, others = result.files[:MAX_NAMED], len(result.files[MAX_NAMED:])
+    more = f" and {others} more" if others else ""
+    yield f"written to {result.out}: {', '.join(named)}{more}"
+    yield "next:"
+    yield from (f"  {command}" for command in result.run)
