@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
-from anhyst import Calibration, calibrate
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import rms
+from anhyst_rigs import Calibration, calibrate
 from anhyst_rigs.rig.bearing.loop import BearingSetup, fit_magnets, make_setup
 from anhyst_rigs.rig.bearing.scenario import parts_of_run
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant

@@ -30,7 +30,7 @@ HEAD = """\
 """
 REASON = "it passed with the same sources, as recorded in tests/held.toml"
 
-EVERY = ("pyproject.toml", "tests/conftest.py", "tests/held.py", "tests/once.py")
+EVERY = ("pyproject.toml", "conftest.py", "tests/held.py", "tests/once.py")
 """What every test depends on: how tests are run, and what they share."""
 
 TOOLS = ("cc", "clang", "ld", "qemu-aarch64")

@@ -7,8 +7,9 @@ fixed point.
 """
 
 import anhyst
+import anhyst_rigs
 
-found = anhyst.simulate(anhyst.example_files("piezo")["rig.toml"])
+found = anhyst_rigs.simulate(anhyst.example_files("piezo")["rig.toml"])
 ax = found.plot()
 ax.set_ylim(-800.0, 800.0)
 rms = found.to_dataframe()["rms_m"]

@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import anhyst
+import anhyst_rigs
 
 rig = anhyst.example_files("bearing")["rig.toml"]
 gaps = np.linspace(0.35e-3, 0.6e-3, 6)

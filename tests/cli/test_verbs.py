@@ -165,7 +165,7 @@ def test_a_new_verb_is_one_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err == "anhyst: too heavy\n"
     assert cli.main(["weigh-parts", "a.step", "--count", "10"]) == 2
     assert "--count" in capsys.readouterr().err
-    assert anhyst.weigh_parts(Path("b"))["mass"] == 2.0  # type: ignore[operator]
+    assert anhyst.weigh_parts(Path("b"))["mass"] == 2.0
 
 
 def test_texts_are_worded_for_the_command_line() -> None:

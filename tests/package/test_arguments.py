@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import anhyst
+import anhyst_rigs
 from anhyst import InputError, Loops, Model
 from anhyst.cli.app import main
 from anhyst.data.loops import Loop

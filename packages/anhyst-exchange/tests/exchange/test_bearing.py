@@ -38,6 +38,7 @@ from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.once import made_once
 from tests.refusals import refused, says
+from tests.repository import ROOT
 from tests.study import bearings, stages
 from tests.study.test_axes import three_magnets
 from tests.study.test_solid_stage import late
@@ -326,7 +327,6 @@ GOES_ON = """
 import sys
 from pathlib import Path
 from tests.exchange.slave import slave
-from tests.repository import ROOT
 fmu, folder, kept = map(Path, sys.argv[1:])
 with slave(fmu, folder) as made:
     made.restore(made.from_bytes(kept.read_bytes()))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import anhyst
+import anhyst_exchange
 from anhyst.support.numeric import FloatArray
 from anhyst_exchange import piezo_part
 from anhyst_exchange.exporter import export_fmu, export_sfunction
@@ -22,6 +22,7 @@ from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.exchange.test_sfunction import beside, built, complaint, simulated
 from tests.once import made_once
 from tests.refusals import refused
+from tests.repository import ROOT
 from tests.study import piezos
 
 RIG = piezos.EXAMPLE / "rig.toml"
@@ -108,7 +109,6 @@ GOES_ON = """
 import sys
 from pathlib import Path
 from tests.exchange.slave import slave
-from tests.repository import ROOT
 fmu, folder, kept = map(Path, sys.argv[1:])
 with slave(fmu, folder) as made:
     made.restore(made.from_bytes(kept.read_bytes()))
@@ -186,7 +186,7 @@ def test_its_sources_are_written_and_options_of_a_model_refused(
     with refused("option-not-for-this --rate"):
         export_fmu(RIG, tmp_path / "p.fmu", rate=1e4)
     assert not list(tmp_path.iterdir())
-    anhyst.export(RIG, tmp_path / "p", as_="simulink")
+    anhyst_exchange.export(RIG, tmp_path / "p", as_="simulink")
     script = (tmp_path / "p" / "build_sfun_piezo.m").read_text()
     assert "input 1: reference_m (m)" in script
     assert "output 7: stack_voltage_V (V)" in script

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 import anhyst
+import anhyst_exchange
 from anhyst.cli.app import main
+from anhyst.compilation.compiled_stage import CompiledStage
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst_rigs.rig.drift import Drift
 from anhyst_rigs.rig.stage.loop import (
@@ -28,7 +30,6 @@ from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.compiled import (
     COMMAND_ROWS,
     ROWS,
-    CompiledStage,
     compiled_rig,
     write_stage,
 )
@@ -286,7 +287,7 @@ def test_heads_on_the_ground_are_neither_compiled_nor_in_an_fmu(tmp_path: Path) 
     with refused("not-compilable sensor.stands"):
         anhyst.compile(path, tmp_path / "out")
     with refused("not-compiled-controller sensor.stands"):
-        anhyst.export(path, tmp_path / "stage.fmu")
+        anhyst_exchange.export(path, tmp_path / "stage.fmu")
     assert not list(tmp_path.glob("*.fmu"))
 
 

@@ -28,9 +28,10 @@ from anhyst.compilation.packages import (
 from anhyst.verification.bundle import read_bundle
 from anhyst_rigs.link import firmware
 from tests.actuators import magnet
-from tests.compilation.packaged import ROOT, Plain, model_file, passed, plain
+from tests.compilation.packaged import Plain, model_file, passed, plain
 from tests.compilation.test_compile import measured
 from tests.refusals import refused, says
+from tests.repository import ROOT
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import anhyst
+import anhyst_rigs
 from anhyst._core import PiezoMotion
 from anhyst.cli.app import main
 from anhyst.data import Loop, Loops
@@ -136,20 +137,20 @@ def test_loops_of_a_stack_become_a_rig_that_is_read(
 def test_options_of_other_rigs_and_other_columns_are_refused(tmp_path: Path) -> None:
     source = EXAMPLES / "piezo" / "loops.csv"
     with refused("option-not-for-this --mass"):
-        anhyst.init(tmp_path / "my", [source], mass=1.0)
+        anhyst_rigs.init(tmp_path / "my", [source], mass=1.0)
     with refused("columns-missing: loops.csv"):
-        anhyst.init(tmp_path / "my", [source], force_control=True)
+        anhyst_rigs.init(tmp_path / "my", [source], force_control=True)
     (tmp_path / "strain.csv").write_text("u_V,eps_1\n0,0\n1,1e-3\n2,2e-3\n0,0\n")
     with refused("columns-missing: strain.csv; displacement"):
-        anhyst.init(tmp_path / "my", [tmp_path / "strain.csv"])
+        anhyst_rigs.init(tmp_path / "my", [tmp_path / "strain.csv"])
     assert not (tmp_path / "my").exists()
 
 
 @pytest.mark.slow
 def test_loops_that_excite_designs_give_the_stage_back(tmp_path: Path) -> None:
     rig = EXAMPLES / "piezo" / "rig.toml"
-    anhyst.excite(rig, tmp_path / "loops.csv")
-    drafted = anhyst.init(tmp_path / "my", [tmp_path / "loops.csv"])
+    anhyst_rigs.excite(rig, tmp_path / "loops.csv")
+    drafted = anhyst_rigs.init(tmp_path / "my", [tmp_path / "loops.csv"])
     assert len(drafted.found) == 3
     own = read_piezo_rig(rig)
     stack = read_piezo_rig(tmp_path / "my" / "rig.toml").settings.stack
@@ -178,7 +179,7 @@ def test_a_real_stack_becomes_a_stage_that_compensation_is_worth_on(
     stack = fit_stack(read)
     assert stack.rms < 0.011 * stack.stroke
     assert stack.stroke == pytest.approx(45.8e-6, rel=0.01)  # without the spike at its begin
-    anhyst.init(tmp_path / "my", [source], columns=columns)
+    anhyst_rigs.init(tmp_path / "my", [source], columns=columns)
     rig = read_piezo_rig(tmp_path / "my" / "rig.toml")
     assert reference(rig).min() > stack.remains
     tracked = track(rig)

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst import Calibration, InputError, calibrate
+from anhyst import InputError
 from anhyst.control.controller_file import ControllerFile
 from anhyst.support.numeric import rms
 from anhyst.support.states import Command
+from anhyst_rigs import Calibration, calibrate
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.rig.bearing.loop import BearingSetup, compiled_model, fit_magnets, make_setup
 from anhyst_rigs.rig.bearing.scenario import parts_of_run

@@ -13,9 +13,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from anhyst import Calibration, InputError, calibrate
+from anhyst import InputError
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs import Calibration, calibrate
 from anhyst_rigs.rig.calibration import CalibratedMethod, ParameterName
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift
 from anhyst_rigs.rig.recording import Recording

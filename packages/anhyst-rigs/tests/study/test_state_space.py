@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import anhyst_rigs
 from tests.refusals import refused
 from tests.repository import ROOT
 

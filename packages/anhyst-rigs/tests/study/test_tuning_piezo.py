@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import anhyst
+import anhyst_rigs
 from anhyst.cli.app import main
 from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.piezo import PiezoRig, notch_of, read_piezo_rig
@@ -123,9 +123,9 @@ def test_what_is_not_for_a_piezo_stage_is_refused(tmp_path: Path) -> None:
     rig = piezo_file(tmp_path)
     for option in ("controller", "overshoot", "average", "crossover", "settling", "standstill"):
         with refused(f"option-not-for-this --{option}"):
-            anhyst.tune(rig, tmp_path / "out", **{option: 1.0})  # type: ignore[arg-type]
+            anhyst_rigs.tune(rig, tmp_path / "out", **{option: 1.0})  # type: ignore[arg-type]
     with refused("rate-too-low timing.rate_Hz: rig.toml"):
-        anhyst.tune(piezo_file(tmp_path, rate_Hz=900.0), tmp_path / "out")
+        anhyst_rigs.tune(piezo_file(tmp_path, rate_Hz=900.0), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

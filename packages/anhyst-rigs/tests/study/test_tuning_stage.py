@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import anhyst
+import anhyst_rigs
 from anhyst.cli import app as cli
 from anhyst.support.errors import Interrupted
 from anhyst_rigs.rig.stage.file import read_stage
@@ -206,7 +206,7 @@ def test_bad_input_is_refused_before_any_work(
 ) -> None:
     before = sorted(here.iterdir())
     with refused(said):
-        partial(anhyst.tune, "rig.toml", **{"out": "tuned", **given})()  # type: ignore[arg-type]
+        partial(anhyst_rigs.tune, "rig.toml", **{"out": "tuned", **given})()  # type: ignore[arg-type]
     assert sorted(here.iterdir()) == before
 
 
@@ -242,5 +242,5 @@ def test_ctrl_c_before_any_gains_writes_nothing(
 
     monkeypatch.setattr(search.GainSearch, "run", stop)
     with pytest.raises(Interrupted):
-        anhyst.tune("rig.toml", "tuned")
+        anhyst_rigs.tune("rig.toml", "tuned")
     assert not (here / "tuned").exists()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from anhyst.verification import TargetResult, verify
-from anhyst.verification.emulators import FirmwareRun, compare_runs
 from anhyst.verification.protocol import COMPENSATOR
 from anhyst.verification.result import Verification
 from tests.verification.conftest import Compile
@@ -140,23 +139,3 @@ def test_msp430_gives_the_bits_of_the_host(compiled: Compile) -> None:
     (result,) = agrees(verify(compiled("simplified", "q15"), "msp430", target_steps=300)).results
     plausible(result)
     assert result.unit == "cycles"
-
-
-@pytest.mark.slow
-@pytest.mark.needs("qemu-system-arm")
-def test_the_whole_firmware_gives_the_currents_of_the_host(compiled: Compile) -> None:
-    (result,) = agrees(verify(compiled("full", "q31"), "cortex-m3-qemu", target_steps=300)).results
-    assert result.build == "firmware"
-    assert result.steps == 300
-
-
-def test_a_firmware_that_drives_another_current_is_found() -> None:
-    answer = {"tick": 1, "drive": 5}
-    right = FirmwareRun([1, 2, 3], [answer])
-    assert compare_runs(right, right) is None
-    wrong = compare_runs(right, FirmwareRun([1, 2, 4], [answer]))
-    assert wrong is not None
-    assert wrong.text() == "tick 2: drive is 4, not 3"
-    wrong = compare_runs(right, FirmwareRun([1, 2, 3], [{"tick": 1, "drive": 6}]))
-    assert wrong is not None
-    assert wrong.text() == "answer to demand 0: drive is 6, not 5"

@@ -29,6 +29,7 @@ from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.kept import computed_with, forget, load, sealed
 from anhyst.support.kinds import COMPILED, MethodName, capability, refuse_other
 from anhyst.support.toml_file import take_rig
+from anhyst_rigs.link.firmware import firmware_folder
 from anhyst_rigs.link.xcp import XcpMaster
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.force import ForceBench
