@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import importlib
+import importlib.util
 import json
 import os
 import signal
@@ -29,30 +30,16 @@ def serve() -> None:
 
 def load() -> None:
     """Import what the verbs import, and keep the children from looking through all of it."""
-    names = (
-        *(
-            "cli.app",
-            "data.inspection",
-            "model.diff",
-            "identification",
-            "reports",
-            "model.predict_file",
-        ),
-        *(
-            "reports.studies",
-            "study.bearing.simulate",
-            "compilation",
-            "draft.bearing",
-        ),
-        *("data.inspection", "verification"),
-    )
-    others = (
-        "scipy.interpolate",
-        "scipy.ndimage",
-        "scipy.signal",
+    names = [
+        *("anhyst.cli.app", "anhyst.data.inspection", "anhyst.model.diff", "anhyst.identification"),
+        *("anhyst.reports.page", "anhyst.model.predict_file", "anhyst.compilation"),
+        *("anhyst.verification", "scipy.interpolate", "scipy.ndimage", "scipy.signal"),
         "matplotlib.backends.backend_agg",
-    )
-    for name in (*(f"anhyst.{name}" for name in names), *others):
+    ]
+    if importlib.util.find_spec("anhyst_rigs"):
+        names += ["anhyst_rigs.reports.studies", "anhyst_rigs.study.bearing.simulate"]
+        names += ["anhyst_rigs.draft.bearing"]
+    for name in names:
         importlib.import_module(name)
     app = importlib.import_module("anhyst.cli.app")
     app.command_of(app.app)
