@@ -2,10 +2,11 @@
 
     python -m tools.wheel [PYTHON ...]
 
-For each Python, this one if none is named, and for each machine: compiled by zig against an old
-glibc, named after it, and held to that name by auditwheel. From CPython 3.12 on one wheel is for
-all later ones. Then each Python gets an empty environment outside the repository, its wheel in it,
-and runs the tutorial.
+The wheel of anhyst is built for each Python, this one if none is named, and for each machine:
+compiled by zig against an old glibc, named after it, and held to that name by auditwheel. From
+CPython 3.12 on one wheel is for all later ones. The wheels of the other parts are for every machine.
+Then each Python gets an empty environment outside the repository. With the wheel of anhyst alone it
+runs the tutorial up to step 6, with all of them the whole tutorial.
 """
 
 from __future__ import annotations
@@ -16,12 +17,16 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 DIST = ROOT / "dist"
 TUTORIAL = ROOT / "docs" / "tutorial.md"
+OTHERS = ("anhyst-rigs", "anhyst-exchange")
+"""The parts without anything that is compiled."""
+ALONE = 6
+"""The last step of the tutorial that needs the part anhyst alone."""
 
 MACHINES = ("x86_64", "aarch64")
 GLIBC = (2, 17)
@@ -63,7 +68,7 @@ def build(python: Path, machine: str, dist: Path) -> Path:
     target = f"-target {machine}-linux-gnu.{GLIBC[0]}.{GLIBC[1]}"
     wanted = tag(version, machine)
     settings = {
-        "build-dir": f"build/wheel-{wanted}",
+        "build-dir": str(ROOT / "build" / f"wheel-{wanted}"),
         "env._PYTHON_HOST_PLATFORM": wanted.split("-")[2],
         "env.SETUPTOOLS_EXT_SUFFIX": f".cpython-{version[0]}{version[1]}-{machine}-linux-gnu.so",
         "cmake.define.CMAKE_SYSTEM_NAME": "Linux",
@@ -76,7 +81,7 @@ def build(python: Path, machine: str, dist: Path) -> Path:
         pip += ["--python", str(python), "wheel"]
     options = [f"--config-settings={name}={value}" for name, value in settings.items()]
     run(
-        [*pip, "--no-deps", *options, "--wheel-dir", str(dist), str(ROOT)],
+        [*pip, "--no-deps", *options, "--wheel-dir", str(dist), str(ROOT / "packages" / "anhyst")],
         variables={
             "CC": f"{zig} cc {target}",
             # Without symbols from the first check on: zig keeps a C++ library for each way.
@@ -86,6 +91,17 @@ def build(python: Path, machine: str, dist: Path) -> Path:
     )
     (wheel,) = dist.glob(f"anhyst-*-{wanted}.whl")
     return wheel
+
+
+def build_others(dist: Path) -> list[Path]:
+    """Build the wheels of the other parts into a folder; return them."""
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "wheel"]
+    folders = [str(ROOT / "packages" / part) for part in OTHERS]
+    run(
+        [*pip, "--no-build-isolation", "--no-deps", "--wheel-dir", str(dist), *folders],
+        variables={"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"},
+    )
+    return [next(dist.glob(f"{part.replace('-', '_')}-*.whl")) for part in OTHERS]
 
 
 def check(wheel: Path) -> None:
@@ -108,9 +124,29 @@ def empty_environment(python: Path, wheel: Path, folder: Path) -> Path:
     """Install a wheel, and what it depends on, where nothing else is; return the Python there."""
     run([str(python), "-m", "venv", str(folder)])
     inside = folder / "bin" / "python"
-    # Of what it depends on, most is never imported here: not compiling it takes half of the time.
-    run([str(inside), "-m", "pip", "--quiet", "install", "--no-compile", str(wheel)])
+    install(inside, [wheel])
     return inside
+
+
+def install(python: Path, wheels: Sequence[Path]) -> None:
+    """Install wheels, and what they depend on, into the environment of a Python."""
+    # Of what they depend on, most is never imported here: not compiling it takes half of the time.
+    run([str(python), "-m", "pip", "--quiet", "install", "--no-compile", *map(str, wheels)])
+
+
+def megabytes(python: Path) -> float:
+    """Return what the packages in the environment of a Python take, without pip."""
+    (packages,) = (python.parents[1] / "lib").glob("python*/site-packages")
+    files = (path for path in packages.rglob("*") if path.is_file() and not path.is_symlink())
+    own = (
+        path for path in files if path.relative_to(packages).parts[0] not in {"pip", "setuptools"}
+    )
+    return sum(path.stat().st_size for path in own) / 1e6
+
+
+def up_to_step(page: str, last: int) -> str:
+    """Return a page up to a step, which its headings number."""
+    return page.partition(f"\n## {last + 1}. ")[0]
 
 
 def run_page(page: str, python: Path, place: Path) -> int:
@@ -177,6 +213,20 @@ def version_of(python: Path) -> tuple[int, int]:
     return major, minor
 
 
+def try_tutorial(
+    python: Path, others: Sequence[Path], folder: Path, say: Callable[[str], None]
+) -> None:
+    """Run the first steps of the tutorial with anhyst alone, then all with the other wheels."""
+    page = TUTORIAL.read_text(encoding="utf-8")
+    for name, steps in (("alone", up_to_step(page, ALONE)), ("all", page)):
+        place = folder / name
+        place.mkdir()
+        count = run_page(steps, python, place)
+        say(f"{count} blocks of {TUTORIAL.name} run there")
+        if name == "alone":
+            install(python, others)
+
+
 def main() -> int:
     """Build for each Python named, then try each; return the exit code."""
     pythons = [Path(name) for name in sys.argv[1:]] or [Path(sys.executable)]
@@ -194,15 +244,15 @@ def main() -> int:
                     wheels[wanted] = build(python, machine, DIST)
                     check(wheels[wanted])
                     say(f"{wheels[wanted].name}: built and checked")
+        others = build_others(DIST)
+        say(f"{', '.join(wheel.name for wheel in others)}: built")
         for python in pythons:
             wheel = wheels[tag(version_of(python), os.uname().machine)]
             with tempfile.TemporaryDirectory(prefix="anhyst-") as name:
                 inside = empty_environment(python, wheel, Path(name) / "environment")
                 say(f"{wheel.name}: installed into an empty environment of {python}")
-                place = Path(name) / "work"
-                place.mkdir()
-                count = run_page(TUTORIAL.read_text(encoding="utf-8"), inside, place)
-                say(f"{count} blocks of {TUTORIAL.name} run there")
+                say(f"{megabytes(inside):.0f} MB with what it depends on")
+                try_tutorial(inside, others, Path(name), say)
     except RuntimeError as error:
         print(f"wheel: {error}", file=sys.stderr)
         return 1

@@ -6,14 +6,13 @@ import re
 import shlex
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import typer
 
 from anhyst.cli.app import app
+from tests.repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 RUN = {"sh", "python"}
 SHOWN = {"c", "text", "toml"}

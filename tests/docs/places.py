@@ -13,7 +13,7 @@ from io import StringIO
 from pathlib import Path
 
 from anhyst.cli.app import main
-from tests.docs.blocks import ROOT
+from tests.repository import ROOT
 from tests.truths import path_of
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs.blocks import PAGES, ROOT, RUN, SHOWN, blocks, commands, indented, refusal
+from tests.docs.blocks import PAGES, RUN, SHOWN, blocks, commands, indented, refusal
 from tests.docs.places import fill, shell
 from tests.once import made_once
+from tests.repository import ROOT
 
 EMPTY = {"tutorial.md"}
 """Pages that begin in an empty folder, with nothing but the installed package."""

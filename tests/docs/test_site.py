@@ -5,15 +5,14 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
+from tests.repository import ROOT
 from tools.docs.c_reference import c_reference
 from tools.docs.command_line import command_line
 from tools.docs.pages import CHAPTERS
 
-ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = sorted((ROOT / "examples" / "gallery").glob("plot_*.py"))
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
+from tests.repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 BUNDLED = ROOT / "examples" / "steels"
 SHARED = ROOT.parent / "shared"
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from tests.held import EVERY, RECORD, content_hash
+from tests.repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 LOOKED_AT = "tests/core/test_seeded_faults.py"
 PATHS = ("core", "tests/core")
 

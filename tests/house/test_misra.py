@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from anhyst.compilation.toolchain import AXES_FIXED, CONTROL, SINGLE, SOURCES
+from tests.repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core" / "src"
 CORE_INCLUDES = (ROOT / "core" / "include", CORE)
 FIRMWARE = ROOT / "firmware"

@@ -32,12 +32,13 @@ from anhyst_rigs.rig.parts.magnet import ACTUATORS
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import identify_stage
 from anhyst_rigs.study.bench import prepared_once
-from tests.docs.blocks import ROOT, blocks
+from tests.docs.blocks import blocks
 from tests.docs.places import fill, shell
 from tests.exchange.slave import HERE, slave
 from tests.exchange.test_bearing import scanned_by_axes
 from tests.once import made_once
 from tests.refusals import refused
+from tests.repository import ROOT
 
 PAGE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
 

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 import anhyst
-
-ROOT = Path(__file__).resolve().parents[2]
+from tests.repository import ROOT
 
 
 def test_every_name_is_there_and_described() -> None:

@@ -16,9 +16,9 @@ import pytest
 from anhyst_rigs.link.firmware import build
 from tests.cli.command import anhyst
 from tests.link.handmade import write_parameters
+from tests.repository import ROOT
 from tools.wheel import run
 
-ROOT = Path(__file__).resolve().parents[2]
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
 
 POSIX_ONLY = """

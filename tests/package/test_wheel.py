@@ -1,4 +1,4 @@
-"""The wheel alone: what a user has who never saw the repository."""
+"""The wheel of anhyst alone: what a user has who never saw the repository."""
 
 from __future__ import annotations
 
@@ -12,9 +12,18 @@ import pytest
 
 from anhyst._core import _native
 from tests.once import made_once
-from tools.wheel import TUTORIAL, build, check, empty_environment, run, run_page
+from tests.repository import ROOT
+from tools.wheel import (
+    build,
+    build_others,
+    check,
+    empty_environment,
+    megabytes,
+    run,
+    run_page,
+    try_tutorial,
+)
 
-ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(sys.executable)
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
 
@@ -81,19 +90,39 @@ def test_the_wheel_brings_its_examples_and_what_it_compiles_from(
 ) -> None:
     where = run([str(alone), "-c", "import anhyst; print(anhyst.__file__)"], tmp_path)
     assert Path(where).is_relative_to(alone.parents[1])
-    anhyst(alone, "init", "--example", "bearing", "--out", "my", cwd=tmp_path)
+    anhyst(alone, "example", "bearing", "--out", "my", cwd=tmp_path)
     example = ROOT / "examples" / "bearing" / "rig.toml"
     assert (tmp_path / "my" / "rig.toml").read_bytes() == example.read_bytes()
-    own = anhyst(alone, "init", "my/loops.csv", "--out", "own", cwd=tmp_path)
-    assert "anhyst simulate own/rig.toml" in own
-    assert "12 loops" in anhyst(alone, "inspect", "own/loops/loops.csv", cwd=tmp_path)
+    assert "12 loops" in anhyst(alone, "inspect", "my/loops.csv", cwd=tmp_path)
 
 
 @SLOW
-def test_the_tutorial_runs_from_the_wheel_alone(alone: Path, tmp_path: Path) -> None:
-    if not TUTORIAL.is_file():
-        pytest.skip("docs/tutorial.md is not there yet")
-    assert run_page(TUTORIAL.read_text(encoding="utf-8"), alone, tmp_path) >= 8
+def test_a_verb_of_another_package_is_named_with_its_package(alone: Path, tmp_path: Path) -> None:
+    for words, package in (
+        (("simulate", "rig.toml", "--out", "x"), "anhyst-rigs"),
+        (("force-control", "--help"), "anhyst-rigs"),
+        (("export", "model.toml"), "anhyst-exchange"),
+    ):
+        with pytest.raises(RuntimeError, match=f"{words[0]} is in the package {package}"):
+            anhyst(alone, *words, cwd=tmp_path)
+    script = "import anhyst; anhyst.simulate"
+    with pytest.raises(RuntimeError, match=r"anhyst\.simulate is in the package anhyst-rigs"):
+        run([str(alone), "-c", script], tmp_path)
+    shutil.copy(ROOT / "examples" / "stage" / "rig.toml", tmp_path)
+    with pytest.raises(RuntimeError, match=r"this is a rig file; .* pip install anhyst-rigs"):
+        anhyst(alone, "compile", "rig.toml", "--out", "c", cwd=tmp_path)
+
+
+@SLOW
+def test_the_tutorial_runs_up_to_step_6_with_anhyst_alone_and_then_with_all_parts(
+    alone: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    others = build_others(tmp_path_factory.mktemp("others"))
+    said: list[str] = []
+    try_tutorial(alone, others, tmp_path, said.append)
+    alone_, all_ = (int(text.split()[0]) for text in said)
+    assert 7 <= alone_ < all_
+    assert megabytes(alone) < 400.0
 
 
 PAGE = """

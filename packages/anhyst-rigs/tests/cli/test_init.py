@@ -1,4 +1,4 @@
-"""``anhyst init``: a rig of one's own from loops, a bundled example, and what is refused."""
+"""``anhyst init``: a rig of one's own from loops, and what is refused."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from anhyst_rigs.rig.body import read_bearing
 from tests.refusals import says
 from tests.repository import ROOT
 
-from .command import contents, quick, refused, unwrapped
+from .command import quick, refused, unwrapped
 from .test_places import permissions_count
 
 EXAMPLES = ROOT / "examples"
@@ -176,7 +176,6 @@ def test_a_load_that_cannot_be_lifted_is_refused_with_the_forces(tmp_path: Path)
         (("--load", "nan"), "not-above-zero load"),
         (("--mass", 1e-6, "--load", 40), "pole-too-fast mass: 200000"),
         (("--force-control", "--mass", 1), "option-not-for-this --mass"),
-        (("--example", "bearing"), "option-not-for-this --example"),
     ],
 )
 def test_numbers_that_cannot_be_are_refused(
@@ -207,25 +206,3 @@ def test_a_place_that_cannot_be_written_is_said_and_nothing_is_left(tmp_path: Pa
     for out in ("locked", "locked/my"):
         message = refused("init", BEARING, "--out", out, cwd=tmp_path, ordinary=True)
         assert says(message, f"cannot-be-written: {out}")
-
-
-@pytest.mark.parametrize(
-    "name", ["bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels"]
-)
-def test_an_example_is_copied_as_it_is(tmp_path: Path, name: str) -> None:
-    result = quick("init", "--example", name, "--out", "my", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    for place, content in contents(tmp_path / "my").items():
-        if content is not None:
-            assert content == (EXAMPLES / name / place).read_bytes()
-    has_licence = (EXAMPLES / name / "LICENSE").is_file()
-    assert has_licence == (tmp_path / "my" / "LICENSE").is_file()
-    command = result.stdout.splitlines()[-1].split()
-    assert command[0] == "anhyst"
-    assert (tmp_path / command[2]).is_file()
-
-
-def test_an_unknown_example_is_refused_with_those_there_are(tmp_path: Path) -> None:
-    message = refused("init", "--example", "motor", "--out", "my", cwd=tmp_path)
-    known = "bearing, electromagnet, magnetostrictive, piezo, solenoid, stage, steels"
-    assert says(message, f"unknown-example: {known}")

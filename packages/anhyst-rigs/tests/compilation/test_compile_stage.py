@@ -33,6 +33,7 @@ from anhyst_rigs.study.tracking.compiled import (
     compiled_rig,
     write_stage,
 )
+from tests.compilation.packaged import undrawn  # noqa: F401 - a fixture
 from tests.compilation.test_controller import WARNINGS, played
 from tests.core.test_c_core import tool
 from tests.refusals import refused

@@ -27,6 +27,7 @@ from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import DROP, Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
+from tests.compilation.packaged import undrawn  # noqa: F401 - a fixture
 from tests.compilation.test_compile import compiles_alone_on_16_bits, sources_of
 from tests.core.test_c_core import tool
 from tests.refusals import says

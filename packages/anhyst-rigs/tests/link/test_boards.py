@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.cli.app import main
 from anhyst.support.errors import NegativeResult
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link import wire
@@ -190,3 +191,10 @@ def test_a_firmware_in_this_process_does_what_one_of_its_own_does(
             drives.append(seen)
     assert drives[0] == drives[1]
     assert max(drives[0]) > 0.1
+
+
+def test_a_package_of_an_ecosystem_is_no_compiled_folder(tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_text('{"package": "zephyr", "name": "a", "rate_Hz": 1000}')
+    with refused("wrong-kind: package"):
+        build("host", tmp_path, tmp_path / "firmware")
+    assert main(["live", str(tmp_path)]) == 2

@@ -48,7 +48,7 @@ def test_where_somebody_registers_a_law_nothing_is_taken_from_the_cache(
     for _ in range(2):
         identify_loops(loops, IdentifyTable(), "circuit")
     assert len(calls) == 1
-    monkeypatch.setitem(LAWS, "mine", LAWS["effective-field"])
+    monkeypatch.setitem(LAWS.added, "mine", LAWS["effective-field"])
     for _ in range(2):
         identify_loops(loops, IdentifyTable(), "circuit")
     assert len(calls) == 3

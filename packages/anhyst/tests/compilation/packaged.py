@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -143,3 +143,24 @@ def passed(plain: Plain) -> str:
     """Return what an example prints if every bit is right."""
     table = plain.files["controller.csv" if plain.values["control"] else "vectors.csv"]
     return f"{len(table.splitlines()) - 1} rows, 0 differ\n"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def undrawn() -> Iterator[None]:
+    """Leave the picture of a budget out: it takes a fifth of compiling."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("anhyst.compilation.source._figure", lambda budget: None)
+        patch.setattr("anhyst.compilation.source.svg_text", lambda figure, prefix: "<svg/>")
+        yield
+
+
+@pytest.fixture(scope="session")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder in which the cases of packages are compiled, once each."""
+    return tmp_path_factory.mktemp("packages")
+
+
+@pytest.fixture(params=PARAMS)
+def case(place: Path, request: pytest.FixtureRequest) -> Plain:
+    """Return one case after the other."""
+    return plain(place, request.param)

@@ -94,6 +94,13 @@ MEASUREMENT = FileKind(
     ("inspect", "convert", "identify", "fleet", "init", "force-control"),
 )
 PORT = FileKind("port", "the port of a controller", "ports of controllers", ("xcp",))
+RIG_OF_NO_KIND = FileKind(
+    RIG_FORMAT,
+    "a rig file",
+    "rig files",
+    use="it needs the package anhyst-rigs: pip install anhyst-rigs",
+)
+"""Any rig file, where no package with a kind of rig is installed."""
 UNKNOWN = FileKind("", "a file of unknown kind", "files of unknown kind")
 """What says nothing of itself or cannot be read."""
 
@@ -119,8 +126,10 @@ def capability(kind: FileKind, needed: type[Needed]) -> Needed:
     return cast(Needed, kind)
 
 
-RIG_VERBS = ("simulate", "tune", "excite", "calibrate", "live", "export", "compile")
-"""Verbs that a kind of another package can have."""
+RIG_VERBS = (
+    *("simulate", "tune", "excite", "calibrate", "live", "export", "compile", "force-control"),
+)
+"""Verbs that a kind of rig can have."""
 
 
 def _fault_of(record: object, word: str) -> str:
@@ -171,6 +180,8 @@ MEASUREMENTS = frozenset(
 def kind_in(content: Mapping[str, object]) -> FileKind:
     """Return the kind of a TOML file from its contents."""
     text, control = content.get("format"), content.get("control")
+    if text == RIG_FORMAT and not _RIG_KINDS:
+        return RIG_OF_NO_KIND
     if text == RIG_FORMAT:
         word = control.get("kind") if isinstance(control, dict) else None
         return rig_kinds().get(word, UNKNOWN) if isinstance(word, str) else UNKNOWN

@@ -26,7 +26,6 @@ from anhyst.compilation.packages import (
     package_files,
 )
 from anhyst.verification.bundle import read_bundle
-from anhyst_rigs.link import firmware
 from tests.actuators import magnet
 from tests.compilation.packaged import Plain, model_file, passed, plain
 from tests.compilation.test_compile import measured
@@ -263,13 +262,10 @@ def test_the_command_writes_and_replaces_a_package(
     assert manifest["package"] == "zephyr"
     written = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
     assert written == {"manifest.json", *manifest["files"]}
-    for verb in ("verify", "live"):
-        assert main([verb, str(out)]) == 2
-        assert says(capsys.readouterr().err, "wrong-kind: package; --package")
+    assert main(["verify", str(out)]) == 2
+    assert says(capsys.readouterr().err, "wrong-kind: package; --package")
     with refused("wrong-kind: package"):
         read_bundle(out)
-    with refused("wrong-kind: package"):
-        firmware.build("host", out, tmp_path / "firmware")
     (out / "notes.txt").write_text("mine")
     assert main([*command, "--package", "zephyr"]) == 2
     assert (out / "notes.txt").read_text() == "mine"
