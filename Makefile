@@ -1,7 +1,8 @@
 # Each target prepares .venv first where that is needed; nothing is installed outside this folder.
 #   make demo    the bundled examples in one table and one picture, results in demo/; two minutes on a
 #                fresh machine: it installs only what it runs, the other targets add the rest
-#   make test    tests, without the slow ones   make check   format, lint, types, C analysis
+#   make test    tests, without the slow ones; PART=anhyst, anhyst-rigs, anhyst-exchange or c for one part
+#   make check   format, lint, types, C analysis
 #   make test-all  the slow ones too   make campaign  repeats of slow ones on further magnets and compilers
 #   make held    those that depend on C alone, recorded for .ci/run in tests/held.toml (test-all does so too)
 #   make prove   proofs of the fixed-point C that changed   make prove-all  all of them
@@ -23,6 +24,9 @@ BIN := .venv/bin
 # another has left.
 PARALLEL := --numprocesses auto --maxprocesses 8 --dist worksteal
 
+# What `make test PART=...` runs; without it all.
+TESTS := $(if $(PART),$(if $(filter c,$(PART)),tests/core tests/firmware,packages/$(PART)))
+
 C_SOURCES := $(shell find core plant firmware tests/core tests/firmware packages/*/tests -name '*.c' -o -name '*.h') \
 	$(wildcard packages/anhyst/src/anhyst/_core/*.cpp packages/anhyst/src/anhyst/_core/*.h packages/anhyst-exchange/src/anhyst_exchange/fmu/*.[ch])
 BUILD_INPUTS := $(wildcard packages/*/pyproject.toml packages/*/CMakeLists.txt) core/core.cmake plant/plant.cmake \
@@ -36,7 +40,7 @@ demo: .venv/.stamp-package
 	@$(BIN)/python examples/demo.py
 
 test: build
-	@$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
+	@$(BIN)/python -m pytest $(PARALLEL) -m "not slow" $(TESTS)
 
 test-all: build
 	@ANHYST_HELD=$${ANHYST_HELD:-record} $(BIN)/python -m pytest $(PARALLEL) -m "not campaign"

@@ -16,7 +16,6 @@ from functools import cached_property
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCE = ROOT / "src" / "anhyst"
 GOLDEN = ROOT / "tests" / "messages.toml"
 HEAD = """\
 # What the errors of the package say, by their codes; {holes} are filled in when they are raised.
@@ -190,7 +189,7 @@ class Reader:
 
 def sites() -> Iterator[Site]:
     """Find every call of the package that makes an error."""
-    modules = [Module(path) for path in sorted(SOURCE.rglob("*.py"))]
+    modules = [Module(path) for path in sorted((ROOT / "packages").glob("*/src/**/*.py"))]
     owners: dict[str, list[Module]] = defaultdict(list)
     for module in modules:
         for name in module.functions:

@@ -50,6 +50,7 @@ CALLED = {
 MEASURED, MODEL, STAGES = {"measurement"}, {"model"}, {"stage", "planar"}
 RIGS = {"bearing", *STAGES, "piezo", "force"}
 WORKS = {
+    "example": set[str](),
     "inspect": MEASURED,
     "convert": MEASURED,
     "identify": MEASURED,

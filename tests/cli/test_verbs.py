@@ -5,7 +5,9 @@ from __future__ import annotations
 import inspect
 import json
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import get_args
 
 import pytest
@@ -21,6 +23,7 @@ from anhyst.compensate.block import Kind
 from anhyst.compensate.force_controller import Io
 from anhyst.compilation.compiled_stage import StageKind
 from anhyst.laws import LAWS
+from anhyst.support.verbs import ELSEWHERE, _read
 from anhyst.verification.verify import HOST_STEPS, TARGET_STEPS
 from anhyst_exchange import exporter
 from anhyst_rigs.study.tuning import search
@@ -49,6 +52,12 @@ def test_command_has_the_parameters_and_defaults_of_the_function(verb: Verb) -> 
     }
     assert {one.name for one in command.params} == in_python.keys() | own.keys()
     assert all(one.help for one in command.params)
+
+
+def test_the_verbs_of_the_other_parts_are_those_that_are_named_where_they_are_missing() -> None:
+    for part, names in ELSEWHERE.items():
+        folder = import_module(f"{part.replace('-', '_')}.verbs")
+        assert sorted(names) == [verb.name for verb in iter_modules(folder.__path__)]
 
 
 def test_options_of_reading_are_those_of_read_loops() -> None:
@@ -131,12 +140,13 @@ def new_verb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A file in the folder of the verbs, and nothing else."""
     (tmp_path / "weigh_parts.py").write_text(NEW)
     monkeypatch.setattr(verbs, "__path__", [*verbs.__path__, str(tmp_path)])
+    _read.cache_clear()
     added = typer.Typer(rich_markup_mode="markdown")
     for verb in read_verbs():
         add_command(added, verb)
     monkeypatch.setattr(cli, "app", added)
     yield
-    vars(anhyst).pop("weigh_parts", None)
+    _read.cache_clear()
 
 
 @pytest.mark.usefixtures("new_verb")

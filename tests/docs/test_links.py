@@ -9,12 +9,14 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.docs.blocks import PAGES, ROOT
+from tests.docs.blocks import PAGES
+from tests.repository import ROOT
 
 TEXTS = (
     *PAGES,
     ROOT / "ARCHITECTURE.md",
     ROOT / "CHANGELOG.md",
+    *sorted((ROOT / "packages").glob("*/README.md")),
     *sorted((ROOT / "examples").rglob("README.md")),
 )
 _FENCED = re.compile(r"^ *```.*?^ *```$", re.M | re.S)

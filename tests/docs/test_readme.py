@@ -10,7 +10,8 @@ import pytest
 import typer
 
 from anhyst.cli.app import app
-from tests.docs.blocks import ROOT, blocks, commands
+from tests.docs.blocks import blocks, commands
+from tests.repository import ROOT
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 STRAIGHT = ["inspect", "identify", "report", "compile", "verify", "simulate", "live"]

@@ -24,7 +24,8 @@ def test_every_page_has_its_place_on_the_site() -> None:
 def test_what_users_expect_is_shown_by_tests_that_exist() -> None:
     page = (ROOT / "docs" / "coming-from.md").read_text()
     named = set(re.findall(r"`(test_\w+)`", page))
-    tests = "".join(path.read_text() for path in (ROOT / "tests").rglob("test_*.py"))
+    files = (path for top in ("tests", "packages") for path in (ROOT / top).rglob("test_*.py"))
+    tests = "".join(path.read_text() for path in files)
     assert len(named) > 15
     assert {name for name in named if f"def {name}(" not in tests} == set()
 

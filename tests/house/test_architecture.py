@@ -22,7 +22,7 @@ def test_imports_go_one_way() -> None:
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("folder", ["src", "core", "tests", "examples", "benchmarks", "tools"])
+@pytest.mark.parametrize("folder", ["packages", "core", "tests", "examples", "benchmarks", "tools"])
 def test_no_file_is_longer_than_600_lines(folder: str) -> None:
     sources = [
         path
@@ -45,7 +45,7 @@ def test_every_c_source_is_in_the_one_list() -> None:
 
 def test_no_public_class_name_stands_in_two_modules() -> None:
     places: dict[str, list[str]] = defaultdict(list)
-    for path in (ROOT / "src" / "anhyst").rglob("*.py"):
+    for path in (ROOT / "packages").glob("*/src/**/*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places[node.name].append(str(path.relative_to(ROOT)))
@@ -54,7 +54,7 @@ def test_no_public_class_name_stands_in_two_modules() -> None:
 
 
 def test_the_page_loads_nothing_from_elsewhere() -> None:
-    assets = ROOT / "src" / "anhyst" / "dashboard" / "assets"
+    assets = ROOT / "packages" / "anhyst-rigs" / "src" / "anhyst_rigs" / "dashboard" / "assets"
     own = [path for path in assets.iterdir() if path.suffix in {".js", ".css", ".html"}]
     assert own
     assert [path.name for path in own if "//" in _without_comments(path)] == []

@@ -16,7 +16,7 @@ import pytest
 from anhyst.compilation.compiled_stage import HasController
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import RIG_FORMAT, capability, kind_of, rig_kinds
-from anhyst_exchange.exporter import HasPart
+from anhyst_exchange.exporter import RIG_PARTS
 from anhyst_rigs.kinds.rig_kind import RigKind
 from anhyst_rigs.reports.studies import HasBenefit, HasBoard, HasPlants, HasSimulation
 from anhyst_rigs.study.bench import HasBench
@@ -24,15 +24,16 @@ from anhyst_rigs.study.benefit import HasIrons
 from anhyst_rigs.study.excite.excite import HasSpecimen
 from anhyst_rigs.study.tracking.calibrate import HasCalibration
 from anhyst_rigs.study.tuning.tuning import HasTuning
+from tests.repository import ROOT
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 PROTOCOLS: dict[str, tuple[type, ...]] = {
     "simulate": (HasSimulation, HasPlants, HasBenefit),
     "tune": (HasTuning,),
     "excite": (HasSpecimen,),
     "calibrate": (HasCalibration,),
     "live": (HasBench,),
-    "export": (HasPart,),
+    "export": (),
     "compile": (HasController,),
     "force-control": (),
 }
@@ -52,6 +53,7 @@ def arguments(function: Any) -> int:
 def test_a_record_does_what_every_verb_of_it_asks_and_nothing_else(word: str) -> None:
     kind = rig_kinds()[word]
     assert isinstance(kind, RigKind)
+    assert ("export" in kind.verbs) == (word in RIG_PARTS)
     asked = [one for verb in kind.verbs for one in PROTOCOLS[verb]]
     if kind.has_option("simulate", "--board"):
         asked.append(HasBoard)
@@ -193,7 +195,7 @@ def test_an_installed_package_adds_a_kind_of_rig(oven: Path) -> None:
 def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> None:
     refused = run(oven, "export", "rig.toml", "--as", "simulink", "--out", "block")
     assert refused.returncode == 2
-    assert "'part' of the kind 'oven' cannot be used ('part' is not among" in refused.stderr
+    assert "rig.toml: control.kind: 'oven' has no part for export; ask the author" in refused.stderr
     refused = run(oven, "simulate", "rig.toml", "--out", "p.jsonl", "--monte-carlo", "2")
     assert refused.returncode == 2
     assert "'files' of the kind 'oven' cannot be used" in refused.stderr

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 import anhyst
+import anhyst_exchange
+import anhyst_rigs
 from tests.repository import ROOT
 
 
@@ -18,6 +20,10 @@ def test_every_name_is_there_and_described() -> None:
         found = getattr(anhyst, name)
         assert name == "__version__" or (found.__doc__ and "\n" in found.__doc__.strip()), name
     assert dir(anhyst) == sorted(anhyst.__all__)
+    for part in (anhyst_rigs, anhyst_exchange):
+        for name in part.__all__:
+            assert "\n" in (getattr(part, name).__doc__ or "").strip(), name
+        assert dir(part) == sorted(part.__all__)
     assert anhyst.__version__.startswith("0.")
     with pytest.raises(AttributeError, match="no attribute 'identity'"):
         anhyst.identity  # noqa: B018
@@ -54,7 +60,7 @@ def test_a_script_of_a_user_is_typed(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "mypy", "--strict", "--cache-dir", tmp_path / "cache", "script.py"],
         cwd=tmp_path,
-        env=os.environ | {"MYPYPATH": str(ROOT / "src")},
+        env=os.environ | {"MYPYPATH": str(ROOT / "packages" / "anhyst" / "src")},
         capture_output=True,
         text=True,
         check=False,

@@ -18,7 +18,8 @@ from xcp import map_header, map_module
 
 CORE = ROOT / "core" / "include" / "anhyst"
 PLANT = ROOT / "plant" / "include" / "anhyst_plant"
-SOURCE = ROOT / "src" / "anhyst"
+SOURCE = ROOT / "packages" / "anhyst" / "src" / "anhyst"
+RIGS = ROOT / "packages" / "anhyst-rigs" / "src" / "anhyst_rigs"
 PAGE = ROOT / "docs" / "link.md"
 
 
@@ -29,7 +30,7 @@ def wanted() -> dict[Path, str]:
     tables = page(frames, signals, controller)
     return {
         ROOT / "firmware" / "link" / "frames.h": frames_header(frames, signals),
-        SOURCE / "link" / "frames.py": frames_module(frames, signals),
+        RIGS / "link" / "frames.py": frames_module(frames, signals),
         PLANT / "bus_words.h": bus_header(frames["plant"]),
         ROOT / "firmware" / "xcp" / "map.h": map_header(xcp, signals),
         SOURCE / "support" / "xcp_map.py": map_module(xcp, signals),

@@ -6,11 +6,11 @@ import importlib.util
 import subprocess
 import tempfile
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 
@@ -32,7 +32,8 @@ from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress, cores
 from anhyst.support.kept import c_name
 from anhyst.support.kinds import MODEL as MODEL_FILE
-from anhyst.support.kinds import capability, kinds_for
+from anhyst.support.kinds import kinds_for
+from anhyst.support.registry import Registry
 from anhyst.support.toml_file import take_kind, take_rig
 from anhyst_exchange.part import (
     MODEL,
@@ -177,11 +178,26 @@ def export_fmu(
     return path
 
 
-class HasPart(Protocol):
-    """A kind of rig that other simulations can contain."""
+RIG_PARTS: Registry[Callable[[PathLike], Part]] = Registry(
+    "anhyst.exports", {}, lambda found, _: "" if callable(found) else "and it is no function"
+)
+"""By the word of a kind of rig: what returns plant and controller of a rig file as C.
 
-    def part(self, rig: PathLike) -> Part:
-        """Return plant and controller of a rig file as C, with inputs and outputs."""
+They are the entry points ``anhyst.exports`` of installed packages.
+"""
+
+
+def rig_part(path: PathLike) -> Part:
+    """Return plant and controller of a rig file as C, with inputs and outputs."""
+    word = take_rig(path, "export").word
+    if word not in RIG_PARTS:
+        why = RIG_PARTS.why_unusable(word) or "ask the author of the package that adds it"
+        raise InputError(
+            f"{path}: control.kind: '{word}' has no part for export; {why}",
+            code="not-installed",
+            key="control.kind",
+        )
+    return RIG_PARTS[word](path)
 
 
 def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Kind | None) -> Part:
@@ -196,7 +212,7 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
                     code="option-not-for-this",
                     key=name,
                 )
-        return capability(take_rig(model, "export"), HasPart).part(model)
+        return rig_part(model)
     if of == "actuator":
         for name, value in (("--rate", rate), ("--kind", kind)):
             if value is not None:

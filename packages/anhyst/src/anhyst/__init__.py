@@ -26,8 +26,9 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from anhyst import verbs
 from anhyst.support.lazy import lazy_names
+from anhyst.support.verbs import modules as _modules
+from anhyst.support.verbs import package_with as _package_with
 
 if TYPE_CHECKING:  # for checkers and editors; a verb that is not here has no type and works
     __version__: str
@@ -88,7 +89,7 @@ _PLACES = {
 """The module of each name that is not a verb."""
 
 _own, _find = lazy_names("anhyst", _PLACES)
-__all__ = sorted({"__version__", *_own, *verbs.modules()})  # noqa: PLE0605
+__all__ = sorted({"__version__", *_own, *_modules()})  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> Any:
@@ -97,9 +98,9 @@ def __getattr__(name: str) -> Any:
         from anhyst.support import running_version
 
         return running_version()
-    if name in verbs.modules() and name not in _own:
-        return getattr(import_module(verbs.modules()[name]), name)
-    if package := verbs.package_with(name):
+    if name in _modules() and name not in _own:
+        return getattr(import_module(_modules()[name]), name)
+    if package := _package_with(name):
         raise AttributeError(f"anhyst.{name} is in the package {package}: pip install {package}")
     return _find(name)
 

@@ -20,7 +20,6 @@ BEARING = RigKind(
         "specimen": "anhyst_rigs.study.excite.excite:read_bearing_specimen",
         "motion_laws": "anhyst_rigs.study.tracking.calibrate:bearing_laws",
         "prepare": "anhyst_rigs.study.bench:prepare_bearing",
-        "part": "anhyst_exchange.bearing_part:bearing_part",
     },
     options={
         "simulate": ("--controller", "--board"),

@@ -19,7 +19,6 @@ FORCE = RigKind(
         "with_iron": "anhyst_rigs.study.benefit:force_with_iron",
         "specimen": "anhyst_rigs.study.excite.excite:read_force_specimen",
         "prepare": "anhyst_rigs.study.bench:prepare_force",
-        "part": "anhyst_exchange.force_part:force_part",
     },
     options={"simulate": ("--board",)},
     reasons={

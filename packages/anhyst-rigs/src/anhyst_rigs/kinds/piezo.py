@@ -19,7 +19,6 @@ PIEZO = RigKind(
         "tuning": "anhyst_rigs.study.tuning.tuning:PiezoSubject",
         "specimen": "anhyst_rigs.study.excite.excite:read_stack_specimen",
         "prepare": "anhyst_rigs.study.bench:prepare_piezo",
-        "part": "anhyst_exchange.piezo_part:piezo_part",
     },
     options={"tune": ("--error",)},
     reasons={

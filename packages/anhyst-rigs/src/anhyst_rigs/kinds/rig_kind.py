@@ -26,7 +26,7 @@ class RigKind(FileKind):
     - ``excite``: :class:`anhyst_rigs.study.excite.excite.HasSpecimen`
     - ``calibrate``: :class:`anhyst_rigs.study.tracking.calibrate.HasCalibration`
     - ``live``: :class:`anhyst_rigs.study.bench.HasBench`
-    - ``export``: :class:`anhyst_exchange.exporter.HasPart`
+    - ``export``: an entry point of the group ``anhyst.exports``, see ``anhyst_exchange.exporter``
     - ``compile``: :class:`anhyst.compilation.compiled_stage.HasController`
 
     A function is imported when it is first asked for, so that the kind of a file is known at once.

@@ -20,7 +20,6 @@ STAGE = RigKind(
         "specimen": "anhyst_rigs.study.excite.excite:read_stage_specimen",
         "motion_laws": "anhyst_rigs.study.tracking.calibrate:stage_laws",
         "prepare": "anhyst_rigs.study.bench:prepare_stage",
-        "part": "anhyst_exchange.stage_part:stage_part",
         "compile_controller": "anhyst_rigs.study.tracking.compiled:compile_stage",
     },
     options={

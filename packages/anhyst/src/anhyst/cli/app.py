@@ -13,10 +13,10 @@ from typing import Annotated, Any, cast
 
 import typer
 
-from anhyst import verbs
 from anhyst.cli.generate import add_absent, add_command, read_verbs
 from anhyst.cli.printing import printer, start_printing
 from anhyst.cli.shared import one_line, say_error, warn
+from anhyst.support import verbs
 from anhyst.support.errors import (
     CreepWarning,
     InputError,

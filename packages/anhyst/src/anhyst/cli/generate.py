@@ -19,7 +19,6 @@ from typing import Annotated, Any, Literal, get_origin
 
 import typer
 
-from anhyst import verbs
 from anhyst.cli.docstring import Described, Docstring, read_docstring, with_options
 from anhyst.cli.reading import read_options
 from anhyst.cli.shared import (
@@ -33,6 +32,7 @@ from anhyst.cli.shared import (
     show_with,
     warn,
 )
+from anhyst.support import verbs
 from anhyst.support.errors import InputError, Interrupted
 
 Given = Mapping[str, Any]
