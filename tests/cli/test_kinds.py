@@ -50,7 +50,6 @@ CALLED = {
 MEASURED, MODEL, STAGES = {"measurement"}, {"model"}, {"stage", "planar"}
 RIGS = {"bearing", *STAGES, "piezo", "force"}
 WORKS = {
-    "example": set[str](),
     "inspect": MEASURED,
     "convert": MEASURED,
     "identify": MEASURED,
@@ -214,7 +213,7 @@ def test_the_page_says_which_rig_a_verb_takes() -> None:
 
 
 def test_every_verb_has_its_row() -> None:
-    assert set(typer.main.get_command(app).commands) == set(WORKS)  # type: ignore[attr-defined]
+    assert set(typer.main.get_command(app).commands) - {"example"} == set(WORKS)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ EMPTY = {"tutorial.md"}
 """Pages that begin in an empty folder, with nothing but the installed package."""
 
 FOLLOWED = {"README.md", "boards.md", "contributing.md"}
-"""Pages whose code test_readme.py, tests/link/test_docs.py and tests/house/test_openness.py run."""
+"""Pages whose code test_readme.py, test_docs.py of the link and test_openness.py run."""
 
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 RUNNING = [
@@ -90,7 +90,12 @@ def test_every_step_of_the_tutorial_says_how_long_it_takes() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_command_of_the_page_exists(name: str) -> None:
-    refused = [message for words in commands(text_of(name)) if (message := refusal(words))]
+    own = {"widest"} if name == "docs/contributing.md" else set()  # a verb that the page makes
+    refused = [
+        message
+        for words in commands(text_of(name))
+        if words[0] not in own and (message := refusal(words))
+    ]
     assert refused == []
 
 

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
-import sys
 from collections.abc import Iterator
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +14,7 @@ from typer.testing import CliRunner
 from anhyst.cli.app import app
 from anhyst.cli.printing import printer
 from anhyst.data import read_loops
-from anhyst.data.formats import FORMATS
 from anhyst.identification import identify
-from anhyst.laws import LAWS
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.parameters import Parameter
 from anhyst.support.numeric import FloatArray
@@ -28,7 +23,6 @@ from anhyst.support.units import QUANTITIES
 from anhyst_exchange.exporter import export_fmu
 from anhyst_rigs.dashboard.verb import opened
 from anhyst_rigs.link import firmware
-from anhyst_rigs.rig.parts.magnet import ACTUATORS
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import identify_stage
 from anhyst_rigs.study.bench import prepared_once
@@ -36,11 +30,10 @@ from tests.docs.blocks import blocks
 from tests.docs.places import fill, shell
 from tests.exchange.slave import HERE, slave
 from tests.exchange.test_bearing import scanned_by_axes
+from tests.house.outside import PAGE, installed, my_lab, written
 from tests.once import made_once
 from tests.refusals import refused
 from tests.repository import ROOT
-
-PAGE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
 
 GAPS = (0.3e-3, 0.5e-3)
 RHO = (0.004, 0.009)
@@ -54,41 +47,20 @@ TRUE: dict[str, Parameter] = {
 }
 
 
-def written(name: str) -> str:
-    """Return a file that the page shows, piece by piece."""
-    pieces = re.findall(rf"<!-- file: {re.escape(name)} -->\n```\w+\n(.*?)^```$", PAGE, re.M | re.S)
-    assert pieces, f"docs/contributing.md shows no {name}"
-    return "\n\n".join(pieces)
-
-
-def loaded(place: Path, name: str) -> None:
-    """Write a module of the page into a folder; what it registers is known here from now on."""
-    (place / f"{name}.py").write_text(written(f"{name}.py"))
-    spec = spec_from_file_location(name, place / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look there
-    spec.loader.exec_module(module)
-
-
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Folder with the file of the page; what it registers is known here while the module runs."""
-    place = tmp_path_factory.mktemp("lab")
-    loaded(place, "my_lab")
-    yield place
-    del LAWS["play"], FORMATS[".toy"], sys.modules["my_lab"]
+    """Folder for loops and models; the package of the page is installed while the module runs."""
+    with installed(my_lab(tmp_path_factory)):
+        yield tmp_path_factory.mktemp("lab")
 
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Folder with the actuator of the page, known here while the module runs, and its rig."""
-    place = tmp_path_factory.mktemp("table")
-    loaded(place, "voice_coil")
-    (place / "table.toml").write_text(written("table.toml"))
-    yield place
-    del ACTUATORS["voice-coil"], sys.modules["voice_coil"]
+    """Folder with the rig of the page; its actuator is known while the module runs."""
+    with installed(my_lab(tmp_path_factory)):
+        place = tmp_path_factory.mktemp("table")
+        (place / "table.toml").write_text(written("table.toml"))
+        yield place
 
 
 def magnet() -> Model:
@@ -193,7 +165,7 @@ def test_prediction_report_and_comparison_know_it(
 @pytest.mark.slow
 def test_the_commands_of_the_page_run_with_its_file(measured: Path) -> None:
     commands = [block.code for block in blocks(PAGE) if block.language == "sh"]
-    assert len(commands) == 3
+    assert len(commands) == 5
     for code in commands[:2]:
         shell(code, measured.parent)
     assert (measured.parent / "report.html").is_file()
@@ -272,7 +244,7 @@ def test_the_board_of_the_page_is_built_and_driven(
     monkeypatch.setattr(firmware, "BOARDS", dict(firmware.BOARDS))
     monkeypatch.chdir(tmp_path)
     part = PAGE.partition("## A board")[2]
-    (code,) = [block.code for block in blocks(part) if block.language == "python"]
+    code = next(block.code for block in blocks(part) if block.language == "python")
     exec(compile(code, "contributing.md", "exec"), {})
     state, drive = capsys.readouterr().out.split()
     assert state == "RUN"

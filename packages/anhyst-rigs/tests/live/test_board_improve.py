@@ -82,7 +82,7 @@ def settings(session: LiveSession) -> dict[str, float]:
     return {one.name: one.value for one in session.parameters}
 
 
-# the same on the virtual bench: test_improve.py; a swap on a board: tests/study/test_board_swap.py
+# the same on the virtual bench: test_improve.py; a swap on a board: packages/anhyst-rigs/tests/study/test_board_swap.py
 @pytest.mark.campaign
 @pytest.mark.slow
 def test_an_unknown_iron_is_measured_identified_and_swapped_in_on_a_board(

@@ -10,7 +10,7 @@ import pytest
 from tests.core.test_c_core import tool
 from tests.plant.test_sanitized import sources
 
-pytestmark = pytest.mark.depends("core", "plant", "tests/core", "tests/plant")
+pytestmark = pytest.mark.depends("core", "plant", "tests/core", "packages/anhyst-rigs/tests/plant")
 
 FLAGS = ("-O0", "-O2", "-O3", "-O3 -march=native")
 """Ways to compile; a processor of one's own may fuse products into sums if it is let."""

@@ -9,7 +9,7 @@ import pytest
 
 from tests.core.test_c_core import ROOT, can_sanitize, quietly, tool
 
-pytestmark = pytest.mark.depends("core", "plant", "tests/core", "tests/plant")
+pytestmark = pytest.mark.depends("core", "plant", "tests/core", "packages/anhyst-rigs/tests/plant")
 
 CORE = (
     *(

@@ -298,7 +298,7 @@ def test_a_misspelt_list_is_named_with_its_first_line(
 def pushing(monkeypatch: pytest.MonkeyPatch) -> Content:
     """Return the planar example on actuators that go both ways."""
     monkeypatch.setitem(
-        ACTUATORS, "coil", ActuatorKind("thrust", {"inductance_H": "of the winding"}, coil)
+        ACTUATORS.added, "coil", ActuatorKind("thrust", {"inductance_H": "of the winding"}, coil)
     )
     path = EXAMPLES / "planar" / "rig.toml"
     content = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -147,7 +147,7 @@ def test_a_model_without_limits(folder: Path) -> None:
                 "tables",
                 "the tables of a block hold no more",
             ),
-            marks=pytest.mark.slow,  # tests/compilation/test_compile.py refuses it too
+            marks=pytest.mark.slow,  # packages/anhyst/tests/compilation/test_compile.py refuses it too
         ),
     ],
 )

@@ -122,7 +122,7 @@ class EffectiveField(LaggingLaw):
         -------
         y1, slope : float
             Irreversible part at the end and ``dy1/dx1``; `y1` agrees to 2e-12 with SciPy's DOP853
-            at a relative tolerance of 1e-12 (``tests/physics/test_paths.py``).
+            at a relative tolerance of 1e-12 (``packages/anhyst/tests/physics/test_paths.py``).
         """
         if x1 == x0:
             return y0, max(0.0, langevin_scalar(x1) - y0) / self.kappa

@@ -86,7 +86,7 @@ class JilesAtherton1986(LaggingLaw):
         -------
         y1, slope : float
             Irreversible part at the end and ``dy1/dx1``; `y1` agrees to 2e-11 with SciPy's DOP853
-            at a relative tolerance of 1e-12 (``tests/physics/test_paths.py``).
+            at a relative tolerance of 1e-12 (``packages/anhyst/tests/physics/test_paths.py``).
         """
         sg = 1.0 if x1 >= x0 else -1.0
         start, end = sg * x0, sg * x1

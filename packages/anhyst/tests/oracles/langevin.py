@@ -80,7 +80,7 @@ def langevin(z: ArrayLike) -> FloatArray:
     -------
     ndarray
         Values in [-1, 1], of the shape of `z`. Relative error below 4e-16
-        (``tests/laws/test_langevin.py``).
+        (``packages/anhyst/tests/laws/test_langevin.py``).
 
     Examples
     --------
@@ -108,7 +108,7 @@ def langevin_slope(z: ArrayLike) -> FloatArray:
     -------
     ndarray
         Slope in (0, 1/3], of the shape of `z`. Relative error below 1.5e-15
-        (``tests/laws/test_langevin.py``).
+        (``packages/anhyst/tests/laws/test_langevin.py``).
     """
     arg = np.asarray(z, dtype=np.float64)
     size = np.abs(arg)
@@ -136,7 +136,7 @@ def inverse_langevin(y: ArrayLike) -> FloatArray:
     -------
     ndarray
         Arguments, of the shape of `y`. The relative error is that of the problem itself, about
-        ``1e-15/(1 - |y|)`` (``tests/laws/test_langevin.py``).
+        ``1e-15/(1 - |y|)`` (``packages/anhyst/tests/laws/test_langevin.py``).
 
     Raises
     ------

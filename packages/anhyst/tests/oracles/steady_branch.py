@@ -65,7 +65,7 @@ class SteadyBranch:
 
     Calling it gives ``A_up(x)``; the descending branch is ``-A_up(-x)``. Absolute error below
     1e-14 against adaptive quadrature for ``kappa`` from 1e-3 to 1e3
-    (``tests/laws/test_steady_branch.py``).
+    (``packages/anhyst/tests/laws/test_steady_branch.py``).
 
     Parameters
     ----------

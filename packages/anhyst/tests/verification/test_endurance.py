@@ -23,7 +23,8 @@ WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
         "packages/anhyst/src/anhyst/compilation",
         "packages/anhyst/src/anhyst/model",
     ),
-    *("tests/truths", "tests/verification", "tests/compensate", "tests/core/check.h"),
+    *("packages/anhyst/tests/kept_models", "packages/anhyst/tests/verification"),
+    *("packages/anhyst/tests/compensate", "tests/core/check.h"),
 )
 @pytest.mark.parametrize("kind", ["cells", "full", "simplified", "solid"])
 @pytest.mark.parametrize(

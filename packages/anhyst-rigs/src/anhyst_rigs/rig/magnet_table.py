@@ -62,6 +62,8 @@ LAW = "law"
 
 
 def _known(kind: str) -> str:
+    if why := ACTUATORS.why_unusable(kind):
+        raise InputError(why, code="not-installed")
     if kind not in (LAW, *ACTUATORS):
         names = ", ".join(f'"{name}"' for name in (*ACTUATORS, LAW))
         raise InputError(f"must be one of {names}; correct it", code="unknown-choice")

@@ -1,7 +1,7 @@
 """The parameter block of the simplified law: the paper's straight anhysteretic curve.
 
 With eqs. 19 and 20 the inverse has a closed form with one bounded state ``u`` that follows the
-flux (``tests/oracles/linear_anhysteretic.py`` has the derivation)::
+flux (``packages/anhyst/tests/oracles/linear_anhysteretic.py`` has the derivation)::
 
     current = bias(gap) + flux_arm(gap)*flux + lag_arm(gap)*u
 

@@ -72,11 +72,21 @@ def example_files(name: str) -> dict[str, Path]:
 
 @dataclass(frozen=True)
 class CopiedExample:
-    """The copy of an example."""
+    """The copy of an example.
 
-    out: Path  # the folder
-    files: tuple[str, ...]  # in it
-    run: tuple[str, ...]  # commands to go on with
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    files : tuple of str
+        Paths of the files in it.
+    run : tuple of str
+        Commands to go on with.
+    """
+
+    out: Path
+    files: tuple[str, ...]
+    run: tuple[str, ...]
 
     def as_dict(self) -> dict[str, object]:
         """Return it for JSON."""

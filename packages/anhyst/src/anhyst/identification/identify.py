@@ -153,6 +153,8 @@ def identify(
 
 def check_wanted(law: str, gap_map: str, search: str) -> None:
     """Refuse what is unknown or does not go together."""
+    if why := LAWS.why_unusable(law):
+        raise InputError(f"law '{law}': {why}", code="not-installed", key="law")
     for what, value, known in (
         ("law", law, (*LAWS, AUTO)),
         ("gap map", gap_map, (*GAP_MAPS[1:], "auto")),

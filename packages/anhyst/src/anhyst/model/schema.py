@@ -248,6 +248,8 @@ def _number(value: Any) -> Any:
 
 
 def _law(name: str) -> str:
+    if why := LAWS.why_unusable(name):
+        raise PydanticCustomError("unknown_choice", why.replace("{", "(").replace("}", ")"))
     if name not in LAWS:
         known = [repr(law) for law in LAWS]
         raise PydanticCustomError(

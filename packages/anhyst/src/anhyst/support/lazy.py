@@ -12,12 +12,8 @@ from typing import Any
 def lazy_names(package: str, nouns: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
     """Return all public names of a package, and what finds one: its ``__getattr__``.
 
-    Parameters
-    ----------
-    package : str
-        Its name; its folder ``verbs`` has a function in each file.
-    nouns : mapping of str to str
-        The module of each other name, without the name of the package.
+    The verbs are the files of its folder ``verbs``; ``nouns`` has the module of each other name,
+    without the name of the package.
     """
     folder = import_module(f"{package}.verbs")
     places = {verb.name: f"verbs.{verb.name}" for verb in iter_modules(folder.__path__)}

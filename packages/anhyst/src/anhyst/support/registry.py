@@ -33,7 +33,7 @@ def _every_point() -> tuple[EntryPoint, ...]:
 def points_of(group: str) -> list[EntryPoint]:
     """Return the entry points of a group, those of this project first."""
     found = [point for point in _every_point() if point.group == group]
-    return sorted(found, key=lambda point: (package_of(point) not in PARTS, point.name))
+    return sorted(found, key=lambda one: (package_of(one) not in PARTS, package_of(one), one.name))
 
 
 def package_of(point: EntryPoint) -> str:
@@ -42,13 +42,7 @@ def package_of(point: EntryPoint) -> str:
 
 
 def loaded(point: EntryPoint) -> object:
-    """Return what an entry point leads to.
-
-    Raises
-    ------
-    ValueError
-        It cannot be loaded, for any reason; the text completes a sentence about its package.
-    """
+    """Return what an entry point leads to; ValueError where it cannot be loaded, for any reason."""
     try:
         return point.load()
     except (Exception, SystemExit) as error:
@@ -58,17 +52,9 @@ def loaded(point: EntryPoint) -> object:
 class Registry(Mapping[str, Thing], Generic[Thing]):
     """Own things of a sort, and those of installed packages, which are loaded once they are asked for.
 
-    Parameters
-    ----------
-    group : str
-        Group of the entry points.
-    own : mapping of str to Thing
-        What no package replaces.
-    fault_of : callable
-        Says, of what an entry point leads to and its name, what keeps it from being used; an empty
-        text where nothing does.
-    prefix : str, optional
-        In front of the name of an entry point.
+    ``own`` is what no package replaces, and ``group`` that of the entry points. ``fault_of`` says, of
+    what an entry point leads to and its name, what keeps it from being used; an empty text where
+    nothing does. ``prefix`` stands in front of the name of each entry point.
     """
 
     def __init__(

@@ -23,6 +23,7 @@ from anhyst.laws.law import IronOperator
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.registry import Registry
 from anhyst.support.toml_file import NotNegative, Positive, Table
 from anhyst.support.units import MU_0
 from anhyst_rigs.rig.parts.iron import AnySteel
@@ -91,10 +92,12 @@ class ActuatorKind:
     circuit: Callable[[Poles, Mapping[str, float]], Poles]  # the circuit, with these numbers in it
 
 
-ACTUATORS: dict[str, ActuatorKind] = {
-    "electromagnet": ActuatorKind("force", {}, lambda poles, _: poles)
-}
-"""By the name of the kind; a further one is a record here."""
+ACTUATORS: Registry[ActuatorKind] = Registry(
+    "anhyst.actuators",
+    {"electromagnet": ActuatorKind("force", {}, lambda poles, _: poles)},
+    lambda found, _: "" if isinstance(found, ActuatorKind) else "and it is no ActuatorKind",
+)
+"""By the name of the kind: those of anhyst-rigs, and of the entry points ``anhyst.actuators``."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ from anhyst.data.formats.parquet import open_parquet, write_parquet
 from anhyst.data.formats.tdms import open_tdms, write_tdms
 from anhyst.data.formats.text import open_text, write_text
 from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
 from anhyst.support.registry import Registry
 
 __all__ = [
@@ -101,6 +102,8 @@ def open_table(path: PathLike, least: int = 2) -> OpenTable:
     The name decides if the first bytes are those of no format. A text file needs no known name.
     """
     path = Path(path)
+    if why := FORMATS.why_unusable(path.suffix.lower()):
+        raise InputError(f"{path}: {why}", code="not-installed")
     by_name = FORMATS.get(path.suffix.lower(), open_text)
     head = b""
     if path.is_file():

@@ -1,0 +1,69 @@
+"""The package of docs/contributing.md, built and installed where nothing else is."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from anhyst.data.formats import FORMATS
+from anhyst.laws import LAWS
+from anhyst.support import kinds, registry
+from anhyst_rigs.rig.parts.magnet import ACTUATORS
+from tests.once import made_once
+from tests.repository import ROOT
+
+PAGE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
+
+
+def written(name: str) -> str:
+    """Return a file that the page shows, piece by piece."""
+    pieces = re.findall(rf"<!-- file: {re.escape(name)} -->\n```\w+\n(.*?)^```$", PAGE, re.M | re.S)
+    assert pieces, f"docs/contributing.md shows no {name}"
+    return "\n\n".join(pieces)
+
+
+@cache
+def files() -> tuple[str, ...]:
+    """Return the names of the files of the package that the page shows."""
+    return tuple(dict.fromkeys(re.findall(r"<!-- file: my-lab/(.*?) -->", PAGE)))
+
+
+def build(folder: Path) -> None:
+    """Write the package into a folder, and install it into the folder ``site`` in there."""
+    for name in ("my_lab/__init__.py", "my_lab/verbs/__init__.py", *files()):
+        path = folder / "my-lab" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(written(f"my-lab/{name}") if name in files() else "")
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check", "install"]
+    options = ["--no-deps", "--no-build-isolation", "--target", str(folder / "site")]
+    subprocess.run([*pip, *options, str(folder / "my-lab")], check=True)
+
+
+def my_lab(factory: pytest.TempPathFactory) -> Path:
+    """Return the folder in which the package is installed."""
+    return made_once(factory, "my-lab", build) / "site"
+
+
+def _forget() -> None:
+    registry._every_point.cache_clear()
+    for known in (LAWS, FORMATS, ACTUATORS, kinds._RIG_KINDS):
+        vars(known).pop("_found", None)
+
+
+@contextmanager
+def installed(site: Path) -> Iterator[None]:
+    """Let a package be installed here, in this process."""
+    sys.path.insert(0, str(site))
+    _forget()
+    try:
+        yield
+    finally:
+        sys.path.remove(str(site))
+        _forget()

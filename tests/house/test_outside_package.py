@@ -1,0 +1,187 @@
+"""A package of another author adds a law, a format, a verb and a kind of rig, or disturbs nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.model.actuator import read_model
+from tests.house.outside import installed, my_lab, written
+from tests.repository import ROOT
+
+LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the package of docs/contributing.md is installed."""
+    return my_lab(tmp_path_factory)
+
+
+def run(site: Path, place: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run Python where a package is installed."""
+    path = os.pathsep.join([str(site), os.environ["PYTHONPATH"]])
+    return subprocess.run(
+        [sys.executable, *words],
+        cwd=place,
+        env=os.environ | {"PYTHONPATH": path, "COLUMNS": "300"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def anhyst(site: Path, place: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run a command where a package is installed."""
+    return run(site, place, "-m", "anhyst.cli.app", *arguments)
+
+
+def write_loops(path: Path) -> None:
+    """Write loops of a single play in the format of the package."""
+    up = np.linspace(0.0, 3.0, 13)
+    lines: list[list[object]] = [["I_A", "F_N", "gap_mm", "loop"]]
+    for gap in (0.3, 0.5):
+        for label, largest in (("large", 1.0), ("small", 0.4)):
+            drive = largest * np.concatenate([up, up[-2::-1], up[1:]])
+            play = 0.0
+            for current in drive:
+                play = min(max(play, current - 0.2), current + 0.2)
+                lines.append([float(current), 30.0 * (play / (0.2 + gap)) ** 2, gap, label])
+    path.write_text("\n".join(map(json.dumps, lines)))
+
+
+def test_its_law_fits_loops_in_its_format_and_its_verb_reads_them(
+    site: Path, tmp_path: Path
+) -> None:
+    write_loops(tmp_path / "loops.toy")
+    asked = ("loops.toy", "--history", "demagnetised")
+    found = anhyst(
+        *(site, tmp_path, "identify", *asked, "--law", "play"),
+        *("--gap-map", "reluctance", "--out", "model.toml", "--json"),
+    )
+    assert found.returncode == 0, found.stderr
+    with installed(site):
+        model = read_model(tmp_path / "model.toml")
+        assert model.law == "play"
+        assert model.predict([0.0, 1.0, 2.0], 0.3e-3, history="demagnetised").output[2] > 0.0
+    found = anhyst(site, tmp_path, "widest", *asked, "--share", "0.25", "--json")
+    assert found.returncode == 0, found.stderr
+    answer = json.loads(found.stdout)
+    assert 0.3 < answer["width"] < 0.5  # twice the play
+    assert "Example: anhyst widest" in anhyst(site, tmp_path, "widest", "--help").stdout
+    program = "import anhyst; print(anhyst.widest('loops.toy', history='demagnetised')['loop'])"
+    said = run(site, tmp_path, "-c", program)
+    assert said.stdout.split() == [answer["loop"]]
+
+
+def test_without_it_nothing_knows_its_law_or_its_verb(site: Path, tmp_path: Path) -> None:
+    assert site.is_dir()
+    refused = anhyst(tmp_path, tmp_path, "identify", str(LOOPS), "--law", "play", "--out", "m.toml")
+    assert refused.returncode == 2
+    assert "play" in refused.stderr
+    assert anhyst(tmp_path, tmp_path, "widest", str(LOOPS)).returncode == 2
+
+
+def test_its_kind_of_rig_is_simulated(site: Path, tmp_path: Path) -> None:
+    (tmp_path / "oven.toml").write_text(written("oven.toml"))
+    found = anhyst(site, tmp_path, "simulate", "oven.toml", "--out", "run.csv")
+    assert found.returncode == 0, found.stderr
+    assert "300 K" in found.stdout
+    assert (tmp_path / "run.csv").is_file()
+
+
+def install(folder: Path, name: str, points: str, text: str) -> None:
+    """Install a package of one module by hand."""
+    about = folder / f"{name}-1.0.dist-info"
+    about.mkdir(parents=True)
+    (folder / f"{name}.py").write_text(text)
+    (about / "METADATA").write_text(f"Name: {name}\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(points)
+
+
+LAW = """
+from dataclasses import replace
+from anhyst.laws.play_cells import PLAY_CELLS
+LAW = replace(PLAY_CELLS, name="{name}")
+"""
+
+BROKEN = {
+    "cannot be imported": ("[anhyst.laws]\nbad = other:LAW\n", "import no_such_module"),
+    "leaves the process": ("[anhyst.laws]\nbad = other:LAW\n", "raise SystemExit(3)"),
+    "is no law": ("[anhyst.laws]\nbad = other:LAW\n", "LAW = 1"),
+    "has another name": ("[anhyst.laws]\nbad = other:LAW\n", LAW.format(name="good")),
+    "is no function": ("[anhyst.formats]\nbad = other:open\n", "open = 1"),
+    "has no verbs": ("[anhyst.verbs]\nbad = other\n", ""),
+    "verbs that are not there": ("[anhyst.verbs]\nbad = other.verbs\n", ""),
+    "no target": ("[anhyst.targets]\nbad = other:TARGET\n", "TARGET = 1"),
+    "no kind": ("[anhyst.kinds]\nbad = other:KIND\n", "KIND = 1"),
+    "no actuator": ("[anhyst.actuators]\nbad = other:KIND\n", "KIND = 1"),
+}
+
+
+@pytest.mark.parametrize(("points", "text"), BROKEN.values(), ids=BROKEN)
+def test_a_package_with_a_fault_disturbs_no_command(points: str, text: str, tmp_path: Path) -> None:
+    install(tmp_path / "site", "other", points, text)
+    found = anhyst(tmp_path / "site", tmp_path, "inspect", str(LOOPS), "--json")
+    assert found.returncode == 0, found.stderr
+    assert json.loads(found.stdout)["loops"]
+    assert found.stderr.count("\n") <= 1
+    if "verbs" in points:
+        assert "warning: left out: other: 'other" in found.stderr
+
+
+def test_a_law_that_cannot_be_used_says_why(tmp_path: Path) -> None:
+    install(tmp_path / "site", "other", *BROKEN["cannot be imported"])
+    refused = anhyst(
+        *(tmp_path / "site", tmp_path, "identify", str(LOOPS), "--law", "bad", "--out", "m.toml")
+    )
+    assert refused.returncode == 2
+    assert "other adds it and cannot be loaded" in refused.stderr
+    assert refused.stderr.count("\n") == 1
+
+
+def test_a_format_that_cannot_be_used_says_why(tmp_path: Path) -> None:
+    install(tmp_path / "site", "other", *BROKEN["is no function"])
+    (tmp_path / "loops.bad").write_text("I_A,F_N\n0,0\n")
+    refused = anhyst(tmp_path / "site", tmp_path, "inspect", "loops.bad")
+    assert refused.returncode == 2
+    assert "loops.bad: other adds it, and it is no function; update it" in refused.stderr
+
+
+def test_a_verb_with_a_fault_is_left_out_and_the_others_stay(tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    install(site, "other", "[anhyst.verbs]\nother = more.verbs\n", "")
+    (site / "more" / "verbs").mkdir(parents=True)
+    for name in ("__init__.py", "verbs/__init__.py", "verbs/empty.py"):
+        (site / "more" / name).write_text("")
+    (site / "more" / "verbs" / "broken.py").write_text("import no_such_module")
+    (site / "more" / "verbs" / "inspect.py").write_text("raise SystemExit('replaced')")
+    (site / "more" / "verbs" / "hello.py").write_text(
+        "def hello(name: str) -> dict:\n"
+        '    """Greet.\n\n    Parameters\n    ----------\n    name : str\n        Who.\n    """\n'
+        "    return {'hello': name}\n\n\n"
+        "def as_json(result, given):\n    return result\n"
+    )
+    found = anhyst(site, tmp_path, "hello", "you", "--json")
+    assert json.loads(found.stdout) == {"hello": "you"}
+    assert sorted(line.split(":")[3].strip()[:40] for line in found.stderr.splitlines()) == [
+        "the verb broken of more.verbs.broken",
+        "the verb empty of more.verbs.empty",
+    ]
+    assert anhyst(site, tmp_path, "inspect", str(LOOPS)).returncode == 0
+
+
+def test_two_packages_with_one_law_are_named(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        install(tmp_path, name, f"[anhyst.laws]\nmine = {name}:LAW\n", LAW.format(name="mine"))
+    refused = anhyst(
+        *(tmp_path, tmp_path, "identify", str(LOOPS), "--law", "mine", "--out", "m.toml")
+    )
+    assert refused.returncode == 2
+    assert "one and two both add it; remove one of them" in refused.stderr
