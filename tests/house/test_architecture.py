@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,33 @@ def test_every_c_source_is_in_the_one_list() -> None:
         path.name for path in (ROOT / "core" / "src").rglob("*.c") if path.name not in listed
     ]
     assert missing == []
+
+
+def _tests_imported(tree: ast.Module) -> Iterator[str]:
+    """Give the names of modules that a test imports, those inside of packages included."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def test_tests_of_a_part_use_only_that_part_and_those_it_needs() -> None:
+    parts = ["anhyst", "anhyst-rigs", "anhyst-exchange"]
+    folders = {part: ROOT / "packages" / part / "tests" for part in parts}
+    rank = {part.replace("-", "_"): at for at, part in enumerate(parts)}
+    for at, folder in enumerate(folders.values()):
+        for path in folder.rglob("*.py"):
+            rank[f"tests.{'.'.join(path.relative_to(folder).with_suffix('').parts)}"] = at
+    found = []
+    for at, folder in enumerate(folders.values()):
+        for path in folder.rglob("*.py"):
+            for name in _tests_imported(ast.parse(path.read_text(encoding="utf-8"))):
+                known = name if name in rank else name.split(".")[0]
+                if rank.get(known, 0) > at:
+                    found.append(f"{path.relative_to(ROOT)}: {name}")
+    assert found == []
 
 
 def test_no_public_class_name_stands_in_two_modules() -> None:

@@ -1,30 +1,29 @@
-"""The reference of the Python names: what ``import anhyst`` gives."""
+"""The reference of the Python names: what each package of the project gives."""
 
 from __future__ import annotations
 
 import inspect
+from importlib import import_module
 
-import anhyst
+PARTS = ("anhyst", "anhyst_rigs", "anhyst_exchange")
 
 
 def python_names() -> str:
     """Return a page of directives that read the docstrings."""
-    names = [name for name in anhyst.__all__ if not name.startswith("_")]
-    verbs = [name for name in names if inspect.isfunction(getattr(anhyst, name))]
-    nouns = [name for name in names if name not in verbs]
-    parts = [
-        "# Python\n",
-        "What `import anhyst` gives; see [anhyst in Python](../python.md).\n",
-        "## Verbs\n",
-        *(_directive("autofunction", name) for name in verbs),
-        "## Nouns\n",
-        *(_directive("autoclass", name) for name in nouns),
-    ]
-    return "\n".join(parts)
+    page = ["# Python\n", "What each package gives; see [anhyst in Python](../python.md).\n"]
+    for part in PARTS:
+        package = import_module(part)
+        found = {name: getattr(package, name) for name in package.__all__ if name[0] != "_"}
+        own = {name: one for name, one in found.items() if one.__module__.split(".")[0] == part}
+        functions = [name for name, one in own.items() if inspect.isfunction(one)]
+        page.append(f"## {part}\n")
+        page += [_directive("autofunction", part, name, own[name]) for name in functions]
+        nouns = [name for name in own if name not in functions]
+        page += [_directive("autoclass", part, name, own[name]) for name in nouns]
+    return "\n".join(page)
 
 
-def _directive(kind: str, name: str) -> str:
-    found = getattr(anhyst, name)
-    place = f"{found.__module__}.{found.__qualname__}"
+def _directive(kind: str, part: str, name: str, found: object) -> str:
+    place = f"{found.__module__}.{found.__qualname__}"  # type: ignore[attr-defined]
     members = "   :members:\n   :inherited-members: Exception\n" if kind == "autoclass" else ""
-    return f"### anhyst.{name}\n\n```{{eval-rst}}\n.. {kind}:: {place}\n{members}```\n"
+    return f"### {part}.{name}\n\n```{{eval-rst}}\n.. {kind}:: {place}\n{members}```\n"

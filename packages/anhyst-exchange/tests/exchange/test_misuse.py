@@ -10,11 +10,14 @@ from pathlib import Path
 import pytest
 
 import anhyst
+import anhyst_exchange
 from anhyst_exchange.exporter import Of
 from anhyst_exchange.part import FmiVersion
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import Slave, fmi2, needs_binary, slave
 from tests.exchange.test_actuator import magnet
+from tests.refusals import refused
+from tests.repository import ROOT
 
 pytestmark = needs_binary
 
@@ -143,3 +146,14 @@ def test_a_thousand_instances_leave_nothing_behind(
             first.fmi2FreeInstance(component)
         assert resident() - before < 2_000_000
         assert not first.fmi2Instantiate(b"x", 1, b"another", b"", first.callbacks, 0, 0)
+
+
+def test_heads_on_the_ground_are_not_in_an_fmu(tmp_path: Path) -> None:
+    text = (ROOT / "examples" / "planar" / "rig.toml").read_text()
+    stands = text.replace('of = "position"', 'of = "position"\nstands = true')
+    (tmp_path / "rig.toml").write_text(stands)
+    for name in ("loops.csv", "loops.toml"):
+        (tmp_path / name).write_bytes((ROOT / "examples" / "planar" / name).read_bytes())
+    with refused("not-compiled-controller sensor.stands"):
+        anhyst_exchange.export(tmp_path / "rig.toml", tmp_path / "stage.fmu")
+    assert not list(tmp_path.glob("*.fmu"))

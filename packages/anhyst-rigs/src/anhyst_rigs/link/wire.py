@@ -312,7 +312,7 @@ def _open(url: str, baud: int) -> Any:
         import serial
     except ImportError as error:
         raise InputError(
-            "pyserial is not installed; install it with: pip install 'anhyst[link]'",
+            "pyserial is not installed; install it with: pip install 'anhyst-rigs[link]'",
             code="not-installed",
             key="pyserial",
         ) from error

@@ -85,7 +85,7 @@ def live(
     for name in PACKAGES:
         if find_spec(name) is None:
             raise InputError(
-                f"live: {name} is not installed: pip install 'anhyst[live]'",
+                f"live: {name} is not installed: pip install 'anhyst-rigs[live]'",
                 code="not-installed",
                 key=name,
             )
