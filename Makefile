@@ -1,7 +1,8 @@
 # Each target prepares .venv first where that is needed; nothing is installed outside this folder.
 #   make demo    the bundled examples in one table and one picture, results in demo/; two minutes on a
 #                fresh machine: it installs only what it runs, the other targets add the rest
-#   make test    tests, without the slow ones; PART=anhyst, anhyst-rigs, anhyst-exchange or c for one part
+#   make test    tests, without the slow ones; PART=anhyst, anhyst-rigs, anhyst-exchange or c (core and
+#                firmware) for one part
 #   make check   format, lint, types, C analysis
 #   make test-all  the slow ones too   make campaign  repeats of slow ones on further magnets and compilers
 #   make held    those that depend on C alone, recorded for .ci/run in tests/held.toml (test-all does so too)
@@ -107,7 +108,7 @@ check-cppcheck: build/analysis/compile_commands.json
 		--suppress=shiftNegativeLHS --suppress=shiftTooManyBitsSigned
 
 truths: build
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.kept_models $(NAMES)
+	@OPENBLAS_NUM_THREADS=1 PYTHONPATH=packages/anhyst:packages/anhyst-rigs:. $(BIN)/python -m tests.kept_models $(NAMES)
 
 fuzz: build
 	@$(BIN)/python tools/fuzz.py $(if $(RUNS),--runs $(RUNS))

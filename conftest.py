@@ -34,8 +34,8 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 ROOT = Path(__file__).resolve().parent
 
 # Processes that tests start find the helpers of all parts too (pythonpath in pyproject.toml).
-PARTS = (ROOT, *sorted((ROOT / "packages").iterdir()))
-os.environ["PYTHONPATH"] = os.pathsep.join(map(str, PARTS))
+FOLDERS = (ROOT, *sorted((ROOT / "packages").iterdir()))
+os.environ["PYTHONPATH"] = os.pathsep.join(map(str, FOLDERS))
 
 # A shell that runs the tests in the background lets them ignore ctrl-C, and their children too.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -30,7 +30,7 @@ from bearing import read
 from cluster import Costs, cluster, simulated
 from rows import ROOT, Row, Stopwatch
 
-sys.path.insert(0, str(ROOT))
+sys.path.extend(map(str, (ROOT, *(ROOT / "packages").iterdir())))
 from tests.study.fleets import write_fleet
 
 MAGNETS = 8

@@ -28,7 +28,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from rows import ROOT, Row
 
-sys.path.insert(0, str(ROOT))
+sys.path.extend(map(str, (ROOT, *(ROOT / "packages").iterdir())))
 from tests.oracles.explicit import ExplicitForm
 
 Array = FloatArray

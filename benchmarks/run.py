@@ -31,7 +31,7 @@ from anhyst.identification import identify
 from machine import Machine, this_machine
 from rows import ROOT, Row, Stopwatch, measurements
 
-sys.path.insert(0, str(ROOT))  # some take plants from the tests
+sys.path.extend(map(str, (ROOT, *(ROOT / "packages").iterdir())))  # some take plants from the tests
 
 MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "force", "bearing",
            "families", "tracking", "calibration", "planar", "balancing", "levitated", "solenoids",

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path.extend(map(str, (ROOT, *(ROOT / "packages").iterdir())))
 
 from anhyst.data.formats import WRITERS  # noqa: E402
 from anhyst.data.formats.channel_table import SECONDS, stay_in_bounds  # noqa: E402

@@ -17,13 +17,11 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
+from tools import environment
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ROOT / "packages"
-PARTS = {
-    "anhyst": PACKAGES / "anhyst" / "src",
-    "anhyst-rigs": PACKAGES / "anhyst-rigs" / "src",
-    "anhyst-exchange": PACKAGES / "anhyst-exchange" / "src",
-}
+PARTS = {part: PACKAGES / part / "src" for part in environment.PARTS}
 """The folder that holds the sources of each part."""
 RECORD = ROOT / "tools" / "house.json"
 PAGE = ROOT / "ARCHITECTURE.md"
@@ -34,7 +32,7 @@ TEXTS = {
     "pairs": "pairs of rooms of which one imports the other",
     "module circles": "circles of modules",
     "folder circles": "circles of folders",
-    "wrong way": "imports from a part into one above it",
+    "wrong way": "imports from a part into one that needs it",
     "kind tests": "tests of the kind of a rig outside of its record",
     "several": "questions whether a stage has several coordinates (`.several`)",
     "files": "files of Python in the parts",

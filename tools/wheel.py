@@ -20,10 +20,12 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from tools.environment import PARTS
+
 ROOT = Path(__file__).resolve().parents[1]
 DIST = ROOT / "dist"
 TUTORIAL = ROOT / "docs" / "tutorial.md"
-OTHERS = ("anhyst-rigs", "anhyst-exchange")
+OTHERS = PARTS[1:]
 """The parts without anything that is compiled."""
 ALONE = 6
 """The last step of the tutorial that needs the part anhyst alone."""

@@ -23,7 +23,8 @@ from anhyst.compensate.block import Kind
 from anhyst.compensate.force_controller import Io
 from anhyst.compilation.compiled_stage import StageKind
 from anhyst.laws import LAWS
-from anhyst.support.verbs import ELSEWHERE, _read
+from anhyst.support.registry import PARTS
+from anhyst.support.verbs import _read
 from anhyst.verification.verify import HOST_STEPS, TARGET_STEPS
 from anhyst_exchange import exporter
 from anhyst_rigs.study.tuning import search
@@ -55,7 +56,7 @@ def test_command_has_the_parameters_and_defaults_of_the_function(verb: Verb) -> 
 
 
 def test_the_verbs_of_the_other_parts_are_those_that_are_named_where_they_are_missing() -> None:
-    for part, names in ELSEWHERE.items():
+    for part, names in PARTS.items():
         folder = import_module(f"{part.replace('-', '_')}.verbs")
         assert sorted(names) == [verb.name for verb in iter_modules(folder.__path__)]
 

@@ -121,6 +121,9 @@ BROKEN = {
     "verbs that are not there": ("[anhyst.verbs]\nbad = other.verbs\n", ""),
     "no target": ("[anhyst.targets]\nbad = other:TARGET\n", "TARGET = 1"),
     "no kind": ("[anhyst.kinds]\nbad = other:KIND\n", "KIND = 1"),
+    "a value that is none": ("[anhyst.laws]\nbad = not a module!\n", ""),
+    "damaged metadata": ("[anhyst.laws]\nbad\n", ""),
+    "prints": ("[anhyst.formats]\nbad = other:open\n", "print('HELLO')\ndef open(): pass"),
     "no actuator": ("[anhyst.actuators]\nbad = other:KIND\n", "KIND = 1"),
 }
 
@@ -154,27 +157,55 @@ def test_a_format_that_cannot_be_used_says_why(tmp_path: Path) -> None:
     assert "loops.bad: other adds it, and it is no function; update it" in refused.stderr
 
 
+HELLO = '''print("imported")
+
+
+def hello(name: str) -> dict:
+    """Greet.
+
+    Parameters
+    ----------
+    name : str
+        Who.
+    """
+    return {"hello": name}
+
+
+'''
+
+
 def test_a_verb_with_a_fault_is_left_out_and_the_others_stay(tmp_path: Path) -> None:
     site = tmp_path / "site"
     install(site, "other", "[anhyst.verbs]\nother = more.verbs\n", "")
     (site / "more" / "verbs").mkdir(parents=True)
     for name in ("__init__.py", "verbs/__init__.py", "verbs/empty.py"):
         (site / "more" / name).write_text("")
+    (site / "more" / "__init__.py").write_text("from anhyst import InputError, Model, identify\n")
     (site / "more" / "verbs" / "broken.py").write_text("import no_such_module")
     (site / "more" / "verbs" / "inspect.py").write_text("raise SystemExit('replaced')")
-    (site / "more" / "verbs" / "hello.py").write_text(
-        "def hello(name: str) -> dict:\n"
-        '    """Greet.\n\n    Parameters\n    ----------\n    name : str\n        Who.\n    """\n'
-        "    return {'hello': name}\n\n\n"
-        "def as_json(result, given):\n    return result\n"
-    )
+    (site / "more" / "verbs" / "ends.py").write_text("raise SystemExit(3)")
+    (site / "more" / "verbs" / "_helper.py").write_text("import no_such_module")
+    (site / "more" / "verbs" / "hello.py").write_text(HELLO)
+    placed = HELLO.replace("hello", "placed") + "PLACE = 'top'\n"
+    (site / "more" / "verbs" / "placed.py").write_text(placed)
     found = anhyst(site, tmp_path, "hello", "you", "--json")
     assert json.loads(found.stdout) == {"hello": "you"}
-    assert sorted(line.split(":")[3].strip()[:40] for line in found.stderr.splitlines()) == [
-        "the verb broken of more.verbs.broken",
-        "the verb empty of more.verbs.empty",
-    ]
+    for said in (
+        "left out: the verb broken of more.verbs.broken: No module named",
+        "left out: the verb empty of more.verbs.empty",
+        "left out: other: its verb inspect, which anhyst has too; rename it",
+        "left out: the verb ends of more.verbs.ends: 3",
+        "left out: the verb placed of more.verbs.placed: PLACE must be",
+    ):
+        assert said in found.stderr
+    assert len(found.stderr.splitlines()) == 5 + 2  # and what two of them print
+    assert "hello" in anhyst(site, tmp_path, "--help").stdout
+    program = "from anhyst import *; import anhyst; print(identify is anhyst.identify)"
+    assert run(site, tmp_path, "-c", program).stdout == "True\n"
     assert anhyst(site, tmp_path, "inspect", str(LOOPS)).returncode == 0
+    for first in ("more.verbs, anhyst", "anhyst, more.verbs"):
+        done = run(site, tmp_path, "-c", f"import {first}; print(anhyst.hello('me'))")
+        assert done.stdout.endswith("{'hello': 'me'}\n"), done.stderr
 
 
 def test_two_packages_with_one_law_are_named(tmp_path: Path) -> None:
@@ -185,3 +216,48 @@ def test_two_packages_with_one_law_are_named(tmp_path: Path) -> None:
     )
     assert refused.returncode == 2
     assert "one and two both add it; remove one of them" in refused.stderr
+
+
+def test_a_package_without_its_metadata_adds_nothing_and_breaks_nothing(tmp_path: Path) -> None:
+    install(tmp_path, "other", *BROKEN["is no law"])
+    (tmp_path / "other-1.0.dist-info" / "METADATA").unlink()
+    assert anhyst(tmp_path, tmp_path, "inspect", str(LOOPS), "--json").returncode == 0
+
+
+def test_two_packages_with_one_verb_are_named_and_neither_is_used(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        install(tmp_path, name, f"[anhyst.verbs]\n{name} = {name}_lab.verbs\n", "")
+        (tmp_path / f"{name}_lab" / "verbs").mkdir(parents=True)
+        (tmp_path / f"{name}_lab" / "verbs" / "__init__.py").write_text("")
+        (tmp_path / f"{name}_lab" / "verbs" / "hello.py").write_text(HELLO)
+    refused = anhyst(tmp_path, tmp_path, "hello", "you")
+    assert refused.returncode == 2
+    assert "left out: two: its verb hello, which one has too; rename it" in refused.stderr
+
+
+def test_a_package_does_not_replace_a_target(tmp_path: Path) -> None:
+    target = "class T:\n    missing_tools = verify = lambda *a: 1 / 0\nT = T()\n"
+    points = "[anhyst.targets]\nhost = other:T\nmine = other:U\n"
+    install(tmp_path, "other", points, target)
+    program = (
+        "from anhyst.verification.targets import TARGETS, WHOLE_TARGETS as whole;"
+        "print('host' in whole, 'host' in TARGETS, whole.why_unusable('mine'))"
+    )
+    said = run(tmp_path, tmp_path, "-c", program).stdout
+    assert said.startswith("False True other adds it and cannot be loaded")
+
+
+@pytest.mark.parametrize("init", [True, False])
+def test_what_is_kept_is_computed_anew_where_a_package_has_changed(
+    init: bool, tmp_path: Path
+) -> None:
+    install(tmp_path, "other", "[anhyst.laws]\nmine = lab.law:LAW\n", "")
+    (tmp_path / "lab").mkdir()
+    if init:
+        (tmp_path / "lab" / "__init__.py").write_text("")
+    program = "from anhyst.support.kept import computed_with; print(computed_with().hex())"
+    found = set()
+    for law in ("mine", "mine", "other"):
+        (tmp_path / "lab" / "law.py").write_text(LAW.format(name=law))
+        found.add(run(tmp_path, tmp_path, "-c", program).stdout)
+    assert len(found) == 2

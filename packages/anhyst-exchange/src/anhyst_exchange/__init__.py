@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 from anhyst.support.lazy import lazy_names
 
 if TYPE_CHECKING:  # for checkers and editors
+    __version__: str
+
     from anhyst_exchange.verbs.export import export as export
 
 __all__, __getattr__ = lazy_names("anhyst_exchange", {})

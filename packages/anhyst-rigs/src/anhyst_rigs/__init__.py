@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 from anhyst.support.lazy import lazy_names
 
 if TYPE_CHECKING:  # for checkers and editors; a verb that is not here has no type and works
+    __version__: str
+
     from anhyst_rigs.draft.drafting import Drafted as Drafted
     from anhyst_rigs.study.bearing.on_board import BoardComparison as BoardComparison
     from anhyst_rigs.study.bearing.simulate import Simulation as Simulation

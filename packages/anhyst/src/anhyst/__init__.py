@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 from anhyst.support.lazy import lazy_names
 from anhyst.support.verbs import modules as _modules
+from anhyst.support.verbs import of_project as _of_project
 from anhyst.support.verbs import package_with as _package_with
 
 if TYPE_CHECKING:  # for checkers and editors; a verb that is not here has no type and works
@@ -89,16 +90,13 @@ _PLACES = {
 """The module of each name that is not a verb."""
 
 _own, _find = lazy_names("anhyst", _PLACES)
-__all__ = sorted({"__version__", *_own, *_modules()})  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> Any:
     """Import a name when it is first used; a verb may be one of another package."""
-    if name == "__version__":
-        from anhyst.support import running_version
-
-        return running_version()
-    if name in _modules() and name not in _own:
+    if name in _own or name.startswith("_"):
+        return _find(name)
+    if name in _modules():
         return getattr(import_module(_modules()[name]), name)
     if package := _package_with(name):
         raise AttributeError(f"anhyst.{name} is in the package {package}: pip install {package}")
@@ -107,3 +105,6 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return __all__
+
+
+__all__ = sorted({*_own, *_of_project()})  # noqa: PLE0605

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
+from anhyst import InputError, example_files
+from anhyst.data.examples import EXAMPLES as EXAMPLE_NAMES
+from anhyst.verbs.example import Name
 from tests.cli.command import contents, quick, refused
 from tests.refusals import says
 from tests.repository import ROOT
@@ -31,8 +35,11 @@ def test_an_example_is_copied_as_it_is(tmp_path: Path, name: str) -> None:
 
 def test_an_unknown_example_is_refused_with_those_there_are(tmp_path: Path) -> None:
     message = refused("example", "motor", "--out", "my", cwd=tmp_path)
-    known = "bearing, electromagnet, magnetostrictive, piezo, solenoid, stage, steels"
-    assert says(message, f"unknown-example: {known}")
+    known = ("bearing", "electromagnet", "magnetostrictive", "piezo", "solenoid", "stage", "steels")
+    assert "'motor' is not one of " + ", ".join(f"'{name}'" for name in known) in message
+    assert get_args(Name) == tuple(EXAMPLE_NAMES) == known
+    with pytest.raises(InputError, match=f"motor.*{', '.join(known)}"):
+        example_files("motor")
 
 
 def test_a_file_that_is_there_is_not_replaced(tmp_path: Path) -> None:

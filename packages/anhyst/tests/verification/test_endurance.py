@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.verification.targets import SANITIZE
+from tests.repository import ROOT
 
 from .conftest import Compile
 
@@ -36,7 +37,7 @@ def test_neither_time_nor_a_bit_that_turns_leads_astray(
 ) -> None:
     folder = compiled(kind, "q15")
     sources = [HERE / "endurance.c", folder / "magnet_parameters.c", *folder.glob("src/**/*.c")]
-    include = [folder, folder / "include", HERE.parent / "core"]
+    include = [folder, folder / "include", ROOT / "tests" / "core"]
     program = tmp_path / "endurance"
     command = ["gcc", *WARNINGS, *flags, *(f"-I{one}" for one in include)]
     subprocess.run([*command, *map(str, sources), "-lm", "-o", str(program)], check=True)

@@ -41,6 +41,11 @@ class RigKind(FileKind):
     # module and name of the function of each method, "package.module:function"
     places: Mapping[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Raise TypeError if the places are no table."""
+        if not isinstance(self.places, Mapping):
+            raise TypeError("places is no table")
+
     @property
     def format(self) -> str:
         """What the key ``format`` of such a file says."""

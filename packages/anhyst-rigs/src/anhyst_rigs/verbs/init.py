@@ -13,9 +13,6 @@ if TYPE_CHECKING:
 PLACE = 31, "Rigs, simulated and real"
 PROGRESS = "reading"
 
-MAX_NAMED = 6
-"""Maximum number of files that are named one by one."""
-
 
 def init(
     out: PathLike,
@@ -117,6 +114,8 @@ def init(
 
 def show(result: Drafted, _: Mapping[str, Any]) -> Iterator[str]:
     """Return what was found, what was guessed, and what to run next."""
+    from anhyst.support.wording import list_written
+
     yield from result.found
     if result.guessed:
         yield "guessed:"
@@ -125,8 +124,6 @@ def show(result: Drafted, _: Mapping[str, Any]) -> Iterator[str]:
     if count:
         keys = "1 key is a guess" if count == 1 else f"{count} keys are guesses, each"
         yield f"{keys} marked 'guess' in its line; write your numbers there"
-    named, others = result.files[:MAX_NAMED], len(result.files[MAX_NAMED:])
-    more = f" and {others} more" if others else ""
-    yield f"written to {result.out}: {', '.join(named)}{more}"
+    yield list_written(result.out, result.files)
     yield "next:"
     yield from (f"  {command}" for command in result.run)

@@ -23,6 +23,7 @@ from anhyst.support.errors import (
     Interrupted,
     NegativeResult,
 )
+from anhyst.support.registry import PARTS
 from anhyst.support.wording import command_line
 
 BAD_INPUT = 2
@@ -45,7 +46,7 @@ app = typer.Typer(
 )
 for _verb in read_verbs():
     add_command(app, _verb)
-for _package, _names in verbs.ELSEWHERE.items():
+for _package, _names in PARTS.items():
     for _name in _names:
         if verbs.package_with(_name):
             add_absent(app, _name, _package)

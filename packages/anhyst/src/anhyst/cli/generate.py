@@ -1,6 +1,7 @@
 """Make a command from a verb: options and help from the signature and the docstring of a function.
 
-A verb is a module in :mod:`anhyst.verbs` with a function of the same name. The module may also say
+A verb is a module in a folder of verbs (:mod:`anhyst.support.verbs`) with a function of the same name.
+The module may also say
 how the command presents the result; `Verb` lists the names that are looked up.
 """
 
@@ -8,8 +9,9 @@ from __future__ import annotations
 
 import inspect
 import re
+import sys
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, redirect_stdout
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib import import_module
@@ -106,17 +108,26 @@ def read_verbs() -> list[Verb]:
     found = []
     for fault in verbs.faults():
         warn(f"left out: {fault}")
+    own = verbs.of_project()
     for name, place in verbs.modules().items():
         try:
-            verb = Verb(name, import_module(place))
-            _options(verb)
-        except Exception as error:
-            if place.startswith("anhyst."):
+            with redirect_stdout(sys.stderr):  # standard output is for results
+                verb = Verb(name, import_module(place))
+            _check(verb)
+        except (Exception, SystemExit) as error:
+            if name in own:
                 raise
             warn(f"left out: the verb {name} of {place}: {error}; update its package")
         else:
             found.append(verb)
     return sorted(found, key=lambda verb: (verb.place, verb.name))
+
+
+def _check(verb: Verb) -> None:
+    """Raise an error if a verb cannot become a command."""
+    if list(map(type, verb.place)) != [int, str]:
+        raise TypeError("PLACE must be a rank and the name of a panel")
+    inspect.Signature(_options(verb))
 
 
 def add_command(app: typer.Typer, verb: Verb) -> None:
@@ -203,7 +214,7 @@ def _settings(described: Described, flags: Mapping[str, str]) -> dict[str, Any]:
 
 _TYPES = (
     (r"\bSequence\[.*PathLike|\bLoopSource\b", list[Path]),
-    (r"\bPathLike\b", Path),
+    (r"\bPath(Like)?\b", Path),
     (r"^bool\b", bool),
     (r"^int\b", int),
     (r"^float\b", float),
@@ -213,7 +224,7 @@ _TYPES = (
 
 def _type_of(parameter: inspect.Parameter, module: ModuleType) -> Any:
     """Return the type of a parameter on the command line."""
-    text = str(parameter.annotation)
+    text = inspect.formatannotation(parameter.annotation).strip("'")
     choices = getattr(module, text.removesuffix(" | None"), None)
     if get_origin(choices) is Literal:
         return choices
@@ -286,6 +297,8 @@ def _nothing(*_: Any) -> tuple[str, ...]:
 
 
 def _as_json(result: Any, _: Given) -> Mapping[str, Any]:
+    if isinstance(result, Mapping):
+        return result
     found: Mapping[str, Any] = result.as_dict() if hasattr(result, "as_dict") else asdict(result)
     return found
 

@@ -94,12 +94,7 @@ MEASUREMENT = FileKind(
     ("inspect", "convert", "identify", "fleet", "init", "force-control"),
 )
 PORT = FileKind("port", "the port of a controller", "ports of controllers", ("xcp",))
-RIG_OF_NO_KIND = FileKind(
-    RIG_FORMAT,
-    "a rig file",
-    "rig files",
-    use="it needs the package anhyst-rigs: pip install anhyst-rigs",
-)
+RIG_OF_NO_KIND = FileKind(RIG_FORMAT, "a rig file", "rig files")
 """Any rig file, where no package with a kind of rig is installed."""
 UNKNOWN = FileKind("", "a file of unknown kind", "files of unknown kind")
 """What says nothing of itself or cannot be read."""
@@ -115,7 +110,7 @@ def capability(kind: FileKind, needed: type[Needed]) -> Needed:
         try:
             if callable(getattr(kind, method)):
                 continue
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             why = str(error)
         raise InputError(
             f"control.kind: '{method}' of the kind '{kind.word}' cannot be used ({why}); ask the "
@@ -135,14 +130,14 @@ RIG_VERBS = (
 def _fault_of(record: object, word: str) -> str:
     """Say what keeps a record from being used; empty where nothing does."""
     if not isinstance(record, FileKind) or record.format != RIG_FORMAT:
-        return "and its record is no RigKind"
+        return "and its record is no kind of rig"
     if record.word != word:
         return "and its record has another word"
     if not isinstance(record.title, str) or not isinstance(record.plural, str):
         return "and title or plural are no texts"
     if not isinstance(record.verbs, tuple) or not {*record.verbs} <= {*RIG_VERBS}:
         return f"and its verbs are no tuple of {', '.join(RIG_VERBS)}"
-    tables = (record.reasons, record.options, getattr(record, "places", None))
+    tables = (record.reasons, record.options)
     return "" if all(isinstance(one, Mapping) for one in tables) else "and a table of it is none"
 
 
@@ -228,6 +223,11 @@ def refuse_other(
     ``kind_in_file`` is what it is, where that is known already.
     """
     kind = kind_of(path) if kind_in_file is None else kind_in_file
+    if kind is RIG_OF_NO_KIND:
+        raise InputError(
+            f"{path}: this is a rig file; the package anhyst-rigs is for rigs: pip install anhyst-rigs",
+            code="not-installed",
+        )
     if kind in taken or kind is UNKNOWN:
         return kind
     if verb:

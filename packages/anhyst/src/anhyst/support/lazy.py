@@ -13,17 +13,21 @@ def lazy_names(package: str, nouns: Mapping[str, str]) -> tuple[list[str], Calla
     """Return all public names of a package, and what finds one: its ``__getattr__``.
 
     The verbs are the files of its folder ``verbs``; ``nouns`` has the module of each other name,
-    without the name of the package.
+    without the name of the package. All packages have one version.
     """
     folder = import_module(f"{package}.verbs")
     places = {verb.name: f"verbs.{verb.name}" for verb in iter_modules(folder.__path__)}
     places |= nouns
 
     def find(name: str) -> Any:
+        if name == "__version__":
+            from anhyst.support import running_version
+
+            return running_version()
         if name not in places:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         found = getattr(import_module(f"{package}.{places[name]}"), name)
         setattr(sys.modules[package], name, found)
         return found
 
-    return sorted(places), find
+    return sorted({"__version__", *places}), find

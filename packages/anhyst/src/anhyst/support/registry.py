@@ -1,20 +1,28 @@
-"""What anhyst has of a sort, and what installed packages add to it, by name.
+"""What installed packages add to anhyst, by name: laws, formats, kinds of rigs, targets and more.
 
-A package adds a law, a format, a kind of rig, a target or verbs as an entry point of the group that
-a registry names. One that cannot be used is left out and its reason kept: it disturbs nothing else.
+A package names what it adds in an entry point of the group that a registry is for. One that cannot be
+used is left out and its reason kept: it disturbs nothing else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import redirect_stdout
 from functools import cache, cached_property
 from importlib.metadata import EntryPoint, distributions
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Generic, TypeVar, cast
 
-PARTS = ("anhyst-rigs", "anhyst-exchange")
-"""The other packages of this project; what they add is replaced by nobody."""
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "anhyst-rigs": (
+        *("calibrate", "excite", "fleet", "force_control", "init", "live", "simulate", "tune"),
+        *("watch", "xcp"),
+    ),
+    "anhyst-exchange": ("export",),
+}
+"""The other packages of this project, and their verbs; nobody replaces what they add."""
 
 Thing = TypeVar("Thing")
 
@@ -24,9 +32,12 @@ def _every_point() -> tuple[EntryPoint, ...]:
     """Return the entry points for anhyst of all packages; of two copies of one, those of the first."""
     found: dict[tuple[str, str, str], EntryPoint] = {}
     for package in distributions():
-        for point in package.entry_points:
-            if point.group.startswith("anhyst."):
+        try:
+            points = [one for one in package.entry_points if one.group.startswith("anhyst.")]
+            for point in points:
                 found.setdefault((package.name, point.group, point.name), point)
+        except Exception:  # metadata of any package may be damaged; it then adds nothing
+            continue
     return tuple(found.values())
 
 
@@ -38,13 +49,19 @@ def points_of(group: str) -> list[EntryPoint]:
 
 def package_of(point: EntryPoint) -> str:
     """Return the name of the package that has an entry point."""
-    return point.dist.name if point.dist else point.value
+    return (point.dist.name if point.dist else None) or point.value
 
 
 def loaded(point: EntryPoint) -> object:
-    """Return what an entry point leads to; ValueError where it cannot be loaded, for any reason."""
+    """Return what an entry point leads to; ValueError where it cannot be loaded, for any reason.
+
+    What its module prints goes to standard error: standard output is for results.
+    """
+    if point.pattern.match(point.value) is None:
+        raise ValueError(f"its entry point '{point.value}' is no module:name")
     try:
-        return point.load()
+        with redirect_stdout(sys.stderr):
+            return point.load()
     except (Exception, SystemExit) as error:
         raise ValueError(f"cannot be loaded ({error})") from error
 
@@ -52,9 +69,10 @@ def loaded(point: EntryPoint) -> object:
 class Registry(Mapping[str, Thing], Generic[Thing]):
     """Own things of a sort, and those of installed packages, which are loaded once they are asked for.
 
-    ``own`` is what no package replaces, and ``group`` that of the entry points. ``fault_of`` says, of
-    what an entry point leads to and its name, what keeps it from being used; an empty text where
-    nothing does. ``prefix`` stands in front of the name of each entry point.
+    ``own`` is what no package replaces, nor does it take a name in ``taken``. ``group`` is that of the
+    entry points. ``fault_of`` says, of what an entry point leads to and its name, what keeps it from
+    being used; an empty text where nothing does. ``prefix`` stands in front of the name of each entry
+    point.
     """
 
     def __init__(
@@ -62,9 +80,12 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
         group: str,
         own: Mapping[str, Thing],
         fault_of: Callable[[object, str], str],
+        *,
         prefix: str = "",
+        taken: Collection[str] = (),
     ) -> None:
-        self._group, self._own, self._fault_of, self._prefix = group, dict(own), fault_of, prefix
+        self._group, self._own, self._fault_of = group, dict(own), fault_of
+        self._prefix, self._taken = prefix, {*own, *taken}
 
     @cached_property
     def _found(self) -> tuple[dict[str, Thing], dict[str, str]]:
@@ -74,7 +95,7 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
         unusable: dict[str, str] = {}
         for point in points_of(self._group):
             name, package = f"{self._prefix}{point.name}", package_of(point)
-            if name in self._own or whose.get(name) in PARTS:
+            if name in self._taken or whose.get(name) in PARTS:
                 continue
             try:
                 thing = loaded(point)
@@ -96,7 +117,9 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
 
     def why_unusable(self, name: object) -> str:
         """Say why nothing of that name can be used, if a package adds one; empty otherwise."""
-        return self._found[1].get(name, "") if isinstance(name, str) else ""
+        if not isinstance(name, str) or name in self._taken:
+            return ""
+        return self._found[1].get(name, "")
 
     def __getitem__(self, name: str) -> Thing:
         """Return the thing of a name; an own one without a look at packages."""
@@ -113,10 +136,14 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
 
 
 def packages_that_add() -> list[Path]:
-    """Return the folders, or files, of all packages that add something to anhyst."""
-    points = [point for point in _every_point() if point.group.startswith("anhyst.")]
-    specs = [
-        find_spec(name) for name in sorted({point.module.partition(".")[0] for point in points})
-    ]
-    origins = [Path(spec.origin) for spec in specs if spec is not None and spec.origin]
-    return [path.parent if path.name == "__init__.py" else path for path in origins]
+    """Return the folders, or the files, of all packages that add something to anhyst."""
+    values = (point.value for point in _every_point())
+    tops = {value.partition(":")[0].partition(".")[0].strip() for value in values}
+    specs = [find_spec(name) for name in sorted(tops) if name.isidentifier()]
+    found: list[Path] = []
+    for spec in specs:
+        if spec is not None and spec.submodule_search_locations is not None:
+            found += map(Path, spec.submodule_search_locations)
+        elif spec is not None and spec.origin:
+            found.append(Path(spec.origin))
+    return found

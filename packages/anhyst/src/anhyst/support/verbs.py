@@ -8,49 +8,60 @@ from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
 
-from anhyst.support.registry import loaded, package_of, points_of
+from anhyst.support.registry import PARTS, loaded, package_of, points_of
 
-ELSEWHERE: Mapping[str, tuple[str, ...]] = {
-    "anhyst-rigs": (
-        *("calibrate", "excite", "fleet", "force_control", "init", "live", "simulate", "tune"),
-        *("watch", "xcp"),
-    ),
-    "anhyst-exchange": ("export",),
-}
-"""The verbs of the other packages of this project: to say which one is not installed."""
+
+def _verbs_in(folder: ModuleType) -> dict[str, str]:
+    """Return the full name of the module of each verb in a folder."""
+    names = (module.name for module in iter_modules(folder.__path__))
+    return {name: f"{folder.__name__}.{name}" for name in names if not name.startswith("_")}
 
 
 @cache
-def _read() -> tuple[Mapping[str, str], tuple[str, ...]]:
-    """Return the full name of the module of each verb, and which packages cannot be used."""
-    own = import_module("anhyst.verbs")
-    found = {verb.name: f"anhyst.verbs.{verb.name}" for verb in iter_modules(own.__path__)}
-    faults = []
+def _read(of_project: bool) -> tuple[Mapping[str, str], tuple[str, ...]]:
+    """Return the module of each verb, of this project or of all packages; and what is left out."""
+    found = _verbs_in(import_module("anhyst.verbs"))
+    whose = dict.fromkeys(found, "anhyst")
+    faults: list[str] = []
+    twice: set[str] = set()
     for point in points_of("anhyst.verbs"):
+        package = package_of(point)
+        if of_project and package not in PARTS:
+            continue
         try:
             folder = loaded(point)
         except ValueError as error:
-            faults.append(f"{package_of(point)}: '{point.value}' {error}; update it")
+            faults.append(f"{package}: '{point.value}' {error}; update it")
             continue
         if not isinstance(folder, ModuleType) or not hasattr(folder, "__path__"):
-            faults.append(f"{package_of(point)}: '{point.value}' is no folder of verbs; update it")
+            faults.append(f"{package}: '{point.value}' is no folder of verbs; update it")
             continue
-        for module in iter_modules(folder.__path__):
-            found.setdefault(module.name, f"{folder.__name__}.{module.name}")
-    return dict(sorted(found.items())), tuple(faults)
+        for name, place in _verbs_in(folder).items():
+            if name not in found:
+                found[name], whose[name] = place, package
+                continue
+            faults.append(f"{package}: its verb {name}, which {whose[name]} has too; rename it")
+            if whose[name] not in {"anhyst", *PARTS}:
+                twice.add(name)
+    return {name: found[name] for name in sorted(found.keys() - twice)}, tuple(faults)
+
+
+def of_project() -> Mapping[str, str]:
+    """Return the full name of the module of each verb of this project that is installed."""
+    return _read(True)[0]
 
 
 def modules() -> Mapping[str, str]:
-    """Return the full name of the module of each verb that is installed."""
-    return _read()[0]
+    """Return the full name of the module of each verb that is installed, whoever made it."""
+    return _read(False)[0]
 
 
 def faults() -> tuple[str, ...]:
-    """Say which packages have a folder of verbs that cannot be used."""
-    return _read()[1]
+    """Say which packages have verbs that are left out."""
+    return _read(False)[1]
 
 
 def package_with(name: str) -> str:
     """Return the package of this project that has a verb and is not installed; else nothing."""
-    owners = (package for package, verbs in ELSEWHERE.items() if name in verbs)
-    return "" if name in modules() else next(owners, "")
+    owners = (package for package, verbs in PARTS.items() if name in verbs)
+    return "" if name in of_project() else next(owners, "")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 _ARGUMENTS = {"as": "as_", "rig": "known"}
@@ -125,6 +125,12 @@ def _is_number(text: str) -> bool:
 
 
 _IRREGULAR = {"history": "histories", "series": "series"}
+
+
+def list_written(out: object, files: Sequence[str], most: int = 6) -> str:
+    """Say what was written into a folder; of many files the first ones are named."""
+    more = f" and {len(files) - most} more" if len(files) > most else ""
+    return f"written to {out}: {', '.join(files[:most])}{more}"
 
 
 def count_of(count: int, noun: str) -> str:

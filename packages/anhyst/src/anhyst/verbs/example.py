@@ -16,9 +16,6 @@ Name = Literal[
 ]
 """The bundled examples."""
 
-MAX_NAMED = 6
-"""Maximum number of files that are named one by one."""
-
 
 def example(name: Name, out: PathLike) -> CopiedExample:
     """Copy a bundled example: measured loops, and the files of a rig.
@@ -56,8 +53,8 @@ def example(name: Name, out: PathLike) -> CopiedExample:
 
 def show(result: CopiedExample, _: Mapping[str, Any]) -> Iterator[str]:
     """Return what was written, and what to run next."""
-    named, others = result.files[:MAX_NAMED], len(result.files[MAX_NAMED:])
-    more = f" and {others} more" if others else ""
-    yield f"written to {result.out}: {', '.join(named)}{more}"
+    from anhyst.support.wording import list_written
+
+    yield list_written(result.out, result.files)
     yield "next:"
     yield from (f"  {command}" for command in result.run)

@@ -328,7 +328,7 @@ def _fault_of(target: object, _: str) -> str:
     return "" if all(map(callable, work)) else "and it is no target"
 
 
-WHOLE_TARGETS: Registry[WholeTarget] = Registry("anhyst.targets", {}, _fault_of)
+WHOLE_TARGETS: Registry[WholeTarget] = Registry("anhyst.targets", {}, _fault_of, taken=TARGETS)
 """By name: the entry points ``anhyst.targets`` of installed packages."""
 
 _FIRMWARE = "cortex-m3-qemu"
@@ -348,15 +348,12 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
             f"--on: no target; known are {', '.join(known)}", code="no-target", key="--on"
         )
     for name in targets:
-        if name == _FIRMWARE and name not in known:
-            raise InputError(
-                f"--on: {name} is in the package anhyst-rigs: pip install anhyst-rigs",
-                code="not-installed",
-                key="--on",
-            )
+        if why := WHOLE_TARGETS.why_unusable(name):
+            raise InputError(f"--on: {name}: {why}", code="not-installed", key="--on")
         if name not in known:
+            more = "; cortex-m3-qemu is in the package anhyst-rigs" * (name == _FIRMWARE)
             raise InputError(
-                f"--on: unknown target {name}; known are {', '.join(known)}",
+                f"--on: unknown target {name}; known are {', '.join(known)}{more}",
                 code="unknown-target",
                 key="--on",
             )

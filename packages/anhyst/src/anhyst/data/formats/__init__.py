@@ -52,7 +52,7 @@ FORMATS: Registry[Opener] = Registry(
     "anhyst.formats",
     _OWN,
     lambda opener, _: "" if callable(opener) else "and it is no function",
-    ".",
+    prefix=".",
 )
 """By suffix: those of anhyst, and of the entry points ``anhyst.formats`` of installed packages.
 
