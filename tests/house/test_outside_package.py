@@ -208,6 +208,17 @@ def test_a_verb_with_a_fault_is_left_out_and_the_others_stay(tmp_path: Path) -> 
         assert done.stdout.endswith("{'hello': 'me'}\n"), done.stderr
 
 
+def test_a_fault_in_the_code_of_a_package_is_said_to_be_one_of_that_package(
+    tmp_path: Path,
+) -> None:
+    text = "def open(path, least):\n    return {}[path]"
+    install(tmp_path, "other", "[anhyst.formats]\nbad = other:open\n", text)
+    (tmp_path / "loops.bad").write_text("1")
+    fault = anhyst(tmp_path, tmp_path, "inspect", "loops.bad")
+    assert fault.returncode == 70
+    assert "this is a fault of the package other, not of your input" in fault.stderr
+
+
 def test_two_packages_with_one_law_are_named(tmp_path: Path) -> None:
     for name in ("one", "two"):
         install(tmp_path, name, f"[anhyst.laws]\nmine = {name}:LAW\n", LAW.format(name="mine"))

@@ -23,7 +23,7 @@ from anhyst.support.errors import (
     Interrupted,
     NegativeResult,
 )
-from anhyst.support.registry import PARTS
+from anhyst.support.registry import PARTS, package_at_fault
 from anhyst.support.wording import command_line
 
 BAD_INPUT = 2
@@ -46,10 +46,9 @@ app = typer.Typer(
 )
 for _verb in read_verbs():
     add_command(app, _verb)
-for _package, _names in PARTS.items():
-    for _name in _names:
-        if verbs.package_with(_name):
-            add_absent(app, _name, _package)
+for _name in (name for names in PARTS.values() for name in names):
+    if _package := verbs.package_with(_name):
+        add_absent(app, _name, _package)
 
 
 def _print_version(asked_for: bool) -> None:
@@ -104,8 +103,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as fault:
         if "ANHYST_TRACE" in os.environ:
             raise
+        whose = package_at_fault(fault)
+        of = f"the package {whose}" if whose else "anhyst"
         say_error(
-            f"{type(fault).__name__}: {fault}; this is a fault of anhyst, not of your input: run "
+            f"{type(fault).__name__}: {fault}; this is a fault of {of}, not of your input: run "
             "again with ANHYST_TRACE=1 and report what it prints"
         )
         return FAULT

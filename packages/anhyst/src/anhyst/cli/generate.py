@@ -113,7 +113,9 @@ def read_verbs() -> list[Verb]:
         try:
             with redirect_stdout(sys.stderr):  # standard output is for results
                 verb = Verb(name, import_module(place))
-            _check(verb)
+            if list(map(type, verb.place)) != [int, str]:
+                raise TypeError("PLACE must be a rank and the name of a panel")
+            inspect.Signature(_options(verb))
         except (Exception, SystemExit) as error:
             if name in own:
                 raise
@@ -121,13 +123,6 @@ def read_verbs() -> list[Verb]:
         else:
             found.append(verb)
     return sorted(found, key=lambda verb: (verb.place, verb.name))
-
-
-def _check(verb: Verb) -> None:
-    """Raise an error if a verb cannot become a command."""
-    if list(map(type, verb.place)) != [int, str]:
-        raise TypeError("PLACE must be a rank and the name of a panel")
-    inspect.Signature(_options(verb))
 
 
 def add_command(app: typer.Typer, verb: Verb) -> None:

@@ -65,9 +65,9 @@ def example_files(name: str) -> dict[str, Path]:
             key="example",
         )
     folder = shipped_folder("anhyst", "examples", "_examples", "bearing") / name
-    every = (path for path in folder.rglob("*") if path.is_file())
-    files = sorted(path for path in every if path.suffix in _SUFFIXES or path.name == "LICENSE")
-    return {path.relative_to(folder).as_posix(): path for path in files}
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file())
+    copied = (path for path in files if path.suffix in _SUFFIXES or path.name == "LICENSE")
+    return {path.relative_to(folder).as_posix(): path for path in copied}
 
 
 @dataclass(frozen=True)

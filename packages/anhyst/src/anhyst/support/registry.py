@@ -135,15 +135,24 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
         return len(self._own) + len(self.added)
 
 
+def package_at_fault(error: BaseException) -> str:
+    """Return the package of another author in whose code an error was raised; else nothing."""
+    tops = {_top_of(point): package_of(point) for point in _every_point()}
+    last, frame = "", error.__traceback__
+    while frame is not None:
+        top = str(frame.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
+        last = tops.get(top, "" if top == "anhyst" else last)
+        frame = frame.tb_next
+    return "" if last in PARTS else last
+
+
+def _top_of(point: EntryPoint) -> str:
+    return point.value.partition(":")[0].partition(".")[0].strip()
+
+
 def packages_that_add() -> list[Path]:
     """Return the folders, or the files, of all packages that add something to anhyst."""
-    values = (point.value for point in _every_point())
-    tops = {value.partition(":")[0].partition(".")[0].strip() for value in values}
+    tops = set(map(_top_of, _every_point()))
     specs = [find_spec(name) for name in sorted(tops) if name.isidentifier()]
-    found: list[Path] = []
-    for spec in specs:
-        if spec is not None and spec.submodule_search_locations is not None:
-            found += map(Path, spec.submodule_search_locations)
-        elif spec is not None and spec.origin:
-            found.append(Path(spec.origin))
-    return found
+    folders = (spec.submodule_search_locations or [spec.origin or ""] for spec in specs if spec)
+    return [Path(place) for places in folders for place in places if place]

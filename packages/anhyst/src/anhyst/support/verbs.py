@@ -11,8 +11,10 @@ from types import ModuleType
 from anhyst.support.registry import PARTS, loaded, package_of, points_of
 
 
-def _verbs_in(folder: ModuleType) -> dict[str, str]:
-    """Return the full name of the module of each verb in a folder."""
+def _verbs_in(folder: object) -> dict[str, str]:
+    """Return the full name of the module of each verb in a folder; ValueError where it is none."""
+    if not isinstance(folder, ModuleType) or not hasattr(folder, "__path__"):
+        raise ValueError("is no folder of verbs")
     names = (module.name for module in iter_modules(folder.__path__))
     return {name: f"{folder.__name__}.{name}" for name in names if not name.startswith("_")}
 
@@ -29,14 +31,11 @@ def _read(of_project: bool) -> tuple[Mapping[str, str], tuple[str, ...]]:
         if of_project and package not in PARTS:
             continue
         try:
-            folder = loaded(point)
+            places = _verbs_in(loaded(point))
         except ValueError as error:
             faults.append(f"{package}: '{point.value}' {error}; update it")
             continue
-        if not isinstance(folder, ModuleType) or not hasattr(folder, "__path__"):
-            faults.append(f"{package}: '{point.value}' is no folder of verbs; update it")
-            continue
-        for name, place in _verbs_in(folder).items():
+        for name, place in places.items():
             if name not in found:
                 found[name], whose[name] = place, package
                 continue
