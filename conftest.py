@@ -34,7 +34,7 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 ROOT = Path(__file__).resolve().parent
 
 # Processes that tests start find the helpers of all parts too (pythonpath in pyproject.toml).
-FOLDERS = (ROOT, *sorted((ROOT / "packages").iterdir()))
+FOLDERS = (ROOT, *sorted((ROOT / "packages").glob("*")))
 os.environ["PYTHONPATH"] = os.pathsep.join(map(str, FOLDERS))
 
 # A shell that runs the tests in the background lets them ignore ctrl-C, and their children too.

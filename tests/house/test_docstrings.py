@@ -6,12 +6,14 @@ import ast
 import inspect
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import anhyst
+import anhyst_exchange
+import anhyst_rigs
+from tests.repository import ROOT
 
-SOURCES = Path(anhyst.__file__).parent
+PARTS = (anhyst, anhyst_rigs, anhyst_exchange)
 SECTION = re.compile(r"^\s*-{3,}\s*$", re.MULTILINE)
 Documented = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
@@ -40,14 +42,15 @@ def documented(tree: ast.AST, inside: str = "") -> Iterator[tuple[str, Documente
 def test_only_exported_names_have_sections() -> None:
     exported = {
         name
-        for noun in anhyst.__all__
+        for part in PARTS
+        for noun in part.__all__
         if not noun.startswith("_")
-        for name in names_of(getattr(anhyst, noun))
+        for name in names_of(getattr(part, noun))
     }
     exported.add(("anhyst.cli.reading", "read_options"))  # the help of options of every verb
     found = []
-    for path in sorted(SOURCES.rglob("*.py")):
-        parts = path.relative_to(SOURCES.parent).with_suffix("").parts
+    for path in sorted((ROOT / "packages").glob("*/src/**/*.py")):
+        parts = path.relative_to(ROOT / "packages").with_suffix("").parts[2:]
         module = ".".join(part for part in parts if part != "__init__")
         for name, node in documented(ast.parse(path.read_text(encoding="utf-8"))):
             if SECTION.search(ast.get_docstring(node) or "") and (module, name) not in exported:
@@ -56,7 +59,9 @@ def test_only_exported_names_have_sections() -> None:
 
 
 def test_every_exported_verb_states_what_it_takes_and_gives() -> None:
-    verbs = [getattr(anhyst, name) for name in anhyst.__all__ if not name.startswith("_")]
+    verbs = [
+        getattr(part, name) for part in PARTS for name in part.__all__ if not name.startswith("_")
+    ]
     silent = [
         verb.__name__
         for verb in verbs

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.repository import ROOT
+
 SKIPPED = """
 import pytest
 
@@ -60,7 +62,7 @@ def test_skips_fail_where_they_are_forbidden(
     tmp_path: Path, no_skip: str, workers: int, said: str
 ) -> None:
     """Only what is skipped for want of measurements may be."""
-    shutil.copy(Path(__file__).parents[1] / "conftest.py", tmp_path / "conftest.py")
+    shutil.copy(ROOT / "conftest.py", tmp_path / "conftest.py")
     (tmp_path / "pytest.ini").write_text(INI, encoding="utf-8")
     for name, source in FILES.items():
         (tmp_path / f"test_{name}.py").write_text(source, encoding="utf-8")

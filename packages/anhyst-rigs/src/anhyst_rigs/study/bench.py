@@ -252,7 +252,7 @@ def prepared_once(
 ) -> Iterator[Prepared]:
     """Prepare a bench, or take what was prepared of the same files before."""
     kind = _bench_of(rig_path, controller_path)
-    is_kept = kind.prepare.__module__.startswith("anhyst.")  # no key knows the code of others
+    is_kept = kind.prepare.__module__.startswith("anhyst_rigs.")  # no key knows the code of others
     place = cache_folder("benches") / _key(kind.files(rig_path, controller_path))
     prepared_before = _load(place) if is_kept else None
     if prepared_before is not None:
