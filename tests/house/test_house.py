@@ -74,6 +74,7 @@ def test_all_parts_have_one_version_and_one_licence() -> None:
         assert project["version"] == __version__
         needed = [one for one in project["dependencies"] if one.startswith("anhyst")]
         assert all(one.endswith(f"=={__version__}") for one in needed)
+        assert list(folder.glob("src/*/py.typed"))
         assert (folder / "LICENSE").read_bytes() == (house.ROOT / "LICENSE").read_bytes()
     steels = house.ROOT / "examples" / "steels" / "LICENSE"
     assert (house.PACKAGES / "anhyst" / "LICENSE.steels").read_bytes() == steels.read_bytes()

@@ -41,6 +41,7 @@ def test_nothing_heavy_is_imported_before_it_is_used() -> None:
 SCRIPT = """
 import numpy as np
 import anhyst
+import anhyst_rigs
 
 loops: anhyst.Loops = anhyst.read_loops("loops.csv")
 verdict: str = anhyst.inspect(loops).verdict.level
@@ -51,6 +52,7 @@ current = model.inverse(force, 3e-4)
 print(verdict, float(current[-1]), model.save("model.toml"), anhyst.__version__)
 anhyst.compile(model, "controller", rate=2e4, kind="ful")
 reveal_type(anhyst.verify("controller"))
+reveal_type(anhyst_rigs.tune("rig.toml", "tuned"))
 """
 
 
@@ -60,13 +62,14 @@ def test_a_script_of_a_user_is_typed(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "mypy", "--strict", "--cache-dir", tmp_path / "cache", "script.py"],
         cwd=tmp_path,
-        env=os.environ | {"MYPYPATH": str(ROOT / "packages" / "anhyst" / "src")},
+        env=os.environ | {"MYPYPATH": os.pathsep.join(map(str, (ROOT / "packages").glob("*/src")))},
         capture_output=True,
         text=True,
         check=False,
     )
     lines = [line for line in done.stdout.splitlines() if line.startswith("script.py")]
-    assert len(lines) == 2, done.stdout
+    assert len(lines) == 3, done.stdout
     assert '"kind"' in lines[0]
     assert "Literal['ful']" in lines[0] or '"ful"' in lines[0]
     assert 'Revealed type is "anhyst.verification.result.Verification"' in lines[1]
+    assert 'Revealed type is "anhyst_rigs.study.tuning.result.Tuning"' in lines[2]
