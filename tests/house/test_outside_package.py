@@ -69,6 +69,7 @@ def test_its_law_fits_loops_in_its_format_and_its_verb_reads_them(
     with installed(site):
         model = read_model(tmp_path / "model.toml")
         assert model.law == "play"
+        assert [source.path for source in model.provenance.sources] == ["loops.toy"]
         assert model.predict([0.0, 1.0, 2.0], 0.3e-3, history="demagnetised").output[2] > 0.0
     found = anhyst(site, tmp_path, "widest", *asked, "--share", "0.25", "--json")
     assert found.returncode == 0, found.stderr
@@ -111,7 +112,14 @@ from anhyst.laws.play_cells import PLAY_CELLS
 LAW = replace(PLAY_CELLS, name="{name}")
 """
 
+MOVED = """
+from anhyst.laws.law import Law, ParameterSpec
+def iron(r, chi): pass
+LAW = Law("bad", "moved", (ParameterSpec("chi", "a"), ParameterSpec("r", "b")), iron)
+"""
+
 BROKEN = {
+    "takes its parameters in another order": ("[anhyst.laws]\nbad = other:LAW\n", MOVED),
     "cannot be imported": ("[anhyst.laws]\nbad = other:LAW\n", "import no_such_module"),
     "leaves the process": ("[anhyst.laws]\nbad = other:LAW\n", "raise SystemExit(3)"),
     "is no law": ("[anhyst.laws]\nbad = other:LAW\n", "LAW = 1"),
@@ -217,6 +225,45 @@ def test_a_fault_in_the_code_of_a_package_is_said_to_be_one_of_that_package(
     fault = anhyst(tmp_path, tmp_path, "inspect", "loops.bad")
     assert fault.returncode == 70
     assert "this is a fault of the package other, not of your input" in fault.stderr
+
+
+def test_a_law_whose_iron_mixes_up_its_parameters_is_refused(tmp_path: Path) -> None:
+    install(tmp_path, "other", *BROKEN["takes its parameters in another order"])
+    asked = ("identify", str(LOOPS), "--law", "bad", "--out", "m.toml")
+    refused = anhyst(tmp_path, tmp_path, *asked)
+    assert "its iron takes the parameters in another order" in refused.stderr
+
+
+TYPED = '''from typing import Literal, Optional
+
+
+def typed(a: int, *, b: Optional[float] = None, c: Literal["kg", "g"] = "g") -> dict:
+    """Show types.
+
+    Parameters
+    ----------
+    a : int
+        One.
+    b : float, optional
+        Two.
+    c : str
+        Three.
+    """
+    return {"types": " ".join(type(one).__name__ for one in (a, b, c))}
+'''
+
+
+@pytest.mark.parametrize("future", ["", "from __future__ import annotations\n"])
+def test_types_of_a_verb_reach_its_function(future: str, tmp_path: Path) -> None:
+    install(tmp_path, "other", "[anhyst.verbs]\nother = lab.verbs\n", "")
+    (tmp_path / "lab" / "verbs").mkdir(parents=True)
+    (tmp_path / "lab" / "verbs" / "__init__.py").write_text("")
+    (tmp_path / "lab" / "verbs" / "typed.py").write_text(future + TYPED)
+    said = anhyst(tmp_path, tmp_path, "typed", "3", "--b", "2", "--c", "kg")
+    assert said.stdout == "types: int float str\n", said.stderr
+    assert (
+        "'t' is not one of 'kg', 'g'" in anhyst(tmp_path, tmp_path, "typed", "3", "--c", "t").stderr
+    )
 
 
 def test_two_packages_with_one_law_are_named(tmp_path: Path) -> None:

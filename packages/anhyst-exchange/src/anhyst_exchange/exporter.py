@@ -190,14 +190,14 @@ They are the entry points ``anhyst.exports`` of installed packages.
 def rig_part(path: PathLike) -> Part:
     """Return plant and controller of a rig file as C, with inputs and outputs."""
     word = take_rig(path, "export").word
-    if word not in RIG_PARTS:
-        why = RIG_PARTS.why_unusable(word) or "ask the author of the package that adds it"
-        raise InputError(
-            f"{path}: control.kind: '{word}' has no part for export; {why}",
-            code="not-installed",
-            key="control.kind",
-        )
-    return RIG_PARTS[word](path)
+    if part := RIG_PARTS.get(word):
+        return part(path)
+    why = RIG_PARTS.why_unusable(word) or "ask the author of the package that adds it"
+    raise InputError(
+        f"{path}: control.kind: '{word}' has no part for export; {why}",
+        code="not-installed",
+        key="control.kind",
+    )
 
 
 def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Kind | None) -> Part:

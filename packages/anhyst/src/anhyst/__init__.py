@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING, Any
 
 from anhyst.support.lazy import lazy_names
 from anhyst.support.verbs import modules as _modules
-from anhyst.support.verbs import of_project as _of_project
 from anhyst.support.verbs import package_with as _package_with
 
 if TYPE_CHECKING:  # for checkers and editors; a verb that is not here has no type and works
@@ -107,4 +106,4 @@ def __dir__() -> list[str]:
     return __all__
 
 
-__all__ = sorted({*_own, *_of_project()})  # noqa: PLE0605
+__all__ = sorted({*_own, *_modules(of_project=True)})  # noqa: PLE0605

@@ -61,7 +61,6 @@ class FirmwareRun:
     statuses: list[dict[str, int]]
 
 
-@dataclass(frozen=True)
 class FirmwareTarget:
     """The target of ``anhyst verify`` that runs a whole firmware, on an emulated board and here."""
 

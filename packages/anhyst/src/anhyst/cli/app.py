@@ -103,8 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as fault:
         if "ANHYST_TRACE" in os.environ:
             raise
-        whose = package_at_fault(fault)
-        of = f"the package {whose}" if whose else "anhyst"
+        of = f"the package {whose}" if (whose := package_at_fault(fault)) else "anhyst"
         say_error(
             f"{type(fault).__name__}: {fault}; this is a fault of {of}, not of your input: run "
             "again with ANHYST_TRACE=1 and report what it prints"

@@ -11,13 +11,13 @@ import inspect
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack, redirect_stdout
+from contextlib import ExitStack, redirect_stdout, suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
-from typing import Annotated, Any, Literal, get_origin
+from types import ModuleType, NoneType
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
 
@@ -108,7 +108,7 @@ def read_verbs() -> list[Verb]:
     found = []
     for fault in verbs.faults():
         warn(f"left out: {fault}")
-    own = verbs.of_project()
+    own = verbs.modules(of_project=True)
     for name, place in verbs.modules().items():
         try:
             with redirect_stdout(sys.stderr):  # standard output is for results
@@ -116,12 +116,11 @@ def read_verbs() -> list[Verb]:
             if list(map(type, verb.place)) != [int, str]:
                 raise TypeError("PLACE must be a rank and the name of a panel")
             inspect.Signature(_options(verb))
+            found.append(verb)
         except (Exception, SystemExit) as error:
             if name in own:
                 raise
             warn(f"left out: the verb {name} of {place}: {error}; update its package")
-        else:
-            found.append(verb)
     return sorted(found, key=lambda verb: (verb.place, verb.name))
 
 
@@ -210,19 +209,20 @@ def _settings(described: Described, flags: Mapping[str, str]) -> dict[str, Any]:
 _TYPES = (
     (r"\bSequence\[.*PathLike|\bLoopSource\b", list[Path]),
     (r"\bPath(Like)?\b", Path),
-    (r"^bool\b", bool),
-    (r"^int\b", int),
-    (r"^float\b", float),
 )
-"""Type on the command line for the annotation of a parameter; text for every other."""
+"""Type on the command line for the annotation of a parameter that is not of a plain type."""
 
 
 def _type_of(parameter: inspect.Parameter, module: ModuleType) -> Any:
     """Return the type of a parameter on the command line."""
     text = inspect.formatannotation(parameter.annotation).strip("'")
-    choices = getattr(module, text.removesuffix(" | None"), None)
-    if get_origin(choices) is Literal:
-        return choices
+    hint = parameter.annotation
+    with suppress(Exception):  # names that only type checkers import
+        hint = eval(hint, vars(module)) if isinstance(hint, str) else hint
+    if NoneType in get_args(hint):
+        hint = get_args(hint)[0]
+    if get_origin(hint) is Literal or hint in (bool, int, float):
+        return hint
     return next((kind for pattern, kind in _TYPES if re.search(pattern, text)), str)
 
 
@@ -300,6 +300,6 @@ def _as_json(result: Any, _: Given) -> Mapping[str, Any]:
 
 def _show(result: Any, given: Given) -> Iterable[Part]:
     """Show the figures that a result names first, and what was written."""
-    facts = result.facts() if hasattr(result, "facts") else {}
+    facts = result if isinstance(result, Mapping) else getattr(result, "facts", dict)()
     written = [f"written: {given['out']}"] if given.get("out") is not None else []
     return [*(f"{name}: {text}" for name, text in facts.items()), *written]

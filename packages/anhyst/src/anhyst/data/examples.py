@@ -88,10 +88,6 @@ class CopiedExample:
     files: tuple[str, ...]
     run: tuple[str, ...]
 
-    def as_dict(self) -> dict[str, object]:
-        """Return it for JSON."""
-        return {"out": str(self.out), "files": list(self.files), "run": list(self.run)}
-
 
 def copy_example(name: str, out: PathLike) -> CopiedExample:
     """Copy a bundled example into a folder; replace nothing there."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from anhyst.laws.jiles_atherton import EFFECTIVE_FIELD, JILES_ATHERTON_1986
@@ -19,6 +21,11 @@ def _fault_of(law: object, name: str) -> str:
     """Say what keeps a law of another package from being used; empty where nothing does."""
     if not isinstance(law, Law):
         return "and it is no Law"
+    names, taken = [spec.name for spec in law.parameters], []
+    with suppress(TypeError, ValueError):  # of some functions in C nothing is known
+        taken = list(inspect.signature(law.iron).parameters)
+    if taken != names and sorted(taken) == sorted(names):
+        return "and its iron takes the parameters in another order"
     return "" if law.name == name else "and its law has another name"
 
 

@@ -8,9 +8,9 @@ import math
 import os
 import shutil
 import stat
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -177,8 +177,7 @@ def shipped_folder(name: str, edited: str, shipped: str, marked: str) -> Path:
     ``edited`` is its name in the repository, ``shipped`` that in the installed package ``name``, and
     ``marked`` what must be in it.
     """
-    spec = find_spec(name)
-    package = Path(spec.origin if spec and spec.origin else name).resolve().parent
+    package = Path(sys.modules[name].__file__ or name).resolve().parent
     folders = [package / shipped]
     if package.parent.name == "src" and package.parents[2].name == "packages":
         folders.insert(0, package.parents[3] / edited)
@@ -318,8 +317,8 @@ def plain(value: Any) -> Any:
     """Return a value as JSON gives it back: names and lists, null for what is no finite number."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, str):
-        return value
+    if isinstance(value, str | Path):
+        return str(value)
     if isinstance(value, Sequence):
         return [plain(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -16,8 +16,7 @@ def lazy_names(package: str, nouns: Mapping[str, str]) -> tuple[list[str], Calla
     without the name of the package. All packages have one version.
     """
     folder = import_module(f"{package}.verbs")
-    places = {verb.name: f"verbs.{verb.name}" for verb in iter_modules(folder.__path__)}
-    places |= nouns
+    places = {one.name: f"verbs.{one.name}" for one in iter_modules(folder.__path__)} | dict(nouns)
 
     def find(name: str) -> Any:
         if name == "__version__":

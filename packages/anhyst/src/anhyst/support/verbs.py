@@ -45,14 +45,9 @@ def _read(of_project: bool) -> tuple[Mapping[str, str], tuple[str, ...]]:
     return {name: found[name] for name in sorted(found.keys() - twice)}, tuple(faults)
 
 
-def of_project() -> Mapping[str, str]:
-    """Return the full name of the module of each verb of this project that is installed."""
-    return _read(True)[0]
-
-
-def modules() -> Mapping[str, str]:
-    """Return the full name of the module of each verb that is installed, whoever made it."""
-    return _read(False)[0]
+def modules(*, of_project: bool = False) -> Mapping[str, str]:
+    """Return the full name of the module of each verb that is installed, or of this project's."""
+    return _read(of_project)[0]
 
 
 def faults() -> tuple[str, ...]:
@@ -63,4 +58,4 @@ def faults() -> tuple[str, ...]:
 def package_with(name: str) -> str:
     """Return the package of this project that has a verb and is not installed; else nothing."""
     owners = (package for package, verbs in PARTS.items() if name in verbs)
-    return "" if name in of_project() else next(owners, "")
+    return "" if name in modules(of_project=True) else next(owners, "")

@@ -129,8 +129,8 @@ _IRREGULAR = {"history": "histories", "series": "series"}
 
 def list_written(out: object, files: Sequence[str], most: int = 6) -> str:
     """Say what was written into a folder; of many files the first ones are named."""
-    more = f" and {len(files) - most} more" if len(files) > most else ""
-    return f"written to {out}: {', '.join(files[:most])}{more}"
+    named, others = ", ".join(files[:most]), len(files) - most
+    return f"written to {out}: {named}" + f" and {others} more" * (others > 0)
 
 
 def count_of(count: int, noun: str) -> str:

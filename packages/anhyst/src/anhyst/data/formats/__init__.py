@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from anhyst.data.formats.channel_table import ChannelTable
-from anhyst.data.formats.channels import ChannelGroup, MemoryTable, OpenTable
+from anhyst.data.formats.channels import ChannelGroup, MemoryTable, OpenTable, hash_of
 from anhyst.data.formats.encoding import is_text
 from anhyst.data.formats.excel import is_workbook, open_excel
 from anhyst.data.formats.hdf5 import open_hdf5, write_hdf5
@@ -117,7 +118,10 @@ def open_table(path: PathLike, least: int = 2) -> OpenTable:
     if head.startswith(b"PK") and is_workbook(path):
         return open_excel(path, least)
     is_misnamed = by_name in _BINARY and bool(head) and is_text(head)
-    return (open_text if is_misnamed else by_name)(path, least)
+    table = (open_text if is_misnamed else by_name)(path, least)
+    if isinstance(table, MemoryTable) and not table.sha256:  # of a format of another package
+        return replace(table, sha256=hash_of(path))
+    return table
 
 
 def _is_of_matlab(path: Path) -> bool:
