@@ -55,7 +55,9 @@ def content_hash(paths: Iterable[str], root: Path = ROOT) -> str:
     """Return a hash over the contents of files and folders, and over what builds them here."""
     digest = hashlib.sha256(json.dumps(surroundings()).encode())
     for path in sorted({*paths, *EVERY}):
-        inside = sorted((root / path).rglob("*")) if (root / path).is_dir() else [root / path]
+        inside = [root / path]
+        if (root / path).is_dir():  # a README there decides nothing
+            inside = [one for one in sorted((root / path).rglob("*")) if one.suffix != ".md"]
         for file in inside:
             if file.is_file() and "__pycache__" not in file.parts:
                 content = file.read_bytes()
