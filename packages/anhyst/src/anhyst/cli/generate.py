@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, redirect_stdout, suppress
 from dataclasses import asdict, dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType, NoneType
@@ -130,9 +130,8 @@ def add_command(app: typer.Typer, verb: Verb) -> None:
     def run(**options: Any) -> None:
         _run(verb, options)
 
-    options = _options(verb)
-    run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
-    run.__annotations__ = {one.name: one.annotation for one in options}
+    run.__signature__ = inspect.Signature(_options(verb))  # type: ignore[attr-defined]
+    run.__annotations__ = {one.name: one.annotation for one in _options(verb)}
     about = [with_options(verb.described.about, _flags(verb))]
     about += [f"Example: {example}" for example in verb.described.examples]
     app.command(
@@ -163,6 +162,7 @@ def _flags(verb: Verb) -> dict[str, str]:
     }
 
 
+@cache
 def _options(verb: Verb) -> list[inspect.Parameter]:
     """Return the parameters of the command as typer takes them."""
     flags, shared = _flags(verb), read_docstring(read_options).parameters

@@ -175,9 +175,9 @@ MEASUREMENTS = frozenset(
 def kind_in(content: Mapping[str, object]) -> FileKind:
     """Return the kind of a TOML file from its contents."""
     text, control = content.get("format"), content.get("control")
-    if text == RIG_FORMAT and not _RIG_KINDS:
-        return RIG_OF_NO_KIND
     if text == RIG_FORMAT:
+        if not _RIG_KINDS:
+            return RIG_OF_NO_KIND
         word = control.get("kind") if isinstance(control, dict) else None
         return rig_kinds().get(word, UNKNOWN) if isinstance(word, str) else UNKNOWN
     return next((kind for kind in (MODEL, CONTROLLER, CALIBRATION) if kind.word == text), UNKNOWN)
