@@ -163,7 +163,7 @@ def test_the_command_runs_it_and_its_recording_is_what_a_bench_gives_and_inspect
             assert process.stdout is not None
             address = process.stdout.readline().split()[0].removesuffix("/")
             # The page answers before the bench ticks: a command of then would be of tick 0.
-            wait_for(lambda: path.is_file() and path.stat().st_size > 2e4)
+            wait_for(lambda: path.is_file() and path.stat().st_size > 1e5)
             with connect(f"ws{address[4:]}/live", origin=Origin(address), max_size=None) as line:
                 line.send(json.dumps({"do": "command", "name": "run", "id": 1}))
                 at_rest = path.stat().st_size  # more of it the busier the machine
@@ -181,5 +181,11 @@ def test_the_command_runs_it_and_its_recording_is_what_a_bench_gives_and_inspect
     assert np.array_equal(np.delete(rows, 1, axis=1), np.concatenate(same))
     given = ["--columns", "position_read_m=x_m", "--loop", "lap"]
     assert main(["inspect", str(path), *given]) == 0
-    # The stage has a resonance at 480 Hz, which its triangle excites.
-    assert "the output resonates near 4" in unwrapped(capsys.readouterr().out)
+    # The jump to its first place excites the resonance of the stage at 480 Hz. How long the stage
+    # rests after it depends on the machine, so the recording is cut there.
+    assert begun > 400
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    path.write_text("".join(lines[:401]), encoding="utf-8")
+    capsys.readouterr()
+    assert main(["inspect", str(path), *given]) == 0
+    assert "the output resonates near 48" in unwrapped(capsys.readouterr().out)
