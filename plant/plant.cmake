@@ -13,7 +13,7 @@ set(ANHYST_PLANT_SOURCES
   "${ANHYST_PLANT_DIR}/src/body.c"
   "${ANHYST_PLANT_DIR}/src/loop.c"
   "${ANHYST_PLANT_DIR}/src/position.c"
-  "${ANHYST_PLANT_DIR}/src/tracking.c"
+  "${ANHYST_PLANT_DIR}/src/axes.c"
   "${ANHYST_PLANT_DIR}/src/piezo.c"
   "${ANHYST_PLANT_DIR}/src/bus.c")
 

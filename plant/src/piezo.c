@@ -37,21 +37,16 @@ void anhyst_piezo_advance(const anhyst_piezo *piezo, anhyst_piezo_state *state, 
 
 void anhyst_piezo_loop_tick(anhyst_piezo_loop *loop, const anhyst_piezo_event *event, double *row)
 {
-  const double no_gap = 0.0;
-  const double no_flux = (double)NAN;
   const double step = loop->sensor_step;
   const double place = loop->state.place;
   const double shown = place + event->noise;
   const double read = step > 0.0 ? floor(shown / step + 0.5) * step : shown;
-  const anhyst_tracking_sample_f64 sample = {event->expected - read, event->wanted, &no_gap,
-                                             &no_flux};
-  double next;
-  anhyst_tracking_answer_f64 answer = {&next, 0.0, 0};
-  anhyst_tracking_tick_f64(loop->controller, &sample, &answer);
+  const anhyst_tracking_answer answer =
+      anhyst_tracking_tick(loop->controller, event->expected - read, event->wanted);
   anhyst_piezo_advance(loop->piezo, &loop->state, loop->command, event->load);
-  loop->command = next;
+  loop->command = answer.output;
   row[ANHYST_PIEZO_PLACE] = place;
   row[ANHYST_PIEZO_READ] = read;
   row[ANHYST_PIEZO_DEMAND] = answer.demand;
-  row[ANHYST_PIEZO_COMMAND] = next;
+  row[ANHYST_PIEZO_COMMAND] = answer.output;
 }

@@ -3,7 +3,7 @@
 #include "anhyst/control/tracking.h"
 
 #include "anhyst/control/allocation_real.h"
-#include "anhyst/control/biquad_real.h"
+#include "anhyst/control/biquad.h"
 #include "anhyst/control/tracking_real.h"
 #include "check.h"
 #include "edges.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "anhyst/control/biquad_real.h"
+#include "anhyst/control/biquad.h"
 
 #include <math.h>
 

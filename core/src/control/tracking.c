@@ -1,31 +1,50 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst/control/tracking.h"
 
-#include "anhyst/numeric/q31.h"
-#include "limits.h"
+#include <math.h>
 
-static int is_number(int32_t a)
+#include "anhyst/numeric/f64.h"
+#include "generic/limits_real.h"
+
+anhyst_status anhyst_tracking_init(anhyst_tracking *c, const anhyst_tracking_settings *settings,
+                                   anhyst_force_controller_f64 *drive,
+                                   anhyst_biquad_state_f64 *filtered)
 {
-  (void)a;
-  return 1; /* every code is one */
+  const anhyst_tracking fresh = {settings, drive, filtered, {{0.0, 0.0}}};
+  const double range = settings->high - settings->low;
+  const double step = settings->step;
+  int valid = is_number(settings->low) && is_number(range) && range >= 0.0 && step >= 0.0 &&
+              (step == 0.0 || range <= 1073741824.0 * step) &&
+              anhyst_biquad_check_f64(&settings->pid) == ANHYST_OK;
+  uint16_t i;
+  for (i = 0; i < settings->filters; i++) {
+    valid = valid && anhyst_biquad_check_f64(&settings->filter[i]) == ANHYST_OK;
+  }
+  if (!valid) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  *c = fresh;
+  for (i = 0; i < settings->filters; i++) {
+    filtered[i] = fresh.state;
+  }
+  return ANHYST_OK;
 }
 
-static int are_limits(const anhyst_tracking_settings_q31 *settings)
+anhyst_tracking_answer anhyst_tracking_tick(anhyst_tracking *c, double error, double forward)
 {
-  return are_on_grid(settings->current_low, settings->current_high, settings->current_step);
+  const anhyst_tracking_settings *settings = c->settings;
+  anhyst_tracking_answer out = {error, 0.0};
+  if (is_number(error)) {
+    for (uint16_t i = 0; i < settings->filters; i++) {
+      error = anhyst_biquad_step_f64(&settings->filter[i], &c->filtered[i], error);
+    }
+    out.demand = anhyst_biquad_step_f64(&settings->pid, &c->state, error) + forward;
+  }
+  out.output = anhyst_force_controller_solve_f64(c->drive, out.demand, 0.0, (double)NAN);
+  out.output = within(out.output, settings->low, settings->high);
+  if (settings->step > 0.0) {
+    out.output = on_grid(out.output, settings->low, settings->high, settings->step);
+  }
+  (void)anhyst_force_controller_commit_f64(c->drive, out.output, 0.0);
+  return out;
 }
-
-static anhyst_status check_pid(const anhyst_pid_q31 *pid) { return anhyst_pidd2_check_q31(pid); }
-
-/* PIDD2 of a position that is to be zero: it lies where the error is, the other way. */
-static int32_t step_pid(const anhyst_pid_q31 *pid, anhyst_pid_state_q31 *state, int32_t error,
-                        int32_t forward)
-{
-  anhyst_pidd2_candidate_q31 candidate;
-  const int32_t net =
-      anhyst_pidd2_solve_q31(pid, state, 0, anhyst_sub_q31(0, error), forward, &candidate);
-  anhyst_pidd2_commit_q31(pid, state, &candidate, net);
-  return net;
-}
-
-#include "generic/tracking.h"

@@ -13,7 +13,7 @@
 #ifndef ANHYST_PLANT_PIEZO_H
 #define ANHYST_PLANT_PIEZO_H
 
-#include "anhyst/control/tracking_real.h"
+#include "anhyst/control/tracking.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -61,7 +61,7 @@ typedef struct {
 /* A stage and what controls it. */
 typedef struct {
   const anhyst_piezo *piezo;
-  anhyst_tracking_f64 *controller; /* of one drive, from displacement to voltage */
+  anhyst_tracking *controller; /* of one drive, from displacement to voltage */
   double sensor_step;              /* of its converter, m; 0: none */
   anhyst_piezo_state state;
   double command; /* V; it is put out one tick after the sample it answers */

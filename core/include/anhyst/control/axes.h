@@ -32,7 +32,7 @@
 #define ANHYST_AXES_H
 
 #include "anhyst/compensator/force_controller_real.h"
-#include "anhyst/control/biquad_real.h"
+#include "anhyst/control/biquad.h"
 #include "anhyst/control/states.h"
 #include "anhyst/control/wrench.h"
 

@@ -22,7 +22,7 @@ _CORE = (
         f"compensator/{name}_f64.c"
         for name in ("force_coded", "force_controller", "map", "block", "compensator")
     ),
-    *(f"control/{name}_f64.c" for name in ("allocation", "biquad", "tracking")),
+    *("control/biquad_f64.c", "control/tracking.c"),
 )
 """What a piezo stage and its controller name."""
 
@@ -62,11 +62,9 @@ def _numbers(rig: PiezoRig, controller: ControllerNumbers) -> dict[str, object]:
         "creep_share": row(stack.creep_shares),
         "creeps": len(stack.creep_times_s),
     }
-    limits = {f"current_{name}": settings[f"current_{name}"] for name in ("low", "high", "step")}
     law = {
         "pid": biquad(controller["pid"].tolist()),
-        "allocation": {"idle": settings["idle"], "kind": int(settings["allocation"])},
-        **limits,
+        **{name: settings[f"current_{name}"] for name in ("low", "high", "step")},
         "filter": "filters",
         "filters": len(filters),
     }

@@ -1,10 +1,8 @@
-"""A whole virtual stage of one or several coordinates as a component: plant and tracking controller."""
+"""A whole virtual stage as a component: plant and tracking controller."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-
-import numpy as np
 
 from anhyst.compilation.parameters import c_type, memories
 from anhyst.compilation.toolchain import SOURCES
@@ -41,7 +39,6 @@ from anhyst_rigs.rig.stage.loop import (
     controller_settings,
     identify_stage,
     make_stage,
-    pid,
 )
 from anhyst_rigs.study.tracking.simulate import check_calibration
 
@@ -55,14 +52,9 @@ _CORE_OF_STAGE = (
     *(f"control/{name}_{of}.c" for name in ("axes", "wrench") for of in FORMATS),
     *(name for kind in SOURCES.values() for name in kind),
     *("compensator/map.c", "compensator/force_controller.c"),
-    "control/pidd2.c",
-    *(
-        f"control/{name}{of}.c"
-        for name in ("allocation", "biquad", "tracking")
-        for of in ("", "_f32", "_f64")
-    ),
+    *(f"control/{name}_{of}.c" for name in ("allocation", "biquad") for of in FORMATS),
 )
-"""What the plant of a stage of one or several coordinates and its tracking controller name."""
+"""What the plant of a stage and its tracking controller name."""
 
 
 def stage_part(rig_path: PathLike) -> Part:
@@ -140,24 +132,18 @@ def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -
     if setup.correction is not None:
         corrections = setup.correction.tolist()
     file, numbers = setup.rig.settings, {key: repr(float(value)) for key, value in settings.items()}
-    scales = ("error_full", "forward_full", "demand_full", "current_full", "flux_full")
-    gaps = ("gap_low", "gap_high", "gap_total")
     pair = {"idle": numbers["idle"], "kind": int(settings["allocation"])}
-    law: dict[str, object] = {"pid": biquad([*pid(setup.rig).values()]), "allocation": pair}
-    rows: Mapping[str, FloatArray] = {"see": np.zeros(1), "at": np.zeros(1)}
-    if file.several:
-        rows = axes_rows(setup)
-        law = _law_of_axes(file, rows, pair) | watch_settings(setup.rig)
+    rows = axes_rows(setup)
+    law = _law_of_axes(file, rows, pair) | watch_settings(setup.rig)
     law |= {f"current_{name}": numbers[f"current_{name}"] for name in ("low", "high", "step")}
     return header(
         "stage_numbers",
         {
             "STAGE_DRIVES": count,
-            "STAGE_HEADS": len(file.position_sensors) if file.several else 0,
+            "STAGE_HEADS": len(file.position_sensors),
             **compensators,
             "STAGE_CORRECTIONS": fields([*map(row, corrections)]),
             **{f"STAGE_{name.upper()}": row(rows[name].ravel()) for name in ("see", "at")},
-            "STAGE_SCALES": fields([numbers[name] for name in (*scales, *gaps)]),
             "STAGE_SETTINGS": fields(law),
         },
     )
@@ -166,7 +152,7 @@ def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -
 def _law_of_axes(
     file: RigFile, rows: Mapping[str, FloatArray], pair: Mapping[str, object]
 ) -> dict[str, object]:
-    """Return the settings of a controller of several coordinates but its currents."""
+    """Return the settings of a controller but its currents."""
     pull = pull_rows(file)
     return {
         "layout": {
@@ -196,46 +182,44 @@ def biquad(numbers: Sequence[float]) -> dict[str, str]:
 def _stage_variables(rig: BodyRig) -> list[Variable]:
     """Return what goes in and comes out, by the names of recordings: an array a coordinate or magnet."""
     file = rig.settings
-    several, count = file.several, len(file.placed)
+    count = len(file.placed)
 
     def each(
         signal: str, causality: Causality, text: str, units: _Units = _PLACE
     ) -> list[Variable]:
-        begin = -rig.gap if signal == "frame" and not several else 0.0
+        named = ((axis, units[unit_of(axis) == "rad"]) for axis in file.body.free)
         return [
-            Variable(f"{signal}{of}_{named}", causality, unit, text, begin)
-            for of, (named, unit) in _coordinates(file, units)
+            Variable(f"{signal}_{axis}_{ending}", causality, unit, text, 0.0)
+            for axis, (ending, unit) in named
         ]
 
-    pose, stroke = "pose" if several else "position", "of the long stroke at the end of the tick"
+    stroke = "of the long stroke at the end of the tick"
     gap = "gap at the magnet, as its sensor said at the last tick"
-    wrench = each("wrench", "output", "of the magnets", _WRENCH) if several else []
-    commands = [Variable("command", "input", "1", _COMMANDS, 0.0, 0.0, 7.0)] if several else []
+    # that of a single coordinate is the force
+    wrench = each("wrench", "output", "of the magnets", _WRENCH) if len(file.body.free) > 1 else []
     of_controller = {"state": "16*state + phase + 256*(highest magnet lost)", "flags": "flags"}
     states = [
         Variable(name, "output", "1", f"of the controller: {text}")
         for name, text in of_controller.items()
-        if several
     ]
-    sense = "" if several else "; the first magnet pulls along it"
     return [
         *each("reference", "input", "wanted position"),
         *each("feedforward", "input", "net force that is fed forward", _WRENCH),
         *each("frame", "input", f"{stroke}; begins here"),
-        Variable("load_N", "input", "N", "pushes the body towards larger positions"),
-        *each("position_noise", "input", "added to the position that is read"),
-        *commands,
-        *each(pose, "output", "true position"),
-        *each(f"{pose}_read", "output", "position as the controller had it at the last tick"),
+        Variable("load_N", "input", "N", "pushes the body along the set-point"),
+        *each("position_noise", "input", "added to the pose that is read"),
+        Variable("command", "input", "1", _COMMANDS, 0.0, 0.0, 7.0),
+        *each("pose", "output", "true position"),
+        *each("pose_read", "output", "position as the controller had it at the last tick"),
         *(
             Variable(column("gap_read", "m", number), "output", "m", gap)
-            for number in range(1, (count if several else 1) + 1)
+            for number in range(1, count + 1)
         ),
-        *each("demand", "output", f"wanted net force{sense}", _WRENCH),
+        *each("demand", "output", "wanted net force", _WRENCH),
         *states,
         *each("velocity", "output", "of the body", _VELOCITY),
         *wrench,
-        *magnet_variables("of the magnets, net, with the sign of the demand", count),
+        *magnet_variables("of the magnets, net, along the set-point", count),
     ]
 
 
@@ -250,9 +234,3 @@ _PLACE: _Units = (("m", "m"), ("rad", "rad"))
 _VELOCITY: _Units = (("m_per_s", "m/s"), ("rad_per_s", "rad/s"))
 _WRENCH: _Units = (("N", "N"), ("N_m", "N.m"))
 
-
-def _coordinates(file: RigFile, units: _Units) -> list[tuple[str, tuple[str, str]]]:
-    """Return for each coordinate what its names have between signal and unit, and the unit."""
-    if not file.several:
-        return [("", units[0])]
-    return [(f"_{axis}", units[unit_of(axis) == "rad"]) for axis in file.body.free]

@@ -27,7 +27,7 @@ enum {
 
 static const anhyst_piezo piezo = PIEZO_STAGE;
 static const anhyst_biquad_f64 filters[] = PIEZO_FILTERS;
-static const anhyst_tracking_settings_f64 settings = PIEZO_SETTINGS;
+static const anhyst_tracking_settings settings = PIEZO_SETTINGS;
 static const anhyst_code_scales_f64 codes = PIEZO_CODES;
 static const int16_t words[] = PIEZO_WORDS;
 
@@ -36,7 +36,7 @@ typedef struct {
   double command; /* V, at the next tick */
   anhyst_force_controller_q31 inverse;
   anhyst_biquad_state_f64 filtered[PIEZO_FILTER_COUNT];
-  anhyst_pid_state_f64 integral;
+  anhyst_biquad_state_f64 integral;
   double ticks;
   double wanted[PIEZO_LATE_TICKS]; /* reference of the last ticks, the newest first */
 } state_of;
@@ -101,8 +101,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
   state_of *now = (state_of *)state;
   anhyst_coded_f64 coded;
   anhyst_force_controller_f64 in_si;
-  anhyst_force_controller_f64 *const drive = &in_si;
-  anhyst_tracking_f64 controller = {&settings, &drive, now->filtered, now->integral, 1};
+  anhyst_tracking controller = {&settings, &in_si, now->filtered, now->integral};
   anhyst_piezo_loop loop = {&piezo, &controller, PIEZO_SENSOR_STEP, now->stage, now->command};
   anhyst_piezo_event event = {values[REFERENCE], 0.0, values[NOISE], values[LOAD]};
   double row[ANHYST_PIEZO_COLUMNS];

@@ -1,14 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A stage of one or several coordinates with its tracking controller: the virtual plant and the
-   controller in lock-step, as `anhyst simulate` runs them. */
+/* A stage with its tracking controller: the virtual plant and the controller in lock-step, as
+   `anhyst simulate` runs them. */
 #include <math.h>
 #include <string.h>
 
 #include "stage_controller.h"
 #include "virtual_plant.h"
 
-/* A number a coordinate, of GAP_READ one a gap sensor; COMMAND, STATE and FLAGS of several
-   coordinates only; from PLANT on as show_plant has it. */
+/* A number a coordinate, of GAP_READ one a gap sensor; from PLANT on as show_plant has it. */
 enum {
   AXES = BEARING_COORDINATES,
   REFERENCE = 1,
@@ -17,13 +16,13 @@ enum {
   LOAD = FRAME + AXES,
   NOISE,
   COMMAND = NOISE + AXES,
-  POSITION = COMMAND + (STAGE_HEADS > 0),
+  POSITION,
   POSITION_READ = POSITION + AXES,
   GAP_READ = POSITION_READ + AXES,
   DEMAND = GAP_READ + BEARING_HEADS - STAGE_HEADS,
   STATE = DEMAND + AXES,
   FLAGS,
-  PLANT = STATE + (STAGE_HEADS > 0 ? 2 : 0)
+  PLANT
 };
 
 typedef struct {
@@ -47,23 +46,16 @@ static void show(const state_of *now, double *values)
   }
 }
 
-/* As the controller had it: of one coordinate what an interferometer says, of several the pose that
-   the position heads behind the gap sensors tell. */
-static double position_read(const double *record, const double *values, const double *frame, int i)
+/* The pose that the position heads behind the gap sensors tell. */
+static double position_read(const double *record, int i)
 {
-#if STAGE_HEADS > 0
   static const double see[] = STAGE_SEE;
   const double *head = recorded(record, ANHYST_LOOP_GAP_READ) + BEARING_HEADS - STAGE_HEADS;
   double pose = 0.0;
   for (int j = 0; j < STAGE_HEADS; j++) {
     pose += see[i * STAGE_HEADS + j] * head[j];
   }
-  (void)values;
-  (void)frame;
   return pose;
-#else
-  return recorded(record, ANHYST_LOOP_POSE)[i] + frame[i] + values[NOISE + i];
-#endif
 }
 
 static int start(const void *tables, void *state, double *values)
@@ -88,12 +80,11 @@ static const char *tick(const void *tables, void *state, double *values, double 
 {
   state_of *now = (state_of *)state;
   double frame[2 * AXES];
-  double forward[AXES];
-  const double asked = STAGE_HEADS > 0 ? values[COMMAND] : 0.0;
+  const double asked = values[COMMAND];
   const int is_known = asked >= 0.0 && asked <= 7.0;
   const uint32_t command = is_known && asked != now->command ? (uint32_t)asked : 0U;
-  const anhyst_plant_events events = {values + REFERENCE, values + LOAD, values + NOISE, forward,
-                                      &command,           frame};
+  const anhyst_plant_events events = {values + REFERENCE, values + LOAD, values + NOISE,
+                                      values + FORWARD,   &command,      frame};
   const anhyst_loop_controller controller = {now->controller, anhyst_stage_controller_tick};
   const double *record;
   double sum = 0.0;
@@ -107,20 +98,15 @@ static const char *tick(const void *tables, void *state, double *values, double 
   for (i = 0; i < AXES; i++) {
     frame[i] = now->frame[i];
     frame[AXES + i] = now->frame[i] = values[FRAME + i];
-    /* Of one coordinate the first magnet pulls towards smaller positions: the force of the pair has
-       the other sign. */
-    forward[i] = STAGE_HEADS > 0 ? values[FORWARD + i] : -values[FORWARD + i];
   }
   record = run_plant(&now->plant, controller, &events);
   for (i = 0; i < AXES; i++) {
-    values[POSITION_READ + i] = position_read(record, values, frame, i);
+    values[POSITION_READ + i] = position_read(record, i);
     values[DEMAND + i] = recorded(record, ANHYST_LOOP_DEMAND)[i];
     sum += now->plant.plant.pose[bearing.coordinate[i].axis];
   }
-#if STAGE_HEADS > 0
   values[STATE] = *recorded(record, ANHYST_LOOP_STATE);
   values[FLAGS] = *recorded(record, ANHYST_LOOP_FLAGS);
-#endif
   memcpy(values + GAP_READ, recorded(record, ANHYST_LOOP_GAP_READ),
          (size_t)(BEARING_HEADS - STAGE_HEADS) * sizeof *values);
   show_commands(record, values + PLANT);

@@ -9,7 +9,7 @@
 #include "anhyst/compensator/force_coded_real.h"
 #include "anhyst/compensator/force_corrected_real.h"
 #include "anhyst/control/axes.h"
-#include "anhyst_plant/tracking.h"
+#include "anhyst_plant/axes.h"
 
 /* What calibration found of each; nothing: {1, 0, 1, 0}. */
 static const anhyst_correction_f64 corrections[STAGE_DRIVES] = STAGE_CORRECTIONS;
@@ -54,9 +54,6 @@ static void relink_force(force_of *force, int i)
   force->compensator.words = words + blocks[i].first;
 }
 
-#if STAGE_HEADS > 0
-
-/* Of several coordinates. */
 typedef anhyst_axes_f64 law_of;
 
 static const anhyst_axes_settings_f64 settings = STAGE_SETTINGS;
@@ -93,30 +90,6 @@ static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
   answer->flags = out.flags;
   answer->state = anhyst_axes_word(out.state, out.lost);
 }
-
-#else
-
-typedef anhyst_pid_state_f64 law_of;
-
-static const anhyst_tracking_settings_f64 settings = STAGE_SETTINGS;
-
-static int start_law(law_of *law)
-{
-  const law_of rest = {{0.0, 0.0}};
-  *law = rest;
-  return 1;
-}
-
-static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
-                    const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
-{
-  anhyst_tracking_f64 tracking = {&settings, drive, NULL, *law, STAGE_DRIVES};
-  anhyst_tracking_adapter_f64 adapter = {&tracking, STAGE_SCALES};
-  anhyst_tracking_adapter_tick_f64(&adapter, sample, answer);
-  *law = tracking.state;
-}
-
-#endif
 
 typedef struct {
   force_of force[STAGE_DRIVES];

@@ -36,7 +36,7 @@ from anhyst_rigs.reports.study.page import (
     verdict_note,
 )
 from anhyst_rigs.rig.drift import Drift
-from anhyst_rigs.rig.tables import SPREADS, SPREADS_OF_AXES
+from anhyst_rigs.rig.tables import SPREADS
 from anhyst_rigs.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
 
 
@@ -74,11 +74,8 @@ def _headline(runs: MonteCarlo) -> Headline:
 
 def _deviations(runs: MonteCarlo) -> str:
     file, shown = runs.plants.file, []
-    spread, drawn = file.spread, SPREADS[file.control.kind]
-    if file.several:
-        drawn = {key.rpartition("_")[0]: key for part in SPREADS_OF_AXES for key in part.values()}
-    for name, key in drawn.items():
-        value, what = getattr(spread, key), name.replace("_", " ")
+    for key in SPREADS[file.control.kind].keys:
+        value, what = getattr(file.spread, key), key.rpartition("_")[0].replace("_", " ")
         if key.endswith("_percent"):
             shown.append(f"{what} {value:g}{NBSP}%")
         else:

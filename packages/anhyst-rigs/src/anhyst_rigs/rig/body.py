@@ -1,4 +1,4 @@
-"""A body between magnets, from its rig file: bearings, and stages seen from what they ride on."""
+"""A body between magnets, from its rig file; the rig of a bearing."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import FileFault, Table, faults_error
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst_rigs.rig.calibration import (
-    CENTRE,
-    OF_ONE_AXIS,
+    OF_BEARING,
     CalibratedMethod,
     CalibrationFile,
     ParameterName,
@@ -30,6 +29,7 @@ from anhyst_rigs.rig.case_table import DisplacementCase, TrajectoryCase
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import FittedPlant
 from anhyst_rigs.rig.kind_rules import read_rig_file
+from anhyst_rigs.rig.layout import CLOSES, OPENS, Coordinate, Layout
 from anhyst_rigs.rig.magnet_table import LAW
 from anhyst_rigs.rig.measurement_table import Measured
 from anhyst_rigs.rig.parts.magnet import (
@@ -55,7 +55,7 @@ ROWS = 129
 
 @dataclass(frozen=True)
 class BodyRig:
-    """A body between magnets as its file describes it."""
+    """A body between magnets as its file describes it: a bearing; a stage is another layout of it."""
 
     path: Path  # the rig file
     settings: RigFile  # what it says
@@ -104,11 +104,22 @@ class BodyRig:
     @property
     def numbers(self) -> tuple[ParameterName, ...]:
         """All that its motion may teach."""
-        magnets = len(self.settings.placed)
-        if self.settings.several:
-            kinds, count = ("scale_{}", "gap_zero_{}_m", "width_{}"), range(1, magnets + 1)
-            return (*(kind.format(one) for kind in kinds for one in count), "payload", *CENTRE)
-        return OF_ONE_AXIS[self.settings.control.kind, magnets]
+        return OF_BEARING[len(self.settings.placed)]
+
+    @property
+    def layout(self) -> Layout:
+        """Where everything acts on the body: the coordinate of a bearing is its first gap."""
+        file, body = self.settings, self.settings.body
+        pair = [(CLOSES, 0.0), (OPENS, file.gap_total_m or 0.0)]
+        return Layout(
+            coordinates=[Coordinate(0, body.stop_low_m, body.stop_high_m, body.stop_high_m)],
+            magnets=pair[: len(file.placed)],
+            gap_sensors=[(OPENS, 0.0)],
+            gravity=[body.gravity_m_per_s2, 0.0, 0.0],
+            force_along=CLOSES["d"],
+            load=OPENS,
+            load_rest=file.gap_m,
+        )
 
     def learnt(self, method: MethodName) -> CalibratedMethod | None:
         """Return what the calibration that it names says of a method; None where it says nothing."""
@@ -224,7 +235,7 @@ def read_bearing(path: PathLike) -> BodyRig:
     """Read the rig file of a bearing."""
     file = Path(path)
     settings = read_rig_file(file, "levitation")
-    faults = [*plant_faults(settings), *_case_faults(settings)]
+    faults = [*plant_faults(settings), *_pair_faults(settings), *_case_faults(settings)]
     if faults:
         raise faults_error(file, faults)
     return BodyRig(file, settings)
@@ -234,13 +245,6 @@ def plant_faults(file: RigFile) -> Iterator[FileFault]:
     """Find what does not fit together in the plant and its instruments."""
     yield from _delay_faults(file)
     body, low, high = file.body, file.body.stop_low_m, file.body.stop_high_m
-    opposite, total = file.opposite, file.gap_total_m
-    if file.several:
-        yield from _reach_faults(file)
-    elif opposite is not None and total is not None and not high < total:
-        text = f"both gaps make {total:g} m, not above stop_high_m, {high:g} m, where the second "
-        text += "magnet is touched; raise it"
-        yield FileFault(file.place(opposite, "gap_m"), text, code="range-too-narrow")
     sensor = file.gap_sensor
     if not (sensor.low_m <= body.stop_low_m and high <= sensor.high_m):
         text = f"its range must hold the travel, {low:g} to {high:g} m; widen low_m or high_m"
@@ -262,21 +266,24 @@ def plant_faults(file: RigFile) -> Iterator[FileFault]:
         yield FileFault(key, f"{text}; lower it or move the stops", code="outside-travel")
 
 
-def _reach_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find magnets that a body of several coordinates would touch before its end stops."""
-    body, travel = file.body, travel_m(file)
-    for magnet in file.placed:
-        if magnet.gap_m is not None and not travel < magnet.gap_m:
-            text = f"the body travels {travel:g} m, from {body.stop_low_m:g} to "
-            text += (
-                f"{body.stop_high_m:g} m at the first magnet, and would touch this one; raise it"
-            )
-            yield FileFault(file.place(magnet, "gap_m"), text, code="range-too-narrow")
-
-
-def travel_m(file: RigFile) -> float:
-    """Return how far a body of several coordinates moves either way before an end stop, m."""
-    return min(file.gap_m - file.body.stop_low_m, file.body.stop_high_m - file.gap_m)
+def _pair_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find what the magnets of a bearing are not: one that pulls, or two against each other."""
+    first, opposite, total = file.magnet, file.opposite, file.gap_total_m
+    if first.both_ways:
+        text = "pushes as well as it pulls; it is for a stage"
+        yield FileFault(file.place(first, "kind"), text, code="not-for-this-kind")
+    if first.direction != CLOSES["d"]:
+        text = f"the first magnet pulls along {CLOSES['d']}, towards smaller gaps; write that"
+        yield FileFault(file.place(first, "direction"), text, code="wrong-direction")
+    if opposite is None or total is None:
+        return
+    if opposite.direction != OPENS["d"]:
+        text = f"a second magnet pulls against the first, along {OPENS['d']}; write that"
+        yield FileFault(file.place(opposite, "direction"), text, code="wrong-direction")
+    if not (high := file.body.stop_high_m) < total:
+        text = f"both gaps make {total:g} m, not above stop_high_m, {high:g} m, where the second "
+        text += "magnet is touched; raise it"
+        yield FileFault(file.place(opposite, "gap_m"), text, code="range-too-narrow")
 
 
 def _delay_faults(file: RigFile) -> Iterator[FileFault]:

@@ -20,22 +20,26 @@ from anhyst_rigs.rig.file import RigFile
 
 ParameterName = str
 """Of a magnet, by its number: ``scale``, the part by which its current (with ``flux`` and ``fused`` its
-probe) does more than it says. Of one coordinate both magnets together, of several each by its number:
-``gap_zero``, what the gap reads too much, ``width``, the part by which the loop is wider; of one,
-``lag_s`` of the flux behind the current. Of the body: ``bias_N``, a force that no magnet makes,
-``payload``, the part by which it is heavier, ``centre``, by which its centre of mass is off, and
-``cable_N_per_m``, the stiffness that pulls it back to where a motion begins."""
+probe) does more than it says, ``gap_zero``, what its gap reads too much, and ``width``, the part by
+which its loop is wider; those of a bearing share the gap sensor, and one number where there is one
+iron. Of all magnets, ``lag_s`` of the flux behind the current. Of the body: ``bias_N``, a force that
+no magnet makes, ``payload``, the part by which it is heavier, ``centre``, by which its centre of mass
+is off, and ``cable_N_per_m``, the stiffness that pulls it back to where a motion begins."""
 CENTRE: tuple[ParameterName, ...] = ("centre_x_m", "centre_y_m", "centre_z_m")
-OF_STAGE: tuple[ParameterName, ...] = (
-    *("scale_1", "scale_2", "gap_zero_m", "width", "lag_s"),
-    *("bias_N", "payload", "cable_N_per_m"),
-)
-OF_ONE_AXIS: Mapping[tuple[str, int], tuple[ParameterName, ...]] = {
-    ("tracking", 2): OF_STAGE,
-    ("levitation", 1): ("scale_1", "gap_zero_m", "width", "bias_N"),
-    ("levitation", 2): ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N"),
+OF_BEARING: Mapping[int, tuple[ParameterName, ...]] = {
+    1: ("scale_1", "gap_zero_m", "width", "bias_N"),
+    2: ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N"),
 }
-"""All numbers of a body of one coordinate, by kind of control and number of magnets, as in files."""
+"""All numbers of a bearing of one or two magnets, as in files."""
+
+
+def of_stage(magnets: int) -> tuple[ParameterName, ...]:
+    """Return all numbers of a stage with so many magnets, as in files."""
+    each = ("scale_{}", "gap_zero_{}_m", "width_{}")
+    of_magnets = (kind.format(one) for kind in each for one in range(1, magnets + 1))
+    return (*of_magnets, "payload", *CENTRE, "lag_s", "bias_N", "cable_N_per_m")
+
+
 LIMITS: Mapping[str, float] = {
     "scale": 0.3,
     "gap_zero_m": 1e-4,

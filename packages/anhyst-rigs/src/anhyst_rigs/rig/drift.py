@@ -21,7 +21,7 @@ from anhyst_rigs.rig.from_loops import AnyRig
 from anhyst_rigs.rig.parts.iron import NamedCells
 from anhyst_rigs.rig.parts.magnet import iron_magnet
 from anhyst_rigs.rig.plant import make_plant, plant_numbers
-from anhyst_rigs.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
+from anhyst_rigs.rig.tables import SPREADS
 
 CUT = 3.0
 """Standard deviations at which the distribution of a change ends."""
@@ -44,7 +44,7 @@ class Drift:
     current_gain: float = 0.0
     flux_gain: float = 0.0
     gap_offset: float = 0.0  # error of the position sensor at the operating gap, m
-    first_scale: float = 0.0  # of the current of the first magnet, and of the second
+    first_scale: float = 0.0  # of the current of the first magnet, and of a bearing's second
     second_scale: float = 0.0
     eddy: float = 0.0  # lag of the flux behind the current that the controller does not know, s
     conductivity: float = 0.0  # of solid iron
@@ -56,7 +56,7 @@ class Drift:
     place_x: float = 0.0
     place_y: float = 0.0
     place_z: float = 0.0
-    # of a body of several coordinates: what each magnet has drifted in, and each position head
+    # of a stage: what each magnet has drifted in by itself, and each position head
     magnets: tuple[Drift, ...] = ()
     heads: tuple[Drift, ...] = ()
 
@@ -87,11 +87,10 @@ NO_DRIFT = Drift()
 
 def draw_drift(file: RigFile, rng: np.random.Generator) -> Drift:
     """Draw a plant: normal, cut off at :data:`CUT` standard deviations; a lag is positive."""
-    if file.several:
-        magnets = tuple(_drawn(file, SPREADS_OF_MAGNET, rng) for _ in file.placed)
-        heads = tuple(_drawn(file, SPREADS_OF_HEAD, rng) for _ in file.position_sensors)
-        return replace(_drawn(file, SPREADS_OF_BODY, rng), magnets=magnets, heads=heads)
-    return _drawn(file, SPREADS[file.control.kind], rng)
+    spreads = SPREADS[file.control.kind]
+    magnets = tuple(_drawn(file, spreads.magnet, rng) for _ in file.placed if spreads.magnet)
+    heads = tuple(_drawn(file, spreads.head, rng) for _ in file.position_sensors if spreads.head)
+    return replace(_drawn(file, spreads.whole, rng), magnets=magnets, heads=heads)
 
 
 def _drawn(file: RigFile, spreads: Mapping[str, str], rng: np.random.Generator) -> Drift:
@@ -169,10 +168,12 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     if rig.law is not None:
         return make_plant(other, seed, other.magnet_of(drifted_law(rig.law, drift)))
     if not drift.magnets:
-        pair = [replace(drift, first_scale=one) for one in (drift.first_scale, drift.second_scale)]
-        each = [NO_DRIFT] if settings.several else pair[: len(settings.placed)]
-        return make_plant(other, seed, *(_drifted_magnet(settings, one) for one in each))
-    magnets = [_drifted_magnet(settings, one) for one in drift.magnets]
+        # the iron of both magnets of a pair has drifted in the file already
+        scales = (drift.first_scale, drift.second_scale)[: len(settings.placed)]
+        pair = [Drift(first_scale=one, eddy=drift.eddy) for one in scales]
+        return make_plant(other, seed, *(_drifted_magnet(settings, one) for one in pair))
+    each = [replace(one, eddy=drift.eddy) for one in drift.magnets]
+    magnets = [_drifted_magnet(settings, one) for one in each]
     numbers = plant_numbers(other)
     numbers.body["centre"] = _moved(settings.body.centre_m, drift)
     for one, actuator, gap in zip(drift.magnets, numbers.actuators, numbers.heads, strict=False):
@@ -191,10 +192,9 @@ def _moved(place: Sequence[float], drift: Drift) -> list[float]:
 
 
 def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
-    """Return a magnet that has drifted; the iron of a pair has drifted in the file already."""
-    magnet, steel = file.magnet, file.steel
-    if file.several:
-        steel = steel.model_copy(update=steel.drifted(drift.pinning, 0.0, 0.0))
+    """Return a magnet that has drifted by itself."""
+    magnet = file.magnet
+    steel = file.steel.model_copy(update=file.steel.drifted(drift.pinning, 0.0, 0.0))
     poles = replace(magnet.poles, turns=magnet.poles.turns * (1.0 + drift.first_scale))
     lag = magnet.eddy_time_s + drift.eddy
     return iron_magnet(poles, steel, lag, file.gap_m, magnet.solid_iron)

@@ -163,12 +163,6 @@ class RigFile(Table):
         return None if self.opposite is None else self.gap_m + self.opposite.gap_m
 
     @property
-    def several(self) -> bool:
-        """Whether the body is free in more than one coordinate."""
-        bodies = [body for body in self.bodies if isinstance(body, BodyTable)]
-        return self.control.may_have_several and any(len(one.free) > 1 for one in bodies)
-
-    @property
     def placed(self) -> list[MagnetTable | LikeTable]:
         """Everything that pulls at the body, as listed."""
         return [magnet for magnet in self.magnets if isinstance(magnet, MagnetTable | LikeTable)]
@@ -180,8 +174,8 @@ class RigFile(Table):
 
     @property
     def heads_stand(self) -> bool:
-        """Whether the heads of a body that is free in several coordinates stand on the ground."""
-        return self.several and self.position_sensors[0].stands
+        """Whether the position sensors stand on the ground and not on the body."""
+        return any(sensor.stands for sensor in self.position_sensors)
 
     @property
     def bias_N(self) -> float | None:  # noqa: N802 - as in the file

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from anhyst.support.atomic import PathLike
@@ -23,9 +23,7 @@ from anhyst_rigs.rig.case_table import (
 )
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.magnet_table import (
-    CLOSES,
     FROM_LOOPS,
-    OPENS,
     LikeTable,
     MagnetTable,
     SolenoidTable,
@@ -40,7 +38,6 @@ from anhyst_rigs.rig.sensor_table import (
 )
 from anhyst_rigs.rig.tables import (
     SPREADS,
-    SPREADS_OF_AXES,
     AmplifierTable,
     BodyTable,
     FlexureTable,
@@ -50,82 +47,82 @@ from anhyst_rigs.rig.tables import (
     TrackingTable,
 )
 
-KINDS = ("levitation", "tracking", "axes", "force", "displacement")
-"""Columns of the grids below: the words of ``control.kind``, and a stage of several coordinates."""
+KINDS = ("levitation", "tracking", "force", "displacement")
+"""Columns of the grids below: the words of ``control.kind``."""
 _NUMBERS = {"1": (1, 1), "?": (0, 1), "*": (0, math.inf), "+": (1, math.inf), ".": (0, 0)}
 """Least and largest number of tables that a sign of a grid allows."""
 
 _TABLES: Mapping[type[Table], tuple[str, str, str]] = {
-    MagnetTable: ("1 1 1 ? .", "magnet", "a [[magnet]] with winding and poles"),
-    LikeTable: ("? 1 + . .", "magnet", "a second [[magnet]], with like and direction"),
-    SolenoidTable: (". . . ? .", "magnet", 'a [[magnet]] of kind "solenoid"'),
-    StackTable: (". . . . 1", "stack", "a [[stack]]"),
-    AmplifierTable: ("1 1 1 1 .", "amplifier", 'an [[amplifier]] with mode "current" or "voltage"'),
-    StackAmplifierTable: (". . . . 1", "amplifier", 'an [[amplifier]] with mode "stack"'),
-    BodyTable: ("1 1 1 . .", "body", "a [[body]] with mass_kg and stops"),
-    FlexureTable: (". . . . 1", "body", "a [[body]] with resonance_Hz"),
-    GapSensorTable: ("1 1 1 1 .", "sensor", 'a [[sensor]] of = "gap"'),
-    CurrentSensorTable: ("1 1 1 1 .", "sensor", 'a [[sensor]] of = "current"'),
-    ForceSensorTable: ("1 1 1 1 .", "sensor", 'a [[sensor]] of = "force"'),
-    FluxSensorTable: ("? ? ? . .", "sensor", 'a [[sensor]] of = "flux"'),
-    PositionSensorTable: (". 1 + . 1", "sensor", 'a [[sensor]] of = "position"'),
-    StepCase: ("1 . . . .", "case", 'a [[case]] of kind "step"'),
-    LoadCase: ("? . . . .", "case", 'a [[case]] of kind "load"'),
-    TrajectoryCase: ("* . . . .", "case", 'a [[case]] of kind "triangle" or "sine"'),
-    ScanCase: (". 1 1 . .", "case", 'a [[case]] of kind "scan"'),
-    LossCase: (". . ? . .", "case", 'a [[case]] of kind "loss"'),
-    ForceCase: (". . . + .", "case", 'a [[case]] of kind "force"'),
-    HeldCase: (". . . 1 .", "case", 'a [[case]] of kind "held"'),
-    MovingCase: (". . . 1 .", "case", 'a [[case]] of kind "moving"'),
-    DisplacementCase: (". . . . 1", "case", 'a [[case]] of kind "displacement"'),
+    MagnetTable: ("1 1 ? .", "magnet", "a [[magnet]] with winding and poles"),
+    LikeTable: ("? + . .", "magnet", "a second [[magnet]], with like and direction"),
+    SolenoidTable: (". . ? .", "magnet", 'a [[magnet]] of kind "solenoid"'),
+    StackTable: (". . . 1", "stack", "a [[stack]]"),
+    AmplifierTable: ("1 1 1 .", "amplifier", 'an [[amplifier]] with mode "current" or "voltage"'),
+    StackAmplifierTable: (". . . 1", "amplifier", 'an [[amplifier]] with mode "stack"'),
+    BodyTable: ("1 1 . .", "body", "a [[body]] with mass_kg and stops"),
+    FlexureTable: (". . . 1", "body", "a [[body]] with resonance_Hz"),
+    GapSensorTable: ("1 1 1 .", "sensor", 'a [[sensor]] of = "gap"'),
+    CurrentSensorTable: ("1 1 1 .", "sensor", 'a [[sensor]] of = "current"'),
+    ForceSensorTable: ("1 1 1 .", "sensor", 'a [[sensor]] of = "force"'),
+    FluxSensorTable: ("? ? . .", "sensor", 'a [[sensor]] of = "flux"'),
+    PositionSensorTable: (". + . 1", "sensor", 'a [[sensor]] of = "position"'),
+    StepCase: ("1 . . .", "case", 'a [[case]] of kind "step"'),
+    LoadCase: ("? . . .", "case", 'a [[case]] of kind "load"'),
+    TrajectoryCase: ("* . . .", "case", 'a [[case]] of kind "triangle" or "sine"'),
+    ScanCase: (". 1 . .", "case", 'a [[case]] of kind "scan"'),
+    LossCase: (". ? . .", "case", 'a [[case]] of kind "loss"'),
+    ForceCase: (". . + .", "case", 'a [[case]] of kind "force"'),
+    HeldCase: (". . 1 .", "case", 'a [[case]] of kind "held"'),
+    MovingCase: (". . 1 .", "case", 'a [[case]] of kind "moving"'),
+    DisplacementCase: (". . . 1", "case", 'a [[case]] of kind "displacement"'),
 }
 """How many tables of each type a kind of rig has; the key of their list, and their name in messages."""
 
 _SINGLE = {
-    "loops": "1 1 1 1 .",
-    "load": "1 . . . .",
-    "frame": ". ? ? . .",
-    "measurement": "1 1 1 . .",
-    "excite": "? ? ? ? .",
-    "spread": "? ? ? ? ?",
-    "seed": "? ? ? ? ?",
-    "noise_seeds": "? ? ? . .",
+    "loops": "1 1 1 .",
+    "load": "1 . . .",
+    "frame": ". ? . .",
+    "measurement": "1 1 . .",
+    "excite": "? ? ? .",
+    "spread": "? ? ? ?",
+    "seed": "? ? ? ?",
+    "noise_seeds": "? ? . .",
 }
 """Other tables and keys of the file: whether a kind of rig must, may or must not have them."""
 
 _KEYS: Mapping[type[Table], Mapping[str, str]] = {
-    TimingTable: dict.fromkeys(("substeps", "delay_ticks"), "? ? ? . ."),
+    TimingTable: dict.fromkeys(("substeps", "delay_ticks"), "? ? . ."),
     MagnetTable: {
-        "gap_m": "1 1 1 . .",
-        "direction": "? ? 1 . .",
-        "position_m": ". . 1 . .",
-        **dict.fromkeys(("eddy_time_s", "model", "flux_table"), "? ? ? . ."),
+        "gap_m": "1 1 . .",
+        "direction": "? ? . .",
+        "position_m": ". ? . .",
+        **dict.fromkeys(("eddy_time_s", "model", "flux_table"), "? ? . ."),
     },
-    LikeTable: {"position_m": ". . 1 . ."},
+    LikeTable: {"position_m": ". ? . ."},
     AmplifierTable: {
-        "supply_V": "1 1 1 . .",
-        "slew_A_per_s": ". . . 1 .",
-        **dict.fromkeys(("mode", "current_low_A", "delay_s"), "? ? ? . ."),
+        "supply_V": "1 1 . .",
+        "slew_A_per_s": ". . 1 .",
+        **dict.fromkeys(("mode", "current_low_A", "delay_s"), "? ? . ."),
     },
     BodyTable: {
-        "free": ". ? ? . .",
-        **dict.fromkeys(("centre_m", "inertia_kg_m2", "tilt_rad"), ". . ? . ."),
-        **dict.fromkeys(("cable_N_per_m", "cable_N_s_per_m", "cable_m"), ". . ? . ."),
+        "free": ". ? . .",
+        **dict.fromkeys(("centre_m", "inertia_kg_m2", "tilt_rad"), ". ? . ."),
+        **dict.fromkeys(("cable_N_per_m", "cable_N_s_per_m", "cable_m"), ". ? . ."),
     },
-    GapSensorTable: dict.fromkeys(("delay_s", "gain_error", "offset_m"), "? ? ? . ."),
-    CurrentSensorTable: {"offset_A": ". . . ? .", "gain_error": "? ? ? . ."},
+    GapSensorTable: dict.fromkeys(("delay_s", "gain_error", "offset_m"), "? ? . ."),
+    CurrentSensorTable: {"offset_A": ". . ? .", "gain_error": "? ? . ."},
     PositionSensorTable: {
-        "step_m": ". . . . 1",
-        **dict.fromkeys(("direction", "position_m"), ". . 1 . ."),
-        **dict.fromkeys(("stands", "dead_path_m", "refraction_ppm"), ". . ? . ."),
+        "step_m": ". . . 1",
+        **dict.fromkeys(("direction", "position_m"), ". ? . ."),
+        **dict.fromkeys(("stands", "dead_path_m", "refraction_ppm"), ". ? . ."),
     },
-    ScanCase: {"direction": ". . ? . ."},
+    ScanCase: {"direction": ". ? . ."},
     TrackingTable: dict.fromkeys(
         (
             *("force_min_N", "lost_A", "lost_s", "head_m_per_s", "head_s"),
             *("land_m_per_s", "lift_m_per_s"),
         ),
-        ". . ? . .",
+        ". ? . .",
     ),
 }
 """Keys of a table that a kind of rig must have, or has no use for; it may have all others."""
@@ -133,7 +130,7 @@ _KEYS: Mapping[type[Table], Mapping[str, str]] = {
 
 def _number(file: RigFile, row: str) -> tuple[float, float]:
     """Return the least and the largest number that a row of a grid allows the kind of a file."""
-    return _NUMBERS[row.split()[KINDS.index("axes" if file.several else file.control.kind)]]
+    return _NUMBERS[row.split()[KINDS.index(file.control.kind)]]
 
 
 def takes_key(file: RigFile, key: str) -> bool:
@@ -141,11 +138,9 @@ def takes_key(file: RigFile, key: str) -> bool:
     return _number(file, _SINGLE[key])[1] > 0
 
 
-def spread_keys(file: RigFile) -> set[str]:
+def spread_keys(file: RigFile) -> Sequence[str]:
     """Return the keys of ``[spread]`` that plants of a file are drawn from."""
-    if file.several:
-        return {key for part in SPREADS_OF_AXES for key in part.values()}
-    return {*SPREADS[file.control.kind].values()}
+    return SPREADS[file.control.kind].keys
 
 
 def _count_faults(file: RigFile) -> Iterator[FileFault]:
@@ -176,8 +171,8 @@ def _key_faults(file: RigFile) -> Iterator[FileFault]:
         for key, row in _KEYS.get(type(table), {}).items():
             is_given = key in table.model_fields_set
             yield from _presence_fault(file, (*path, key), row, is_given, "")
-    for key in sorted(file.spread.model_fields_set - spread_keys(file)):
-        yield from _presence_fault(file, ("spread", key), ". . . . .", True, "")
+    for key in sorted(file.spread.model_fields_set.difference(spread_keys(file))):
+        yield from _presence_fault(file, ("spread", key), ". . . .", True, "")
 
 
 def _is_of_kind(file: RigFile, table: Table) -> bool:
@@ -225,19 +220,13 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
             text = f"there is no [[iron]] '{magnet.iron}'; correct it"
             yield FileFault((*path, "iron"), text, code="unknown-name")
         if isinstance(magnet, LikeTable):
-            yield from _opposite_faults(file, path, magnet)
-        elif isinstance(magnet, MagnetTable) and magnet.direction != CLOSES and not file.several:
-            text = f"the first magnet pulls along {CLOSES}, towards smaller gaps; write that"
-            yield FileFault((*path, "direction"), text, code="wrong-direction")
+            yield from _like_faults(file, path, magnet)
     yield from _pair_faults(file)
 
 
 def _pair_faults(file: RigFile) -> Iterator[FileFault]:
     first = next((magnet for magnet in file.magnets if isinstance(magnet, MagnetTable)), None)
     pushes = first is not None and first.both_ways
-    if first is not None and pushes and not file.several:
-        text = "pushes as well as it pulls; it is for a stage of several coordinates"
-        yield FileFault(file.place(first, "kind"), text, code="not-for-this-kind")
     if not hasattr(file.control, "bias_N"):
         return
     needs_opposite = _number(file, _TABLES[LikeTable][0])[0] > 0
@@ -265,14 +254,11 @@ def _push_faults(file: RigFile, first: MagnetTable) -> Iterator[FileFault]:
             yield FileFault(file.place(magnet, "gap_m"), text, code="option-differs")
 
 
-def _opposite_faults(file: RigFile, path: Any, magnet: LikeTable) -> Iterator[FileFault]:
+def _like_faults(file: RigFile, path: Any, magnet: LikeTable) -> Iterator[FileFault]:
     first = next((table for table in file.magnets if isinstance(table, MagnetTable)), None)
     if first is not None and magnet.like != first.name:
         text = f"names no magnet; write '{first.name}'"
         yield FileFault((*path, "like"), text, code="unknown-name")
-    if magnet.direction != OPENS and not file.several:
-        text = f"a second magnet pulls against the first, along {OPENS}; write that"
-        yield FileFault((*path, "direction"), text, code="wrong-direction")
 
 
 def read_rig_file(path: PathLike, word: str) -> RigFile:

@@ -11,9 +11,7 @@ import numpy as np
 
 from anhyst._core import Magnet, Plant
 from anhyst.support.numeric import passed
-from anhyst_rigs.rig.body import BodyRig, travel_m
-from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.tables import AXES
+from anhyst_rigs.rig.body import BodyRig
 
 STOP_RESONANCE = 1600.0
 """Of the mass on an end stop, Hz; half of critical damping while it touches."""
@@ -23,11 +21,6 @@ CURRENT_RESET = 0.1
 
 DIGITAL_CROSSOVER = 0.4
 """Of a current controller that computes, times its delay, rad."""
-
-_Line = Mapping[str, list[float]]
-_OPENS: _Line = {"r": [0.0, 0.0, 0.0], "d": [1.0, 0.0, 0.0]}
-_CLOSES: _Line = {"r": [0.0, 0.0, 0.0], "d": [-1.0, 0.0, 0.0]}
-"""Lines along the one coordinate, the gap of the first magnet."""
 
 ON_FRAME, ON_BODY, ON_GROUND = range(3)
 """What a head is fixed to: ``anhyst_plant_base``."""
@@ -68,29 +61,8 @@ class PlantNumbers:
 
 
 def plant_numbers(rig: BodyRig) -> PlantNumbers:
-    """Return the numbers of a plant.
-
-    Its one coordinate is the gap of the first magnet. Several are displacements from where the body
-    works, with weight along -z; heads are a gap sensor for each magnet then, and the position
-    sensors, which do not ride on the frame.
-    """
-    file, sensors = rig.settings, _sensors(rig)
-    magnets: list[tuple[_Line, float | None]] = [(_CLOSES, 0.0), (_OPENS, file.gap_total_m)]
-    gaps, position_heads = [(_OPENS, magnets[0][1])], []
-    del magnets[len(file.placed) :]
-    if file.several:
-        magnets = [({"r": one.position_m, "d": one.direction}, one.gap_m) for one in file.placed]
-        gaps = [({**line, "d": [-part for part in line["d"]]}, gap) for line, gap in magnets]
-        position_heads = [
-            {
-                "line": {"r": sensor.position_m, "d": sensor.direction},
-                "zero": 0.0,
-                "sensor": _bare((-1.0, 1.0), sensor.noise_m)
-                | {"gain": 1.0 + sensor.air, "offset": sensor.air * sensor.dead_path_m},
-                "base": ON_GROUND if sensor.stands else ON_BODY,
-            }
-            for sensor in file.position_sensors
-        ]
+    """Return the numbers of a plant: heads are the gap sensors and then the position sensors."""
+    file, sensors, layout = rig.settings, _sensors(rig), rig.layout
     actuators = [
         {
             "line": line,
@@ -100,38 +72,41 @@ def plant_numbers(rig: BodyRig) -> PlantNumbers:
             "flux_probe": sensors["hall"],
             "has_probe": int(file.hall_probe is not None),
         }
-        for line, gap in magnets
+        for line, gap in layout.magnets
     ]
     gap_heads = [
         {"line": line, "zero": gap, "sensor": sensors["gap"], "base": ON_FRAME}
-        for line, gap in gaps
+        for line, gap in layout.gap_sensors
+    ]
+    position_heads = [
+        {
+            "line": head.line,
+            "zero": 0.0,
+            "sensor": _bare((-1.0, 1.0), head.noise) | {"gain": head.gain, "offset": head.offset},
+            "base": ON_GROUND if head.stands else ON_BODY,
+        }
+        for head in layout.heads
     ]
     body = _body(rig, sensors["force"])
     return PlantNumbers(body, actuators, gap_heads + position_heads, _load(rig))
 
 
-def _coordinates(file: RigFile) -> list[dict[str, float]]:
+def _coordinates(rig: BodyRig) -> list[dict[str, float]]:
     """Return the coordinates in which a body is free, with their end stops."""
-    body, omega = file.body, 2.0 * math.pi * STOP_RESONANCE
-    inertia = body.inertia_kg_m2 or [0.0, 0.0, 0.0]
-
-    def coordinate(axis: int, low: float, high: float, rest: float = 0.0) -> dict[str, float]:
-        moved = body.mass_kg if axis < 3 else inertia[axis - 3]
-        return {
-            "axis": axis,
-            "rest": rest,
-            "damping": body.damping_N_s_per_m if axis < 3 else 0.0,
-            "stop_low": low,
-            "stop_high": high,
-            "stop_stiffness": moved * (omega * omega),
-            "stop_damping": moved * omega,
+    body, omega = rig.settings.body, 2.0 * math.pi * STOP_RESONANCE
+    moved = [*[body.mass_kg] * 3, *(body.inertia_kg_m2 or [0.0, 0.0, 0.0])]
+    return [
+        {
+            "axis": one.axis,
+            "rest": one.rest,
+            "damping": body.damping_N_s_per_m if one.axis < 3 else 0.0,
+            "stop_low": one.low,
+            "stop_high": one.high,
+            "stop_stiffness": moved[one.axis] * (omega * omega),
+            "stop_damping": moved[one.axis] * omega,
         }
-
-    if not file.several:
-        return [coordinate(0, body.stop_low_m, body.stop_high_m, body.stop_high_m)]
-    ends = [travel_m(file) if axis < 3 else body.tilt_rad for axis in range(len(AXES))]
-    axes = [AXES.index(axis) for axis in body.free]
-    return [coordinate(axis, -ends[axis], ends[axis]) for axis in axes]
+        for one in rig.layout.coordinates
+    ]
 
 
 def current_loops(rig: BodyRig) -> list[dict[str, float]]:
@@ -164,14 +139,13 @@ def current_gains(rig: BodyRig) -> tuple[float, float]:
 def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     file, body, timing = rig.settings, rig.settings.body, rig.settings.timing
     late = timing.delay_ticks * timing.substeps + file.amplifier.delay_s / rig.step
-    weight = body.gravity_m_per_s2
     return {
-        "coordinate": _coordinates(file),
+        "coordinate": _coordinates(rig),
         "mass": body.mass_kg,
         "centre": body.centre_m,
         "inertia": np.diag(body.inertia_kg_m2 or [0.0, 0.0, 0.0]).tolist(),
-        "gravity": [0.0, 0.0, -weight] if file.several else [weight, 0.0, 0.0],
-        "force_along": file.scan.direction if file.several else _CLOSES["d"],
+        "gravity": rig.layout.gravity,
+        "force_along": rig.layout.force_along,
         "force_sensor": force_sensor,
         "cable": {
             "at": body.cable_m,
@@ -203,11 +177,11 @@ def _amplifier(rig: BodyRig) -> dict[str, float]:
 def _load(rig: BodyRig) -> dict[str, Any]:
     load = rig.settings.load
     return {
-        "line": _OPENS,
+        "line": rig.layout.load,
         "share": _share(load.bandwidth_Hz, rig.step),
         "damping": load.damping_N_s_per_m,
         "stiffness": load.stiffness_N_per_m,
-        "rest": rig.settings.gap_m,
+        "rest": rig.layout.load_rest,
         "encoder_step": load.encoder_step_m,
         "velocity_share": _share(load.velocity_bandwidth_Hz, rig.dt),
     }

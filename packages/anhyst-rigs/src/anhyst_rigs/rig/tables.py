@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal, Self, get_args
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -258,52 +259,62 @@ _OF_IRON = {
     "reversible": "reversible_percent",
     "saturation": "saturation_percent",
 }
-_OF_SCALES = {"first_scale": "current_percent", "second_scale": "current_percent"}
-SPREADS: Mapping[str, Mapping[str, str]] = {
-    "levitation": {
-        **_OF_IRON,
-        "mass": "mass_percent",
-        "resistance": "resistance_percent",
-        "position_gain": "sensor_gain_percent",
-        "current_gain": "sensor_gain_percent",
-        "flux_gain": "sensor_gain_percent",
-        "gap_offset": "gap_zero_m",
-    },
-    "tracking": {
-        "gap_offset": "gap_zero_m",
-        **_OF_SCALES,
-        "pinning": "pinning_percent",
-        "flux_gain": "hall_percent",
-        "eddy": "eddy_s",
-        "conductivity": "conductivity_percent",
-        "mass": "payload_percent",
-        "cable": "cable_N_per_m",
-    },
-    "force": {**_OF_IRON, "gap_offset": "gap_zero_m", "first_scale": "current_percent"},
-    "displacement": {
-        "stroke": "stroke_percent",
-        "creep": "creep_percent",
-        "resonance": "resonance_percent",
-    },
+
+
+@dataclass(frozen=True)
+class Spreads:
+    """What the plants of a kind of rig differ in: names of a drift, and their keys of ``[spread]``."""
+
+    whole: Mapping[str, str]
+    magnet: Mapping[str, str] = field(default_factory=dict)  # of each magnet by itself
+    head: Mapping[str, str] = field(default_factory=dict)  # of each position head by itself
+
+    @property
+    def keys(self) -> list[str]:
+        """The keys of ``[spread]`` that a rig file may give."""
+        values = (*self.whole.values(), *self.magnet.values(), *self.head.values())
+        return list(dict.fromkeys(values))
+
+
+SPREADS: Mapping[str, Spreads] = {
+    "levitation": Spreads(
+        {
+            **_OF_IRON,
+            "mass": "mass_percent",
+            "resistance": "resistance_percent",
+            "position_gain": "sensor_gain_percent",
+            "current_gain": "sensor_gain_percent",
+            "flux_gain": "sensor_gain_percent",
+            "gap_offset": "gap_zero_m",
+        }
+    ),
+    "tracking": Spreads(
+        {
+            "mass": "payload_percent",
+            **{f"place_{axis}": "centre_m" for axis in "xyz"},
+            "eddy": "eddy_s",
+            "conductivity": "conductivity_percent",
+            "cable": "cable_N_per_m",
+        },
+        magnet={
+            "gap_offset": "gap_zero_m",
+            "first_scale": "current_percent",
+            "pinning": "pinning_percent",
+            "flux_gain": "hall_percent",
+        },
+        head={f"place_{axis}": "head_m" for axis in "xyz"},
+    ),
+    "force": Spreads({**_OF_IRON, "gap_offset": "gap_zero_m", "first_scale": "current_percent"}),
+    "displacement": Spreads(
+        {"stroke": "stroke_percent", "creep": "creep_percent", "resonance": "resonance_percent"}
+    ),
 }
-"""What differs from plant to plant, and the key of ``[spread]`` that says by how much: by the kind
-of ``[control]``."""
-SPREADS_OF_MAGNET = {
-    "gap_offset": "gap_zero_m",
-    "first_scale": "current_percent",
-    "pinning": "pinning_percent",
-    "flux_gain": "hall_percent",
-}
-SPREADS_OF_HEAD = {f"place_{axis}": "head_m" for axis in "xyz"}
-SPREADS_OF_BODY = {"mass": "payload_percent", **{f"place_{axis}": "centre_m" for axis in "xyz"}}
-SPREADS_OF_AXES = (SPREADS_OF_MAGNET, SPREADS_OF_BODY, SPREADS_OF_HEAD)
-"""The same of a body of several coordinates: of each magnet, of the body, and of each position head."""
+"""What differs from plant to plant, by the kind of ``[control]``."""
 
 
 class LevitationTable(Table):
     """``kind = "levitation"``: an armature in the air; what controls it, a controller file says."""
 
-    may_have_several: ClassVar = False
     kind: Literal["levitation"]
     bias_N: Positive | None = None  # what each magnet of a pair pulls with without a net force
     calibration: str | None = None  # file of anhyst calibrate
@@ -312,7 +323,6 @@ class LevitationTable(Table):
 class TrackingTable(Table):
     """``kind = "tracking"``: a body between magnets follows a set-point."""
 
-    may_have_several: ClassVar = True
     kind: Literal["tracking"]
     bias_N: Positive | None = None  # what each magnet of a pair pulls with without a net force
     format: NumberFormat = "fixed"
@@ -338,7 +348,6 @@ class TrackingTable(Table):
 class ForceTable(Table):
     """``kind = "force"``: the force of a held armature, open loop."""
 
-    may_have_several: ClassVar = False
     kind: Literal["force"]
     force_max_N: Positive
     end_m: Positive  # gap at the end of the stroke, where loops were measured
@@ -347,7 +356,6 @@ class ForceTable(Table):
 class DisplacementTable(Table):
     """``kind = "displacement"``: a stage on a stack, an integrator beside the feedforward."""
 
-    may_have_several: ClassVar = False
     kind: Literal["displacement"]
     bandwidth_Hz: Positive
     # of the notch filter in the feedback: that of the body if left out, and what takes its place

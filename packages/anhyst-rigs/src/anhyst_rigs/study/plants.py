@@ -40,7 +40,7 @@ from anhyst_rigs.rig.recording import Recording, peak
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
+from anhyst_rigs.rig.tables import SPREADS
 from anhyst_rigs.study.bearing.operating import make_ready, read_files
 from anhyst_rigs.study.bearing.responses import position_resolution, step_figures
 from anhyst_rigs.study.engine.monte_carlo import PlantFigure, Plants
@@ -299,38 +299,30 @@ class PiezoWork:
         return {"rms_m": rms(error), "worst_m": peak(error)}
 
 
-ERRORS: Mapping[str, tuple[str, ...]] = {
-    "none": (),
+_ERRORS: Mapping[str, tuple[str, ...]] = {
     "gap zero": ("gap_offset",),
-    "current scale": ("first_scale", "second_scale"),
+    "current scale": ("first_scale",),
     "pinning": ("pinning",),
     "Hall gain": ("flux_gain",),
     "eddy lag": ("eddy",),
-    "all": (
-        *("gap_offset", "first_scale", "second_scale"),
-        *("pinning", "flux_gain", "eddy", "conductivity", "mass", "cable"),
-    ),
-}
-"""What a plant has drifted in, case by case."""
-
-
-ERRORS_OF_AXES: Mapping[str, tuple[str, ...]] = {
-    **{name: ERRORS[name] for name in ("none", "gap zero")},
-    "current scale": ("first_scale",),
-    **{name: ERRORS[name] for name in ("pinning", "Hall gain")},
+    "conductivity": ("conductivity",),
     "centre of mass": tuple(f"place_{axis}" for axis in "xyz"),
     "payload": ("mass",),
+    "cable": ("cable",),
     "head positions": ("heads",),
-    "all": (*SPREADS_OF_MAGNET, *SPREADS_OF_BODY, "heads"),
 }
-"""The same of a body of several coordinates, of all its magnets at once."""
+"""What a plant of a stage has drifted in, case by case, of all its magnets at once."""
 
 
 def errors_of(file: RigFile) -> Mapping[str, tuple[str, ...]]:
-    """Return the cases of a stage: those of all, and of solid iron its own."""
-    if file.several:
-        return ERRORS_OF_AXES
-    return {**ERRORS, "conductivity": ("conductivity",)} if file.magnet.solid else ERRORS
+    """Return the cases of a stage: what its file varies one by one, and all at once."""
+    spreads = SPREADS[file.control.kind]
+    keys = {**spreads.whole, **spreads.magnet, "heads": next(iter(spreads.head.values()))}
+    varied = {name for name, key in keys.items() if getattr(file.spread, key) > 0.0}
+    if file.magnet.solid is None:
+        varied.discard("conductivity")
+    cases = {title: names for title, names in _ERRORS.items() if varied.intersection(names)}
+    return {"none": (), **cases, "all": tuple(keys)}
 
 
 def stage_plants(

@@ -482,19 +482,6 @@ class BusController(LoopController):
 _Rows = Mapping[str, _Array]
 _Drive = ForceController | ForceControllerF32 | FixedForceController
 
-class Tracking(LoopController):
-    """PID, feedforward and allocation of a pair, plant/include/anhyst_plant/tracking.h."""
-
-    def __init__(self, magnets: list[_Drive], pid: _Array, settings: _Numbers) -> None: ...
-    def correct(self, rows: _Array) -> None: ...  # an anhyst_correction a magnet
-
-class TrackingF32(Tracking): ...  # in single precision, its magnets too
-
-class FixedTracking(LoopController):  # in fixed point; the PID is words of PIDD2, the rest codes
-    def __init__(
-        self, magnets: list[_Drive], pid: NDArray[np.int32], settings: _Numbers
-    ) -> None: ...
-
 class WrenchLayout:
     """Drives that only pull, around a body, by the names of core/include/anhyst/control/wrench.h."""
 

@@ -10,7 +10,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "anhyst/control/axes_fixed.h"
-#include "anhyst_plant/tracking.h"
+#include "anhyst_plant/axes.h"
 #include "force_controllers.h"
 #include "position.h"
 #include "settings.h"

@@ -10,6 +10,41 @@
 
 namespace {
 
+// The controller with all that it points to.
+class PiezoController {
+public:
+  PiezoController(nb::handle drive, const nb::list &filters, const In &pid, Settings &given)
+  {
+    nb::list drives;
+    drives.append(drive);
+    drives_.start(drives, take_scales(given));
+    for (nb::handle filter : filters) {
+      filters_.push_back(to_biquad(nb::cast<In>(filter)));
+    }
+    filtered_.resize(filters_.size());
+    settings_ = {to_biquad(pid),
+                 given.take<double>("current_low"),
+                 given.take<double>("current_high"),
+                 given.take<double>("current_step"),
+                 filters_.data(),
+                 static_cast<uint16_t>(filters_.size())};
+    if (anhyst_tracking_init(&tracking_, &settings_, drives_.data()[0], filtered_.data()) !=
+        ANHYST_OK) {
+      throw std::invalid_argument("the settings of the controller are not valid");
+    }
+  }
+  PiezoController(const PiezoController &) = delete;
+
+  anhyst_tracking *get() { return &tracking_; }
+
+private:
+  Drives<AxesF64> drives_;
+  std::vector<anhyst_biquad_f64> filters_;
+  std::vector<anhyst_biquad_state_f64> filtered_;
+  anhyst_tracking_settings settings_{};
+  anhyst_tracking tracking_{};
+};
+
 class PiezoMotion {
 public:
   PiezoMotion(const nb::dict &stage, const In &creep_times, const In &creep_shares)
@@ -68,15 +103,11 @@ public:
                std::optional<double> change)
   {
     Settings given(settings);
-    const anhyst_tracking_scales scales = take_scales(given);
-    nb::list drives;
-    drives.append(drive);
-    auto law = std::make_unique<TrackingLaw<TrackingF64>>();
-    law->start(drives, filters, TrackingF64::pid(pid), given, scales);
+    auto law = std::make_unique<PiezoController>(drive, filters, pid, given);
     given.finish();
-    anhyst_tracking_f64 *next = law->get();
+    anhyst_tracking *next = law->get();
     if (change && law_) {
-      const anhyst_tracking_f64 *last = law_->get();
+      const anhyst_tracking *last = law_->get();
       same_length(last->settings->filters, next->settings->filters, "filters");
       std::copy(last->filtered, last->filtered + last->settings->filters, next->filtered);
       next->state = last->state;
@@ -108,7 +139,7 @@ public:
 private:
   anhyst_piezo piezo_;
   anhyst_piezo_loop loop_{};
-  std::unique_ptr<TrackingLaw<TrackingF64>> law_;
+  std::unique_ptr<PiezoController> law_;
 };
 
 } // namespace

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controllers of what follows a set-point, a mass between two magnets in every format and a
-// body of several axes: the very functions that run on a controller.
+// The controllers of a body that follows a set-point, in floating point: the very functions that run
+// on a controller.
 #include "tracking.h"
 
 #include <algorithm>
@@ -13,37 +13,7 @@
 
 namespace {
 
-template <class F> class Tracking : public LoopController {
-public:
-  Tracking(const nb::list &magnets, const typename F::Row &pid, const nb::dict &settings)
-  {
-    Settings given(settings);
-    adapter_.scales = take_scales(given);
-    adapter_.scales.gap_total = given.take<double>("gap_total");
-    if (magnets.empty() || magnets.size() > ANHYST_TRACKING_MOST_DRIVES) {
-      throw std::invalid_argument("a controller has 1 to 16 magnets");
-    }
-    law_.start(magnets, nb::list(), F::pid(pid), given, adapter_.scales);
-    given.finish();
-    adapter_.tracking = law_.get();
-  }
-
-  void correct(const InTable &rows) { law_.correct(rows); }
-  anhyst_loop_controller handle() override { return {&adapter_, F::tick}; }
-
-private:
-  TrackingLaw<F> law_;
-  typename F::Adapter adapter_{};
-};
-
-template <class F> nb::class_<Tracking<F>, LoopController> bind(nb::module_ &m, const char *name)
-{
-  return nb::class_<Tracking<F>, LoopController>(m, name).def(
-      nb::init<const nb::list &, const typename F::Row &, const nb::dict &>(), "magnets"_a,
-      "pid"_a.noconvert(), "settings"_a);
-}
-
-// Numbers of a controller of several axes, row by row.
+// Where magnets pull, row by row.
 class Layout {
 public:
   Layout(const InTable &pull, const std::vector<uint16_t> &against, uint16_t kind, double idle,
@@ -161,7 +131,7 @@ public:
     }
     matrices.finish();
     given.finish();
-    if (F::axes_init(&axes_, &settings_, drives_.data()) != ANHYST_OK) {
+    if (F::init(&axes_, &settings_, drives_.data()) != ANHYST_OK) {
       throw std::invalid_argument("the settings of the controller are not valid");
     }
   }
@@ -185,13 +155,13 @@ public:
   }
 
 private:
-  typename F::AxesAnswer run(const Row &head, const Row &forward, const Row &gap, const Row &flux,
+  typename F::Answer run(const Row &head, const Row &forward, const Row &gap, const Row &flux,
                              const Row &read, uint16_t command, const Row &target)
   {
-    const typename F::AxesSample in = {head.data(), forward.data(), gap.data(),   flux.data(),
+    const typename F::Sample in = {head.data(), forward.data(), gap.data(),   flux.data(),
                                        read.data(), command,        target.data()};
-    typename F::AxesAnswer out = {current_.data(), demand_.data(), 0, 0, 0};
-    F::axes_tick(&axes_, &in, &out);
+    typename F::Answer out = {current_.data(), demand_.data(), 0, 0, 0};
+    F::tick(&axes_, &in, &out);
     return out;
   }
 
@@ -226,8 +196,8 @@ private:
   Row current_;
   Row demand_;
   std::vector<typename F::Filter> pid_;
-  typename F::AxesSettings settings_{};
-  typename F::Axes axes_{};
+  typename F::Settings settings_{};
+  typename F::State axes_{};
 };
 
 template <class F> void bind_axes(nb::module_ &m, const char *name)
@@ -253,19 +223,14 @@ nb::tuple allocate(double net, double idle)
 
 void bind_tracking(nb::module_ &m)
 {
-  bind<TrackingF64>(m, "Tracking")
-      .def("correct", &Tracking<TrackingF64>::correct, "rows"_a.noconvert());
-  bind<TrackingF32>(m, "TrackingF32")
-      .def("correct", &Tracking<TrackingF32>::correct, "rows"_a.noconvert());
-  bind<TrackingQ31>(m, "FixedTracking");
   nb::class_<Layout>(m, "WrenchLayout")
       .def(nb::init<const InTable &, const std::vector<uint16_t> &, uint16_t, double, double,
                     double, const std::vector<double> &>(),
            "pull"_a.noconvert(), "against"_a, "kind"_a, "idle"_a, "least"_a, "most"_a, "yields"_a)
       .def("lose", &Layout::lose, "drive"_a)
       .def("share", &Layout::share, "wrench"_a);
-  bind_axes<TrackingF64>(m, "TrackingAxes");
-  bind_axes<TrackingF32>(m, "TrackingAxesF32");
+  bind_axes<AxesF64>(m, "TrackingAxes");
+  bind_axes<AxesF32>(m, "TrackingAxesF32");
   m.attr("AXES_ODD") = ANHYST_AXES_ODD;
   m.def("allocate", allocate, "net"_a, "idle"_a);
 }

@@ -18,7 +18,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, sine
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.rig.bench.protocol import (
-    STAGE_COMMANDS,
+    LAP_COMMANDS,
     STAGE_OWN,
     Aim,
     Bench,
@@ -62,8 +62,8 @@ class PiezoBench(Bench):
     """
 
     tick = 0
-    signals = (*_READ, *STAGE_OWN[-3:])
-    commands = STAGE_COMMANDS
+    signals = (*_READ, *STAGE_OWN)
+    commands = LAP_COMMANDS
 
     def __init__(
         self, rig: PiezoRig, inverses: Sequence[ForceController], seed: int = SEED

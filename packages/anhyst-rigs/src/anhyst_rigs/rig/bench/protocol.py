@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from anhyst._core import POSITION_MAGNETS, obstacle
+from anhyst._core import obstacle
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Flag, Phase, State
@@ -37,29 +37,25 @@ def currents_of(first: int, last: int) -> dict[str, Signal]:
     }
 
 
-STAGE_READ = {
-    "demand_N": Signal("demand", "N", "net force that the controller wants; against the position"),
-    "force_N": Signal("force", "N", "true net force of the magnets; against the position"),
-    "load_N": Signal("load", "N", "true force of the load drive"),
-    "gap_m": Signal("gap", "m", "true gap of the first magnet"),
-    "gap_read_m": Signal("gap_read", "m", "the same as its sensor says"),
-    **currents_of(1, POSITION_MAGNETS),
-}
-"""Columns of a simulated loop, and what they are called here."""
-STAGE_OWN = (
+ALONG = (
     Signal("reference", "m", "position wanted: the set-point and the target beside it"),
     Signal("position", "m", "true position in space"),
-    Signal("position_read", "m", "the same as the controller sees it"),
     Signal("error", "m", "reference less true position"),
+    Signal("demand", "N", "force that the controller wants along the set-point"),
+    Signal("force", "N", "true force of the magnets along it"),
+    Signal("load", "N", "true force of the load drive along it"),
+)
+"""What is measured of a stage along its set-point."""
+STAGE_OWN = (
     Signal("state", "", "ready: held at rest; run: follows its set-point; fault: lost, no current"),
     Signal("fault", "", "its reason: Fault of anhyst.support.states"),
     Signal("lap", "", "number of the set-point that is followed; 0 while none is"),
 )
 
-STAGE_COMMANDS = (Command.RUN, Command.STOP, Command.CLEAR)
-"""Of a stage."""
-AXES_COMMANDS = (*STAGE_COMMANDS[:2], Command.LIFT, Command.LAND, Command.IDLE, Command.CLEAR)
-"""Of one of several coordinates."""
+LAP_COMMANDS = (Command.RUN, Command.STOP, Command.CLEAR)
+"""Of what follows a set-point over and over."""
+STAGE_COMMANDS = (*LAP_COMMANDS[:2], Command.LIFT, Command.LAND, Command.IDLE, Command.CLEAR)
+"""Of a stage, whose body is also lifted and set down."""
 _OF_AXIS = (
     ("error", ("m", "rad"), "error along {}, or about it"),
     ("demand", WRENCH, "force that the controller wants along {}, or moment about it"),
@@ -248,7 +244,7 @@ _WAY = (
 )
 """From a fault to run, a step after the other; one command of each."""
 _OF_STAGE = {Command.LIFT: State.IDLE, Command.LAND: State.READY}
-"""Of a stage of several coordinates, which goes from rest to ready and back: where it takes them."""
+"""Of a stage, which goes from rest to ready and back: where it takes them."""
 
 
 class Standing(NamedTuple):

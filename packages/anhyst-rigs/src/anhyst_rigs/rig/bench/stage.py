@@ -20,10 +20,9 @@ from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, Phase, State
 from anhyst_rigs.rig.bench.protocol import (
-    AXES_COMMANDS,
+    ALONG,
     STAGE_COMMANDS,
     STAGE_OWN,
-    STAGE_READ,
     Aim,
     Bench,
     Parameter,
@@ -37,7 +36,15 @@ from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.loop import ClosedLoop
 from anhyst_rigs.rig.plant import current_loops
 from anhyst_rigs.rig.recording import CURRENTS, Loss, Recording, column, of_magnets, peak
-from anhyst_rigs.rig.stage.file import layout_of, lying, pulls, pushed_with, scan_direction
+from anhyst_rigs.rig.stage.file import (
+    along_scan,
+    largest_push,
+    layout_of,
+    lying,
+    pulls,
+    pushed_with,
+    scan_direction,
+)
 from anhyst_rigs.rig.stage.loop import (
     WRENCH,
     Feedforward,
@@ -46,7 +53,6 @@ from anhyst_rigs.rig.stage.loop import (
     fed_wrench,
     of_axes,
     pid,
-    read_noise,
     recorded,
     scenario_along,
     stage_loss,
@@ -100,32 +106,26 @@ class StageLap(NamedTuple):
 
 
 def _signals(file: RigFile) -> tuple[Signal, ...]:
-    """Return what is measured of a body of one or several coordinates."""
-    if not file.several:
-        return (*STAGE_OWN[:4], *STAGE_READ.values(), *STAGE_OWN[4:])
+    """Return what is measured of the body and of each magnet."""
     each = of_axes_and_magnets(file.body.free, [magnet.name for magnet in file.placed])
-    forces = [
-        Signal("demand", "N", "force that the controller wants along the set-point"),
-        Signal("force", "N", "true force of the magnets"),
-    ]
-    along = [STAGE_OWN[0], STAGE_OWN[1], STAGE_OWN[3]]
     flight = Signal("flight", "", "what its controller does: Phase of anhyst.support.states")
-    return (*along, *forces, *each, flight, *STAGE_OWN[4:])
+    return (*ALONG, *each, flight, *STAGE_OWN)
 
 
 class StageBench(Bench):
     """A stage that follows its set-point over and over.
 
     The setups are the one without memory and the compensator, which its parameter
-    ``compensation`` chooses by 0 and 1. A body of several coordinates has no load drive: its
-    parameters `push_` add to what is demanded of the magnets, at once. Its controller lifts it and
-    sets it down: idle it lies without a current, ready it is held.
+    ``compensation`` chooses by 0 and 1. A load pushes along the set-point, unknown to the
+    controller; the parameters `push_` add to what is demanded of the magnets, at once. The
+    controller lifts the body and sets it down: idle it lies without a current, ready it is held.
     """
 
     tick = 0
     lifted = 0  # tick on which it was lifted last from a rest without current
     _between = False  # whether it is lifted or set down
-    _order = Command.NONE  # to a controller of several coordinates, at the next tick
+    _order = Command.NONE  # to the controller, at the next tick
+    commands = STAGE_COMMANDS
 
     def __init__(
         self,
@@ -137,12 +137,11 @@ class StageBench(Bench):
         self.rig, self.rate = rig, 1.0 / rig.dt
         file, self._magnets = rig.settings, len(rig.settings.magnets)
         self.signals = _signals(file)
-        self.commands = AXES_COMMANDS if file.several else STAGE_COMMANDS
         self.laps: deque[StageLap] = deque(maxlen=LAPS)
         self._peak = max(file.scan.test_m_per_s2)
-        left = file.tracking.force_max_N - file.body.mass_kg * self._peak
-        self.load_most = 0.0 if file.several else LOAD * max(left, 0.0)
-        most_pushed = zip(file.body.free, pushed_with(file), strict=True) if file.several else ()
+        left = largest_push(file, along_scan(file)) - file.body.mass_kg * self._peak
+        self.load_most = LOAD * max(left, 0.0)
+        most_pushed = zip(file.body.free, pushed_with(file), strict=True)
         self._push_most = {f"push_{axis}": LOAD * force for axis, force in most_pushed}
         self._push = dict.fromkeys(self._push_most, 0.0)  # in force
         # a step of the target by so much asks for the largest force at once
@@ -158,20 +157,18 @@ class StageBench(Bench):
         }
         self._staged: dict[str, float] = {}
         self._corrected: dict[int, StageSetup] = {}
-        self._rng = np.random.default_rng([rig.settings.seed, seed])
+        self._seed = seed  # of the noise of the plant that the file describes
         self._state, self._fault, self._laps, self._lap = State.READY, Fault.NONE, 0, 0
         self._offset, self._load, self._side = 0.0, 0.0, 1.0
-        # what a controller of several coordinates did at the last ticks
+        # what the controller did at the last ticks
         self._flights = np.zeros(0)
         self._move(1.0)
         self._renew()
 
     @property
-    def body(self) -> Mapping[str, Any] | None:
-        """What a picture of a body of several coordinates is drawn from, SI."""
-        settings = self.rig.settings
-        several = settings.several
-        return {**layout_of(settings), "way": peak(self._way.position)} if several else None
+    def body(self) -> Mapping[str, Any]:
+        """What a picture of the body is drawn from, SI."""
+        return {**layout_of(self.rig.settings), "way": peak(self._way.position)}
 
     @property
     def _setup(self) -> StageSetup:
@@ -188,12 +185,13 @@ class StageBench(Bench):
         """Put the plant in force where it works, at rest, its iron demagnetised."""
         number = int(self._values["plant"])
         settings = self.rig.settings
-        drift, noise = draw_plant(settings, settings.seed, number - 1) if number else (NO_DRIFT, 0)
+        drift, noise = (
+            draw_plant(settings, settings.seed, number - 1) if number else (NO_DRIFT, self._seed)
+        )
         self._cable = drift.cable
         self._plant = drifted_plant(self.rig, drift, noise)
-        along, begin = scan_direction(settings), 0.0 if settings.several else self.rig.gap
-        stray = float(self._strayed(1, 0.0)[0])
-        self._plant.place((begin - stray * along).tolist(), [0.0] * along.size)
+        along, stray = scan_direction(settings), float(self._strayed(1, 0.0)[0])
+        self._plant.place((-stray * along).tolist(), [0.0] * along.size)
         self._course: Course | None = None
         self._at, self._place = 0, 0.0
         self._past = np.zeros(round(STRAY_LATE / self.rig.dt))  # accelerations
@@ -216,7 +214,7 @@ class StageBench(Bench):
         if len(self._latest):
             wanted, fed = np.split(self._latest[:, 2 * self._magnets :], 2, axis=1)
             self._carried = np.array([np.mean(one) for one in (wanted - fed).T])
-        # a controller of several coordinates begins in flight
+        # a controller begins in flight
         self._order = Command.IDLE if self._state is State.IDLE else Command.NONE
 
     def _remembering(self, setup: StageSetup, magnet: int) -> ForceController:
@@ -339,38 +337,28 @@ class StageBench(Bench):
         was demanded along each coordinate, and what was fed forward.
         """
         rig, free = self.rig, self.rig.settings.body.free
-        fed = fed_wrench(self._setup.believed, forward) + (list(self._push.values()) or 0.0)
+        fed = fed_wrench(self._setup.believed, forward) + list(self._push.values())
         scenario = scenario_along(rig, place, stray, fed + self._carried, self._offset)
         scenario.command[0], self._order = self._order, Command.NONE
-        if not rig.settings.several:
-            load = self._load - self._cable * place[:-1]
-            scenario = replace(scenario, load=load, inject=read_noise(rig, len(fed), self._rng))
-        run = self._loop.run(scenario)
+        load = self._load - self._cable * place[:-1]
+        run = self._loop.run(replace(scenario, load=load))
         held = self._state is not State.IDLE and not self._between  # else it may lie on a stop
         loss = stage_loss(rig, run, len(fed)) if held else None
         run = run.part(0, len(fed) if loss is None else loss.tick + 1)
         seen = dict(run.columns) | recorded(rig, run, scenario) | self._beside(run)
         wanted = [run[name] for name in of_axes("demand", free, WRENCH)]
         currents = [run[name] for name in of_magnets(CURRENTS[:1], 1, self._magnets)]
-        flowed = [*currents, *self._gaps_read(run), *wanted, fed[: len(run)]]
+        gaps = [run[name] for name in of_magnets([("gap_read", "m")], 1, self._magnets)]
+        flowed = [*currents, *gaps, *wanted, fed[: len(run)]]
         of_loop = [seen[column(one.name, one.unit)] for one in self._of_loop]
         return of_loop, np.column_stack(flowed), loss
 
-    def _gaps_read(self, run: Recording) -> list[FloatArray]:
-        """Return the gap of each magnet as the controller knows it."""
-        if self.rig.settings.several:
-            return [run[name] for name in of_magnets([("gap_read", "m")], 1, self._magnets)]
-        gap = run["gap_read_m"]
-        return [gap, (self.rig.settings.gap_total_m or 0.0) - gap]
-
     def _beside(self, run: Recording) -> dict[str, FloatArray]:
-        """Return what is read of several coordinates beside what is recorded.
+        """Return what is read beside what is recorded.
 
         What each magnet pulls with, what all do along each coordinate, and the flight.
         """
         settings = self.rig.settings
-        if not settings.several:
-            return {}
         free = settings.body.free
         wrench = [run[name] for name in of_axes("wrench", free, WRENCH)]
         read = dict(zip(demand_columns(free, "wrench"), wrench, strict=True))
@@ -387,7 +375,7 @@ class StageBench(Bench):
         return np.column_stack([numbers, *of_loop, self._states(n), *states])
 
     def _states(self, n: int) -> FloatArray:
-        if self._state is State.FAULT or not self.rig.settings.several:
+        if self._state is State.FAULT:
             return np.full(n, float(self._state))
         states = np.full(n, float(State.RUN))
         states[self._flights == Phase.REST] = State.IDLE
@@ -396,22 +384,13 @@ class StageBench(Bench):
 
     def _lie(self, n: int) -> FloatArray:
         """Let the body lie on a stop without a current: a stage that was lost is not simulated."""
-        values = self._lying()
+        values = lying(self.rig.settings, self._place)
         return self._rows(n, *(np.full(n, values.get(one.name, 0.0)) for one in self._of_loop))
 
     @property
     def _of_loop(self) -> Sequence[Signal]:
         """The signals that come from the loop; the others are the bench's own."""
-        return self.signals[: -len(STAGE_OWN[4:])]
-
-    def _lying(self) -> dict[str, float]:
-        """Return what is read of a body that lies on a stop, but for zeros."""
-        if self.rig.settings.several:
-            return lying(self.rig.settings, self._place)
-        stop, place = self.rig.settings.body.stop_low_m, self._place
-        position = place + stop - self.rig.gap
-        values = {"reference": place, "position": position, "position_read": position}
-        return values | {"error": place - position, "gap": stop, "gap_read": stop}
+        return self.signals[: -len(STAGE_OWN)]
 
     def command(self, command: Command) -> None:
         """Give a command.
@@ -484,7 +463,7 @@ class StageBench(Bench):
         pushed = {name: force for name, force in values.items() if name in self._push}
         staged = {name: value for name, value in values.items() if name not in self._push}
         due = self.tick + 1
-        if staged or not self._push:
+        if staged or not pushed:
             if self._between:
                 raise InputError("the stage is lifted or set down: wait", code="wrong-state")
             if self._state is State.FAULT:

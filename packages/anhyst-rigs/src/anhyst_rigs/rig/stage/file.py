@@ -1,4 +1,7 @@
-"""A short-stroke stage, from its files: a body between magnets that ride on a long stroke."""
+"""A short-stroke stage, from its files: a body between magnets that ride on a long stroke.
+
+It is free in one to six coordinates: displacements and angles from where it works.
+"""
 
 from __future__ import annotations
 
@@ -22,16 +25,13 @@ from anhyst.support.toml_file import (
     FileFault,
     faults_error,
 )
-from anhyst_rigs.rig.body import BodyRig, plant_faults, travel_m
-from anhyst_rigs.rig.calibration import (
-    CENTRE,
-    CalibratedMethod,
-    ParameterName,
-)
+from anhyst_rigs.rig.body import BodyRig, plant_faults
+from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod, ParameterName, of_stage
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.kind_rules import read_rig_file
-from anhyst_rigs.rig.magnet_table import DIRECTION_ROUNDING
+from anhyst_rigs.rig.layout import OPENS, Coordinate, Layout, PositionHead
+from anhyst_rigs.rig.magnet_table import DIRECTION_ROUNDING, ORIGIN
 from anhyst_rigs.rig.recording import Recording, column
 from anhyst_rigs.rig.tables import AXES
 
@@ -50,33 +50,104 @@ HELD_S = 0.02
 """For which a force is held until eddy currents of the iron have died away."""
 
 
+class StageRig(BodyRig):
+    """A stage as its file describes it."""
+
+    @property
+    def numbers(self) -> tuple[ParameterName, ...]:
+        """All that its motion may teach."""
+        return of_stage(len(self.settings.placed))
+
+    @property
+    def layout(self) -> Layout:
+        """Where everything acts on the body: its coordinates count from where it works.
+
+        Each magnet has a gap sensor of its own. Weight is along -z, and a load along the set-point.
+        """
+        file, body = self.settings, self.settings.body
+        lines = [(one.position_m, one.direction, one.gap_m or file.gap_m) for one in file.placed]
+        along = file.scan.direction
+        return Layout(
+            coordinates=[
+                Coordinate(axis, -end, end, 0.0)
+                for axis, end in zip(axes_of(file), stops_of(file), strict=True)
+            ],
+            magnets=[({"r": place, "d": way}, gap) for place, way, gap in lines],
+            gap_sensors=[
+                ({"r": place, "d": [-one for one in way]}, gap) for place, way, gap in lines
+            ],
+            gravity=[0.0, 0.0, -body.gravity_m_per_s2],
+            force_along=along,
+            load={"r": ORIGIN, "d": along},
+            load_rest=0.0,
+            heads=[
+                PositionHead(
+                    line={"r": place, "d": direction},
+                    noise=sensor.noise_m,
+                    gain=1.0 + sensor.air,
+                    offset=sensor.air * sensor.dead_path_m,
+                    stands=sensor.stands,
+                )
+                for sensor, (place, direction) in zip(
+                    file.position_sensors, _heads(file), strict=True
+                )
+            ],
+        )
+
+
 def read_stage(path: PathLike) -> BodyRig:
     """Read the rig file of a stage; where its iron comes from the loops, it is fitted to them."""
     place = Path(path)
     settings = read_rig_file(place, "tracking")
-    faults = list(plant_faults(settings))
+    faults = [*plant_faults(settings), *_travel_faults(settings)]
     if settings.magnet.kind == "law":
         text = 'a stage needs a magnet of iron; write kind = "electromagnet"'
         key = settings.place(settings.magnet, "kind")
         faults.append(FileFault(key, text, code="not-for-this-kind"))
-    if settings.several and not faults:
-        faults = list(_axes_faults(settings))
+    faults = faults or list(_line_faults(settings)) or list(_pose_faults(settings))
     if faults:
         raise faults_error(place, faults)
-    rig = BodyRig(place, settings)
+    rig: BodyRig = StageRig(place, settings)
     return complete_rig(rig, rig.measured.read()) if settings.magnet.from_loops else rig
 
 
 def files_of_stage(path: PathLike, controller: PathLike | None) -> list[Path]:
     """Return the rig file and all files that it names."""
     del controller
-    rig = BodyRig(Path(path), read_rig_file(path, "tracking"))
+    rig = StageRig(Path(path), read_rig_file(path, "tracking"))
     taught = [] if rig.calibration is None else [rig.calibration]
     return [rig.path, *taught, *rig.measured.files]
 
 
-def _axes_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find what keeps a body of several coordinates from being seen, held or moved."""
+def _travel_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find magnets that the body would touch before its end stops."""
+    body, travel = file.body, travel_m(file)
+    for magnet in file.placed:
+        if magnet.gap_m is not None and not travel < magnet.gap_m:
+            text = f"the body travels {travel:g} m, from {body.stop_low_m:g} to "
+            text += (
+                f"{body.stop_high_m:g} m at the first magnet, and would touch this one; raise it"
+            )
+            yield FileFault(file.place(magnet, "gap_m"), text, code="range-too-narrow")
+
+
+def _line_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find lines of magnets and position sensors that the file leaves open.
+
+    A body that is free in x alone has them along x, and where it does not turn their places do not
+    matter.
+    """
+    free = file.body.free
+    needed = {"direction": free != ["x"], "position_m": any(axis.startswith("r") for axis in free)}
+    for table in (*file.placed, *file.position_sensors):
+        for key in (key for key, is_needed in needed.items() if is_needed):
+            if key not in table.model_fields_set:
+                text = f"is missing, a body that is free in {', '.join(free)} needs it; add it"
+                yield FileFault(file.place(table, key), text, code="missing")
+
+
+def _pose_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find what keeps a body from being seen, held or moved."""
     free = ", ".join(file.body.free)
     if len({one.stands for one in file.position_sensors}) > 1:
         text = "some stand on the ground and some do not; let all do the same"
@@ -98,8 +169,18 @@ def _axes_faults(file: RigFile) -> Iterator[FileFault]:
         yield FileFault(("magnet",), text, code="load-too-large")
 
 
-# A body of several coordinates as matrices: displacements and angles from where it works, of the
-# coordinates in which it is free.
+def travel_m(file: RigFile) -> float:
+    """Return how far the body moves along a coordinate either way before an end stop, m."""
+    return min(file.gap_m - file.body.stop_low_m, file.body.stop_high_m - file.gap_m)
+
+
+def stops_of(file: RigFile) -> list[float]:
+    """Return how far each coordinate goes either way before an end stop, m or rad."""
+    travel, tilt = travel_m(file), file.body.tilt_rad
+    return [tilt if unit_of(axis) == "rad" else travel for axis in file.body.free]
+
+
+# The body as matrices over the coordinates in which it is free.
 
 
 def axes_of(file: RigFile) -> list[int]:
@@ -129,10 +210,14 @@ def pull_rows(file: RigFile) -> FloatArray:
 
 
 def head_rows(file: RigFile) -> FloatArray:
-    """Return what each head reads of a coordinate, a row a head; that of one coordinate along it."""
-    places, along = file.position_sensors, [1.0, 0.0, 0.0]
-    sensors = [(one.position_m or [0.0] * 3, one.direction or along) for one in places]
-    return _rows(file, sensors)
+    """Return what each head reads of a coordinate, a row a head."""
+    return _rows(file, _heads(file))
+
+
+def _heads(file: RigFile) -> list[tuple[list[float], list[float]]]:
+    """Return where each position sensor looks at the body, m, and the way in which it reads."""
+    sensors = file.position_sensors
+    return [(one.position_m or ORIGIN, one.direction or OPENS["d"]) for one in sensors]
 
 
 def seen_from(file: RigFile, poses: FloatArray, targets: FloatArray) -> FloatArray:
@@ -150,11 +235,9 @@ def seen_from(file: RigFile, poses: FloatArray, targets: FloatArray) -> FloatArr
 
 def layout_of(file: RigFile) -> dict[str, Any]:
     """Return where magnets and heads are; `see` takes by how much gaps are smaller to a pose."""
-    along = list(file.scan.direction)
-    heads = [(one.position_m or [0.0] * 3, one.direction or along) for one in file.position_sensors]
     return {
         "free": list(file.body.free),
-        "along": along,
+        "along": list(file.scan.direction),
         "force": file.tracking.force_max_N,
         "stops": [file.body.stop_low_m - file.gap_m, file.body.stop_high_m - file.gap_m],
         "magnets": [
@@ -166,7 +249,7 @@ def layout_of(file: RigFile) -> dict[str, Any]:
             }
             for one in file.placed
         ],
-        "heads": [{"at": at, "direction": direction} for at, direction in heads],
+        "heads": [{"at": at, "direction": direction} for at, direction in _heads(file)],
         "see": np.linalg.pinv(pull_rows(file)).tolist(),
     }
 
@@ -251,6 +334,16 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
 
 def pushed_with(file: RigFile) -> list[float]:
     """Return what all magnets can push with along each coordinate, either way, beside the weight."""
+    return [largest_push(file, way) for way in np.eye(len(file.body.free))]
+
+
+def along_scan(file: RigFile) -> FloatArray:
+    """Return the wrench that moves the centre of mass along the set-point, of 1 N."""
+    return np.asarray(mass_matrix(file) @ scan_direction(file)) / file.body.mass_kg
+
+
+def largest_push(file: RigFile, way: FloatArray) -> float:
+    """Return how many times such a wrench all magnets can make, either way, beside the weight."""
     layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
     each = file.tracking.force_max_N
     most = each * len(file.placed)
@@ -259,14 +352,11 @@ def pushed_with(file: RigFile) -> list[float]:
         shared = [layout.share((one - weight(file)).tolist()) for one in (push, -push)]
         return all(made and max(forces) <= each for forces, made in shared)
 
-    largest = []
-    for way in np.eye(len(file.body.free)):
-        low, high = 0.0, most
-        while high - low > 1e-3 * most:
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if fits(middle * way) else (low, middle)
-        largest.append(low)
-    return largest
+    low, high = 0.0, most
+    while high - low > 1e-3 * most:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if fits(middle * way) else (low, middle)
+    return low
 
 
 def yields(file: RigFile) -> list[float]:
@@ -351,16 +441,10 @@ def believed(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
 
 
 def correction(learnt: CalibratedMethod, compensator: ForceController, rig: BodyRig) -> FloatArray:
-    """Return the rows of the controller: scale, gap zero, flux density, lead, a magnet each.
-
-    On one axis the second magnet's gap is what is left of both: it is read too small by what the
-    first one's is read too large.
-    """
+    """Return the rows of the controller: scale, gap zero, flux density, lead, a magnet each."""
     count = range(1, len(rig.settings.placed) + 1)
     scales = np.array([1.0 + learnt.value(f"scale_{number}") for number in count])
     zeros = [learnt.value(f"gap_zero_{number}_m") for number in count]
-    if not rig.settings.several:
-        zeros = [learnt.value("gap_zero_m"), -learnt.value("gap_zero_m")]
     ones = np.ones(scales.size)
     rows = np.column_stack([ones, zeros, ones, 0.0 * ones])
     if learnt.name in PROBED:
@@ -384,7 +468,7 @@ def per_root(compensator: ForceController, rig: BodyRig) -> float:
 
 
 def watch_settings(rig: BodyRig) -> dict[str, float]:
-    """Return by what a controller of several coordinates finds what is lost, and how it lands."""
+    """Return by what a controller finds what is lost, and how it lands."""
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
     late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
     down = LANDED * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)

@@ -9,32 +9,20 @@ from functools import cache, partial
 
 import numpy as np
 
-from anhyst._core import (
-    POSITION_MAGNETS,
-    FixedAxes,
-    FixedTracking,
-    LoopController,
-    Plant,
-    Tracking,
-    TrackingAxes,
-    TrackingAxesF32,
-    TrackingF32,
-)
+from anhyst._core import FixedAxes, LoopController, Plant, TrackingAxes, TrackingAxesF32
 from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compensate.sources import Operating
-from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_codes
-from anhyst.control.pidd2 import Biquad, FixedPidd2, FullScales, as_pidd2
+from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes
 from anhyst.control.position import Allocation
 from anhyst.data import Loops
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.rig.body import BodyRig, travel_m
+from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod, ParameterName
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift, drifted_plant
-from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrated, fit_at, identify_rippling
 from anhyst_rigs.rig.loop import Scenario, Setup, SimulatedLoop
 from anhyst_rigs.rig.recording import (
@@ -48,6 +36,7 @@ from anhyst_rigs.rig.recording import (
     of_magnets,
 )
 from anhyst_rigs.rig.stage.file import (
+    along_scan,
     axes_of,
     believed,
     correction,
@@ -55,11 +44,12 @@ from anhyst_rigs.rig.stage.file import (
     error_columns,
     head_rows,
     least_of,
-    mass_matrix,
     opposed,
     pull_rows,
     scan_direction,
     seen_from,
+    stops_of,
+    travel_m,
     unit_of,
     usual_allocation,
     watch_settings,
@@ -87,7 +77,7 @@ class Feedforward:
 
 @dataclass(frozen=True)
 class StageSetup(Setup):
-    """All that a run of a stage of one or several coordinates needs."""
+    """All that a run of a stage needs."""
 
     # number format of PID and allocation; f64 goes with any compensator, f32 with f32 and fixed
     law: NumberFormat = "f64"
@@ -104,16 +94,11 @@ class StageSetup(Setup):
 
     def make_plant(self, seed: int) -> Plant:
         """Return the plant, drifted, at rest where it works, its iron demagnetised."""
-        plant = drifted_plant(self.rig, self.drift, seed)
-        if not self.rig.settings.several:
-            plant.place([self.rig.gap], [0.0])
-        return plant
+        return drifted_plant(self.rig, self.drift, seed)
 
     def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
         """Return PIDs and allocation over force controllers, in their formats."""
-        drives = drives or self.fresh()
-        several = self.rig.settings.several
-        return axes_controller(self, drives) if several else _axis_controller(self, drives)
+        return axes_controller(self, drives)
 
 
 def pid(rig: BodyRig) -> dict[str, float]:
@@ -168,25 +153,21 @@ def track(
     learnt: FloatArray | None = None,
     load: FloatArray | None = None,
 ) -> Recording:
-    """Follow a motion from rest, the iron demagnetised; a force may pull at a body of one coordinate.
+    """Follow a motion from rest, the iron demagnetised.
 
     `learnt` is added to what is fed forward; the controller does not know `load`, N, which pushes
-    towards larger positions.
+    along the set-point.
     """
     rig, n = setup.rig, ticks_of(setup.rig, motion)
     time = instants(rig, n + 1)
     place, forward = motion.at(time)[0], feed(setup, motion, gains)
     if learnt is not None:
         forward = forward + learnt
-    scenario = scenario_along(
-        rig, place, stray(rig, motion, time), fed_wrench(setup.believed, forward)
-    )
-    if not rig.settings.several:
-        noise = np.random.default_rng([rig.settings.seed, seed])
-        # The body is off its reference by too little for the cable to feel it.
-        pulled = -setup.drift.cable * place[:n] + (0.0 if load is None else load)
-        scenario = replace(scenario, inject=read_noise(rig, n, noise), load=pulled)
-    return follow(setup, scenario, seed)
+    wrench = fed_wrench(setup.believed, forward)
+    scenario = scenario_along(rig, place, stray(rig, motion, time), wrench)
+    # The body is off its reference by too little for the cable to feel it.
+    pulled = -setup.drift.cable * place[:n] + (0.0 if load is None else load)
+    return follow(setup, replace(scenario, load=pulled), seed)
 
 
 def scenario_along(
@@ -197,15 +178,9 @@ def scenario_along(
     Places and stray of the long stroke, m, have a value more than the wrench has rows. The magnets
     ride on the frame, position heads do not.
     """
-    file, n = rig.settings, len(wrench)
-    along, begin = scan_direction(file), 0.0 if file.several else rig.gap
-    frame = np.outer(place - begin + stray, along)
+    n, along = len(wrench), scan_direction(rig.settings)
+    frame = np.outer(place + stray, along)
     return Scenario(np.outer(place[:n] + offset, along), feed=wrench, frame=frame)
-
-
-def read_noise(rig: BodyRig, ticks: int, rng: np.random.Generator) -> FloatArray:
-    """Return the noise of the position of a body of one coordinate, m."""
-    return rng.normal(0.0, rig.settings.position_sensor.noise_m, ticks)
 
 
 def follow(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
@@ -217,41 +192,17 @@ def follow(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
 def fed_wrench(rig: BodyRig, forward: FloatArray) -> FloatArray:
     """Return the wrench of a force along the set-point, a row a tick.
 
-    Of several coordinates it moves the centre of mass, and carries the weight. Of one it has the
-    other sign: the first magnet pulls towards smaller positions.
+    It moves the centre of mass, and carries the weight.
     """
     file = rig.settings
-    if not file.several:
-        return np.asarray(-forward[:, None])
-    moved = mass_matrix(file) @ scan_direction(file)
-    return np.asarray(np.outer(forward / file.body.mass_kg, moved) - weight(file))
+    return np.asarray(np.outer(forward, along_scan(file)) - weight(file))
 
 
 def recorded(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
-    """Return the columns of a recording, of the loop's own record."""
-    return _of_several(rig, run, scenario) if rig.settings.several else _of_one(rig, run, scenario)
+    """Return the columns of a recording, of the loop's own record.
 
-
-def _of_one(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
-    n, probes = len(run), PROBES if rig.settings.hall_probe is not None else ()
-    reference, frame = scenario.target[:n, 0], scenario.frame[:n, 0]
-    position = run["gap_m"] + frame
-    of_loop = ("gap_m", "demand_N", "force_N", *of_magnets(CURRENTS, 1, POSITION_MAGNETS))
-    return {
-        "t_s": run["t_s"],
-        "reference_m": reference,
-        "position_m": position,
-        "error_m": reference - run["gap_m"] - frame,
-        **{name: run[name] for name in of_loop},
-        "force_error_N": _force_error(rig, run, run["demand_N"]),
-        "position_read_m": position + scenario.inject[:n],
-        "gap_read_m": run["gap_read_m"],
-        **{name: run[name] for name in probes},
-    }
-
-
-def _of_several(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
-    """Return the same along the set-point, of every coordinate and of every magnet."""
+    They say what happened along the set-point, of every coordinate and of every magnet.
+    """
     file, n = rig.settings, len(run)
     reference, along, free = scenario.target[:n], scan_direction(file), file.body.free
     poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + scenario.frame[:n]
@@ -272,7 +223,7 @@ def _of_several(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, F
 
 
 def _axes_read(rig: BodyRig, run: Recording, target: FloatArray) -> dict[str, FloatArray]:
-    """Return what the controller of several coordinates was given and asked for."""
+    """Return what the controller was given and asked for."""
     file, count = rig.settings, len(rig.settings.placed)
     signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
     behind = range(count + 1, count + len(file.position_sensors) + 1)
@@ -298,24 +249,13 @@ def of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "ra
 
 def stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
     """Return where a stage was lost: on an end stop, or its demand out of proportion."""
-    file = rig.settings
-    most, stop = OUT_OF_PROPORTION * file.tracking.force_max_N, "an end stop was reached"
-    if file.several:
-        most *= len(file.placed)
+    file, stop = rig.settings, "an end stop was reached"
+    most = OUT_OF_PROPORTION * file.tracking.force_max_N * len(file.placed)
     bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
-    if not file.several:
-        body = file.body
-        bounds.insert(0, SignalBound(stop, run["gap_m"], body.stop_low_m, body.stop_high_m))
-        return find_loss(bounds, planned)
-    for axis, name in zip(file.body.free, of_axes("pose", file.body.free), strict=True):
-        end = stop_of(file, axis)
+    poses = of_axes("pose", file.body.free)
+    for name, end in zip(poses, stops_of(file), strict=True):
         bounds.append(SignalBound(stop, run[name], -end, end))
     return find_loss(bounds, planned)
-
-
-def stop_of(file: RigFile, axis: str) -> float:
-    """Return how far a coordinate goes either way before an end stop, m or rad."""
-    return file.body.tilt_rad if unit_of(axis) == "rad" else travel_m(file)
 
 
 WRENCH = ("N", "N_m")
@@ -332,12 +272,6 @@ def demand_columns(free: Sequence[str], signal: str = "demand") -> list[str]:
     return [f"{signal}_{axis}_{WRENCH[unit_of(axis) == 'rad']}" for axis in free]
 
 
-COMMANDS = of_magnets(CURRENTS[:1], 1, POSITION_MAGNETS)
-READ = ("position_read_m", "gap_read_m")
-PROBES = of_magnets([("flux_read", "T")], 1, POSITION_MAGNETS)
-"""What the controller is given of a body of one coordinate, and of flux probes where there are some."""
-
-
 def _force_error(rig: BodyRig, run: Recording, demand: FloatArray) -> FloatArray:
     """Return the force less what was demanded a delay earlier, N."""
     ticks = np.arange(len(run), dtype=float)
@@ -352,24 +286,8 @@ def bias(rig: BodyRig, method: str) -> float:
     return 0.5 * rig.settings.tracking.force_max_N if method in AT_BIAS else rig.idle
 
 
-def _axis_controller(
-    setup: StageSetup, drives: Sequence[ForceController]
-) -> Tracking | FixedTracking:
-    """Return PID and allocation of one coordinate over force controllers."""
-    rig = setup.rig
-    magnets = [one.native for one in drives]
-    settings = controller_settings(setup)
-    if setup.law == "fixed":
-        return FixedTracking(magnets, fixed_pid(setup).words, in_codes(settings))
-    made = Tracking if setup.law == "f64" else TrackingF32
-    controller = made(magnets, np.array(list(pid(rig).values())), settings)
-    if setup.correction is not None:
-        controller.correct(setup.correction)
-    return controller
-
-
 def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
-    """Return the matrices of a controller of several coordinates, by their names in the core.
+    """Return the matrices of a controller, by their names in the core.
 
     Beside them `at`, what each head reads of a pose.
     """
@@ -377,7 +295,7 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
     decouple, weigh = decoupling(setup.believed.settings)
     b0, b1, b2, a1, a2 = pid(setup.rig).values()
     mass, speed = file.body.mass_kg, file.tracking.land_m_per_s * setup.rig.dt
-    ends = np.array([[stop_of(file, axis)] for axis in file.body.free])
+    ends = np.array(stops_of(file))[:, None]
     return {
         "at": at,
         "see": np.ascontiguousarray(np.linalg.pinv(at)),
@@ -395,13 +313,12 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
 def axes_controller(
     setup: StageSetup, drives: Sequence[ForceController] = ()
 ) -> TrackingAxes | FixedAxes:
-    """Return PIDs, decoupling and allocation of several coordinates over force controllers."""
+    """Return PIDs, decoupling and allocation over force controllers."""
     magnets = [one.native for one in drives or setup.fresh()]
     if setup.law == "fixed":
         assert setup.correction is None, "in fixed point nothing corrects a force controller"
         return fixed_words(setup).over(magnets, setup.compensator.parameters.flux_full_scale)
     settings = controller_settings(setup) | watch_settings(setup.rig)
-    settings.pop("gap_total")
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
     made = TrackingAxesF32 if setup.law == "f32" else TrackingAxes
     controller = made(
@@ -416,7 +333,7 @@ def axes_controller(
 
 
 def fixed_words(setup: StageSetup) -> FixedController:
-    """Return the words of a controller of several coordinates in fixed point."""
+    """Return the words of a controller in fixed point."""
     file, settings = setup.rig.settings, controller_settings(setup)
     how = int(settings["allocation"]), settings["idle"]
     bounds = least_of(file), file.tracking.force_max_N
@@ -427,20 +344,17 @@ def fixed_words(setup: StageSetup) -> FixedController:
 def controller_settings(setup: StageSetup) -> dict[str, float]:
     """Return what a controller is given beside its PID and its magnets, SI."""
     rig, compensator = setup.rig, setup.compensator
-    amplifier, scales, stops = rig.settings.amplifier, compensator.scales, rig.settings.body
+    amplifier, scales = rig.settings.amplifier, compensator.scales
     low, high = amplifier.current_low_A, amplifier.current_high_A
     allocation = usual_allocation(rig.settings)
     if setup.method in AT_BIAS and allocation is Allocation.CLASS_AB:
         allocation = Allocation.BY_HALVES
     return {
-        "error_full": 0.5 * (stops.stop_high_m - stops.stop_low_m),
-        "forward_full": scales.demand,
         "demand_full": scales.demand,
         "current_full": scales.current,
         "flux_full": compensator.parameters.flux_full_scale,
         "gap_low": scales.gap_low,
         "gap_high": scales.gap_high,
-        "gap_total": rig.settings.gap_total_m or 0.0,
         "allocation": allocation,
         "idle": bias(rig, setup.method),
         "current_low": low,
@@ -458,15 +372,6 @@ def block_of(compensator: ForceController) -> Block:
     """Return the parameter block of a compensator of a law."""
     assert isinstance(compensator.parameters, HysteresisInverse)
     return compensator.parameters.block
-
-
-def fixed_pid(setup: StageSetup) -> FixedPidd2:
-    """Return the PID as the words of fixed point."""
-    rig, settings = setup.rig, controller_settings(setup)
-    b0, b1, b2, a1, a2 = pid(rig).values()
-    full = settings["demand_full"]
-    scales = FullScales(settings["error_full"], full, settings["forward_full"])
-    return as_pidd2(Biquad((b0, b1, b2), (a1, a2)), 1.0 / rig.dt, full).fixed(scales)
 
 
 def identify_stage(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:

@@ -23,7 +23,7 @@ from anhyst_rigs.rig.calibration import ParameterName
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrated
 from anhyst_rigs.rig.recording import column, peak
 from anhyst_rigs.rig.stage.loop import StageSetup
-from anhyst_rigs.study.tracking.bodies import BearingLaw, law_of
+from anhyst_rigs.study.tracking.bodies import BearingLaw, StageLaw
 from anhyst_rigs.study.tracking.learner import FORGET_S, Learner
 from anhyst_rigs.study.tracking.measures import exposures
 from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
@@ -175,7 +175,7 @@ class StageLearner(BenchLearner):
         rig = bench.rig
         super().__init__(bench, rig.settings.tracking.calibrate)
         self._rig, self._magnet, self._bench = rig, magnet, bench
-        self._needed = law_of(rig, magnet, "full").needed[1:]  # the clock is the tick here
+        self._needed = StageLaw(rig, magnet, "full").needed[1:]  # the clock is the tick here
         self._columns = [_index_of(bench.signals, one) for one in (*self._needed, "error_m", "lap")]
         # in rows of them
         self._commands = [1 + n for n, one in enumerate(self._needed) if one.startswith("command")]
@@ -248,10 +248,9 @@ class StageLearner(BenchLearner):
         elif on and self._is_late(lap):
             on, self._left_out = False, self._left_out + 1
         elif on and lap.known >= first and end > self._since:
+            before = self._lifted[:, 0] < lap.known
             rows = table[lap.known - first : end + 1 - first, 1:]
-            if self._rig.settings.several:
-                before = self._lifted[:, 0] < lap.known
-                rows = np.concatenate([self._lifted[before, 1:], rows])
+            rows = np.concatenate([self._lifted[before, 1:], rows])
             columns = dict(zip(self._needed, rows.T, strict=False))
             setup = self._learn(learners, lap, columns, len(rows) - lap.ticks)
         learner = learners.get(lap.method)
@@ -293,7 +292,7 @@ class StageLearner(BenchLearner):
         """Take a lap in that begins with a row; return what is to be put in force, if anything changes."""
         method = lap.method
         if method not in self._laws:
-            self._laws[method] = law_of(self._rig, self._magnet, method)
+            self._laws[method] = StageLaw(self._rig, self._magnet, method)
         learner = learners.setdefault(method, Learner(self._laws[method], FORGET_S))
         before = dict(learner.applied)
         try:

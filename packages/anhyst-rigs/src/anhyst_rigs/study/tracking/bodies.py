@@ -1,8 +1,8 @@
-"""The same of other bodies: free in several coordinates, or levitated against a load.
+"""The motion of a stage and of a bearing, and the law of a method of each.
 
-Of several coordinates the wrench of all magnets is held against the motion. Moments count by the
-radius of gyration of the body about their axis, so that all that is compared is in N. What the law
-is known to leave out: the lines of pull move with the body by micrometres.
+Of a stage the wrench of all magnets is held against the motion. Moments count by the radius of
+gyration of the body about their axis, so that all that is compared is in N. What the law is known
+to leave out: the lines of pull move with the body by micrometres.
 
 Of a bearing the net force of its magnets is compared, positive where it closes the gap. The load is
 taken as it was recorded, or as the rig file says; a constant part of it is estimated beside.
@@ -22,16 +22,33 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.methods import FluxFeedback, FusedInverse
 from anhyst.control.controller_file import ControllerTable
 from anhyst.support.kinds import PROBED, MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bearing.loop import fit_magnets, pair_of
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.calibration import CENTRE, ParameterName
+from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod, ParameterName
+from anhyst_rigs.rig.drift import NO_DRIFT, Drift
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrated
 from anhyst_rigs.rig.recording import CURRENTS, HOVER, column, of_magnets
-from anhyst_rigs.rig.stage.file import axes_of, believed, head_rows, mass_matrix, pull_rows, weight
-from anhyst_rigs.rig.stage.loop import demand_columns, pose_columns
+from anhyst_rigs.rig.stage.file import (
+    axes_of,
+    believed,
+    head_rows,
+    mass_matrix,
+    per_root,
+    pull_rows,
+    scan_direction,
+    weight,
+)
+from anhyst_rigs.rig.stage.loop import (
+    StageSetup,
+    corrected,
+    demand_columns,
+    fit_method,
+    pose_columns,
+)
 from anhyst_rigs.study.tracking.motion import DEAD, UPDATES_HZ, Motion, MotionLaw, Moving, on_grid
 
 _STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-3)}
@@ -41,14 +58,20 @@ START_S = 0.01
 the currents follow their commands."""
 
 
-def law_of(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> MotionLaw:
-    """Return the law of a method of a stage of one or several coordinates."""
-    return (AxesLaw if rig.settings.several else MotionLaw)(rig, magnet, method)
+STILL = 20
+"""Ticks over which a speed is taken, to see whether a recording begins at rest."""
+LEARNT: tuple[MethodName, ...] = ("single-valued", "play", "at-rest", "full", "flux", "fused")
+"""Methods that a motion can correct."""
+_NOT_OF: Mapping[MethodName, tuple[str, ...]] = {
+    "single-valued": ("width",),
+    **dict.fromkeys(PROBED, ("gap_zero", "width", "lag")),
+}
+"""Numbers that a method has no use for, by what they begin with."""
 
 
 @dataclass(frozen=True)
-class AxesMotion(Motion):
-    """What was read while a body of several coordinates moved, a number a coordinate a tick."""
+class StageMotion(Motion):
+    """What was read while a stage moved, a number a coordinate a tick."""
 
     @property
     def rows(self) -> int:
@@ -68,12 +91,14 @@ class AxesMotion(Motion):
         return np.array([1.0, 1.0, 1.0, *radii])[axes_of(self.rig.settings)]
 
     @cached_property
+    def _pose(self) -> FloatArray:
+        columns = pose_columns(self.rig.settings.body.free)
+        return np.column_stack([self.read[name] for name in columns])
+
+    @cached_property
     def _acceleration(self) -> FloatArray:
-        pose = np.column_stack(
-            [self.read[name] for name in pose_columns(self.rig.settings.body.free)]
-        )
-        moved = np.zeros_like(pose)
-        moved[1:-1] = np.diff(pose, 2, axis=0) / self.rig.dt**2
+        moved = np.zeros_like(self._pose)
+        moved[1:-1] = np.diff(self._pose, 2, axis=0) / self.rig.dt**2
         return moved
 
     @cached_property
@@ -94,6 +119,10 @@ class AxesMotion(Motion):
             other = believed(self.rig, {name: step}).settings
             more = self._acceleration @ (mass_matrix(other) - mass_matrix(file))
             pushes[name] = self.in_newtons(weight(other) - weight(file) - more) / step
+        along = scan_direction(file)
+        way = (self._pose - self._pose[0]) @ along
+        pushes["bias_N"] = self.in_newtons(np.tile(along, (way.size, 1)))
+        pushes["cable_N_per_m"] = self.in_newtons(-np.outer(way, along))
         return pushes
 
     @property
@@ -122,23 +151,23 @@ class AxesMotion(Motion):
         return (self.rows * ticks[:, None] + np.arange(self.rows)).ravel()
 
 
-class AxesLaw(MotionLaw):
+class StageLaw(MotionLaw):
     """A method of every magnet as it is fitted to the loops of one, and with other numbers."""
 
     trust = 0.0015
     seen = 0.9
-    opposite_sign = "the body goes against demand_x_N and its likes; turn their sign"
 
     def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
-        super().__init__(rig, magnet, method)
-        self._of: AxesMotion | None = None
+        self.rig, self.method = rig, method
+        self.compensator = cache(lambda width: fit_method(rig, magnet, method, width))
+        self._of: StageMotion | None = None
         self._kept: dict[tuple[object, ...], FloatArray] = {}  # of single magnets along that motion
         self._count = range(1, len(rig.settings.placed) + 1)
-        of_iron = ("gap_zero", "width") if method in PROBED else ("width",)
-        without = () if method in ("full", "play") else of_iron
-        self.names: Sequence[ParameterName] = [
-            name for name in rig.numbers if not name.startswith(without)
-        ]
+        without = _NOT_OF.get(method, ())
+        self.names = [name for name in rig.numbers if not name.startswith(without)]
+        self.moved = self.names
+        self.force_max = rig.settings.tracking.force_max_N
+        self.leaves = 0.0075 if method == "play" else 0.0037
 
     @property
     def needed(self) -> Sequence[str]:
@@ -149,59 +178,120 @@ class AxesLaw(MotionLaw):
         return ["t_s", "demand_N", *of_body, *of_each]
 
     @property
-    def places(self) -> Sequence[str]:
-        """The columns that say where the body is."""
-        names = [name for name in pose_columns(self.rig.settings.body.free) if name.endswith("_m")]
-        return names or super().places
+    def helpful(self) -> Sequence[str]:
+        """The columns that help, where a recording has them: those of flux probes."""
+        file = self.rig.settings
+        if file.hall_probe is None:
+            return ()
+        return of_magnets([("flux_read", "T")], 1, len(file.placed))
 
-    @property
-    def moved(self) -> Sequence[ParameterName]:
-        """The numbers that a motion may move."""
-        return self.names
+    def left_out(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
+        """Return the methods of which the recordings do not say enough."""
+        names = self.helpful
+        is_probed = names and all(name in one.read for one in motions for name in names)
+        return () if is_probed else PROBED
+
+    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> Moving | None:
+        """Return what shows that a recording begins in motion: what iron remembers is not known."""
+        file = self.rig.settings
+        free = file.body.free
+        places = [name for name in pose_columns(free) if name.endswith("_m")] or pose_columns(free)
+        place = np.column_stack([columns[name] for name in places])
+        speed = np.linalg.norm(place[STILL:] - place[:-STILL], axis=1) / (STILL * self.rig.dt)
+        noise = 10.0 * file.position_sensor.noise_m / (STILL * self.rig.dt)
+        if abs(columns["demand_N"][0]) > DEAD * self.force_max:
+            return Moving("in motion", "demand_N")
+        is_moving = speed[0] > 0.02 * float(speed.max()) + noise
+        return Moving("in motion", places[0]) if is_moving else None
+
+    def wrong_sign(self, motion: Motion) -> str:
+        """Say that the demand counts the other way than the body goes; empty where it does not."""
+        assert isinstance(motion, StageMotion)
+        together = float(motion.pushed[motion.compared] @ motion.asked[motion.compared])
+        first = demand_columns(self.rig.settings.body.free)[0]
+        return (
+            f"the body goes against {first} and its likes; turn their sign" if together < 0 else ""
+        )
 
     def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:
         """Take a motion as it was read."""
-        return AxesMotion(self.rig, read, begin)
+        return StageMotion(self.rig, read, begin)
 
     def shows(self, motion: Motion, name: ParameterName) -> bool:
         """Whether a motion can show a number: at rest any law is wrong by a part of what it pulls."""
         number = re.search(r"_(\d+)", name)
         if number is None:
             return True
-        assert isinstance(motion, AxesMotion)
+        assert isinstance(motion, StageMotion)
         pulled = self._pulled(motion, int(number[1]), {})[motion.compared]
         most = np.linalg.norm(pulled.reshape(-1, motion.rows), axis=1).max()
         return bool(most > DEAD * self.rig.settings.tracking.force_max_N)
 
+    def stage(self, learnt: CalibratedMethod, drift: Drift = NO_DRIFT) -> StageSetup:
+        """Return the stage whose controller is corrected by what was found; its plant may drift."""
+        return corrected(self.rig, self.compensator, learnt, drift)
+
     def net(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
         """Return the wrench along a path by the law with some numbers, filtered, N."""
-        assert isinstance(motion, AxesMotion)
+        assert isinstance(motion, StageMotion)
         body = [values[name] * force for name, force in motion.by_body.items()]
         pulled = [self._pulled(motion, number, values) for number in self._count]
         return np.asarray(sum([*body, *pulled], motion.carried))
 
     def _pulled(
-        self, motion: AxesMotion, number: int, values: Mapping[ParameterName, float]
+        self, motion: StageMotion, number: int, values: Mapping[ParameterName, float]
     ) -> FloatArray:
         """Return what one magnet pulls with; what was asked for before is kept."""
         scale = 1.0 + values.get(f"scale_{number}", 0.0)
         zero = values.get(f"gap_zero_{number}_m", 0.0)
         width = on_grid("width", values.get(f"width_{number}", 0.0))
+        lag = values.get("lag_s", 0.0)
         if motion is not self._of:
             self._of, self._kept = motion, {}
-        key = number, scale, zero, width
+        key = number, scale, zero, width, lag
         if key not in self._kept:
             gap = motion.read[column("gap_read", "m", number)] - zero
             if self.method in PROBED:
                 flux = motion.read[column("flux_read", "T", number)]
-                force, late = self.pull(scale * flux, gap), -self.probe_late
+                force, late = self._pull(scale * flux, gap), -self._probe_late
             else:
                 current = scale * motion.read[column("command", "A", number)]
                 later = np.interp(motion.ticks + motion.late, motion.ticks, gap)
-                force, late = self.compensator(width).fresh().follow(current, later), motion.late
+                force, late = self._follow(current, later, width, lag), motion.late
             row = pull_rows(self.rig.settings)[number - 1] / motion.radii
             self._kept[key] = np.outer(motion.filtered(force, late), row).ravel()
         return self._kept[key]
+
+    def _follow(self, current: FloatArray, gap: FloatArray, width: float, lag: float) -> FloatArray:
+        """Return the force of a current whose flux lags it by so many seconds, N.
+
+        The controller leads by what the root of the force changes by in that time, and so does this.
+        """
+        force = self.compensator(width).fresh().follow(current, gap)
+        if not lag:
+            return force
+        rises = np.diff(np.sqrt(np.abs(force)), prepend=0.0)
+        behind = current - lag / self.rig.dt * self._per_root * rises
+        return self.compensator(width).fresh().follow(behind, gap)
+
+    def _pull(self, flux: FloatArray, gap: FloatArray) -> FloatArray:
+        """Go back the way of the method's calibration: the force goes with the flux density squared."""
+        parameters = self.compensator(0.0).parameters
+        assert isinstance(parameters, FluxFeedback | FusedInverse)
+        of_root = parameters.loop.wanted[:, -1] / math.sqrt(parameters.scales.demand)
+        gaps = np.linspace(parameters.scales.gap_low, parameters.scales.gap_high, of_root.size)
+        return np.asarray((flux / np.interp(gap, gaps, of_root)) ** 2)
+
+    @cached_property
+    def _per_root(self) -> float:
+        return per_root(self.compensator(0.0), self.rig)
+
+    @property
+    def _probe_late(self) -> float:
+        """Ticks that a flux probe lags."""
+        probe = self.rig.settings.hall_probe
+        assert probe is not None
+        return 1.0 / (2.0 * math.pi * probe.bandwidth_Hz * self.rig.dt)
 
 
 ASKED_S, ASKED = 0.06, 0.02
@@ -215,11 +305,6 @@ not, in parts of what the rig file says."""
 @dataclass(frozen=True)
 class BearingMotion(Motion):
     """What was read while an armature was lifted and moved."""
-
-    @property
-    def ticks(self) -> FloatArray:
-        """Number of each tick."""
-        return np.arange(self.read["gap_read_m"].size, dtype=np.float64)
 
     @cached_property
     def _inertia(self) -> FloatArray:
@@ -275,6 +360,8 @@ class BearingMotion(Motion):
 class BearingLaw(MotionLaw):
     """A method of each magnet of a bearing as it is fitted to the loops, and with other numbers."""
 
+    trust = 0.004
+    seen = 0.7
     leaves = 0.0043
 
     def __init__(
@@ -287,7 +374,9 @@ class BearingLaw(MotionLaw):
     ) -> None:
         self.rig, self.method = bearing, method
         self.names = bearing.numbers
-        self._most = controller.force_max(pair_of(bearing))
+        curve = method == "single-valued"
+        self.moved = [name for name in self.names if not (curve and name.startswith("width"))]
+        self.force_max = controller.force_max(pair_of(bearing))
         self._load_known = load_known
 
         def fitted(width: float) -> ForceController:
@@ -321,28 +410,12 @@ class BearingLaw(MotionLaw):
         flows = columns["command_A"][0] > 0.0
         return Moving("while a current flows", "command_A") if flows else None
 
-    def wrong_sign(self, motion: Motion) -> str:
-        """Nothing is demanded in a recording of a bearing whose sign could be wrong."""
-        del motion
-        return ""
-
-    @property
-    def moved(self) -> Sequence[ParameterName]:
-        """The numbers that a motion may move."""
-        curve = self.method == "single-valued"
-        return [name for name in self.names if not (curve and name.startswith("width"))]
-
-    @property
-    def force_max(self) -> float:
-        """Largest force of one magnet, N."""
-        return self._most
-
     def prior(self, name: ParameterName) -> float:
         """Return the standard deviation that the rig file states for a number."""
         if name.startswith("scale"):
             return 0.01 * self.rig.settings.spread.sensor_gain_percent
         if name == "bias_N":
-            return KNOWN * self._most if self._load_known else UNSURE * self.rig.load
+            return KNOWN * self.force_max if self._load_known else UNSURE * self.rig.load
         return super().prior(name)
 
     def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:

@@ -30,9 +30,9 @@ from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.loop import identify_stage
 from anhyst_rigs.study.bearing.operating import controller_of, make_ready
-from anhyst_rigs.study.tracking.bodies import BearingLaw, law_of
+from anhyst_rigs.study.tracking.bodies import LEARNT, BearingLaw, StageLaw
 from anhyst_rigs.study.tracking.learner import fit
-from anhyst_rigs.study.tracking.motion import MOVED, Motion, MotionLaw, refuse_uncalibratable
+from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -228,7 +228,7 @@ def stage_laws(
     assert controller is None
     refuse_uncalibratable(rig)
     known = magnet or identify_stage(rig)
-    return partial(law_of, rig, known), known
+    return partial(StageLaw, rig, known), known
 
 
 def bearing_laws(
@@ -287,7 +287,7 @@ def calibrate(
     if not has_layers(known.model):
         left_out.add("at-rest")
     laws = partial(laws, **law.known_from(motions))
-    possible = [name for name in MOVED if name not in left_out]
+    possible = [name for name in LEARNT if name not in left_out]
     for name in methods:
         if name not in possible:
             raise InputError(

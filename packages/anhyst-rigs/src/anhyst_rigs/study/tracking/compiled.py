@@ -57,7 +57,6 @@ from anhyst_rigs.rig.stage.loop import (
     make_stage,
     scenario_along,
     stage_loss,
-    track,
 )
 from anhyst_rigs.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 
@@ -177,10 +176,10 @@ def fly_vectors(setup: StageSetup) -> dict[str, FloatArray]:
     The answers are those of a fresh controller to inputs in its own format. Where it looks at
     currents, none is read of the first magnet in the end; then it is let go, lifted and set down.
     """
-    file, fly_it = setup.rig.settings, _fly_several if setup.rig.settings.several else _fly_one
+    file = setup.rig.settings
     magnets, heads = len(file.placed), len(file.position_sensors)
     controller, begin, end = axes_controller(setup), heads, heads + len(file.body.free)
-    given = _signals(setup, fly_it(setup), begin, end)
+    given = _signals(setup, _flown(setup), begin, end)
     if file.tracking.lost_A is not None:
         given[end + magnets, -DEAD_ROWS:] = 0.0
     commands, answers = np.zeros(len(given.T), dtype=given.dtype), []
@@ -209,8 +208,8 @@ def _signals(setup: StageSetup, given: FloatArray, begin: int, end: int) -> NDAr
     return np.vstack([*rows, codes(currents, scales.current)]).astype(np.int32)
 
 
-def _fly_several(setup: StageSetup) -> FloatArray:
-    """Return what the controller of several coordinates is given: heads off target, wrench, gaps."""
+def _flown(setup: StageSetup) -> FloatArray:
+    """Return what the controller is given: heads off their target, wrench, gaps and currents."""
     rig, file = setup.rig, setup.rig.settings
     motion = motion_of(file.scan, file.scan.test_m_per_s2)
     rows = min(ROWS, ticks_of(rig, motion))
@@ -227,19 +226,6 @@ def _fly_several(setup: StageSetup) -> FloatArray:
             off[head] -= part * target[:, axis]
     currents = (run[one] for one in of_magnets([("current_read", "A")], 1, magnets))
     return np.vstack([off, wrench.T, read[:magnets], *currents])
-
-
-def _fly_one(setup: StageSetup) -> FloatArray:
-    """Return the same of one coordinate."""
-    rig, file = setup.rig, setup.rig.settings
-    motion = motion_of(file.scan, file.scan.test_m_per_s2)
-    run = track(setup, motion, Feedforward())
-    _refuse_lost(rig, run.loss)
-    assert file.gap_total_m is not None
-    off, gap = run["position_read_m"] - run["reference_m"], run["gap_read_m"]
-    forward = feed(setup, motion, Feedforward())
-    read = np.zeros((2, gap.size))  # a body of one coordinate looks at no current
-    return np.vstack([off, forward, gap, file.gap_total_m - gap, *read])[:, :ROWS]
 
 
 def _refuse_lost(rig: BodyRig, loss: Loss | None) -> None:

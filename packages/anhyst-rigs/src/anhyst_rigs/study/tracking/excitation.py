@@ -42,7 +42,7 @@ from anhyst_rigs.rig.stage.loop import (
     track,
 )
 from anhyst_rigs.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, motion_of, strayed
-from anhyst_rigs.study.tracking.bodies import START_S, law_of
+from anhyst_rigs.study.tracking.bodies import START_S, StageLaw
 from anhyst_rigs.study.tracking.learner import Learner
 from anhyst_rigs.study.tracking.motion import refuse_uncalibratable
 from anhyst_rigs.study.tracking.simulate import OWN, refuse_unstable
@@ -84,8 +84,6 @@ def legs_of(rig: BodyRig) -> dict[str, list[SetPoint]]:
 def fly(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
     """Let a stage follow legs from rest, the iron demagnetised, the mass alone fed forward."""
     rig, file = setup.rig, setup.rig.settings
-    if not file.several:
-        return track(setup, next(iter(legs.values())), Feedforward(), seed)
     begin = START_S  # the weight is taken up before
     n = round((begin + sum(leg.duration for leg in legs.values())) / rig.dt)
     time = instants(rig, n + 1)
@@ -170,7 +168,7 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
     """Design the move of a stage, fly it, and say what is left of each number after it."""
     refuse_uncalibratable(rig)
     known, scan = magnet or identify_stage(rig), rig.settings.scan
-    setup, learner = make_stage(rig, known, OWN), Learner(law_of(rig, known, OWN))
+    setup, learner = make_stage(rig, known, OWN), Learner(StageLaw(rig, known, OWN))
     refuse_unstable(setup)
     legs = design(learner, setup)
     run = fly(setup, legs, 1) if legs else None

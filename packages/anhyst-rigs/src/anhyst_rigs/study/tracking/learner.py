@@ -26,8 +26,8 @@ from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
-from anhyst_rigs.study.tracking.bodies import law_of
-from anhyst_rigs.study.tracking.motion import MOVED, UPDATES_HZ, Motion, MotionLaw, on_grid
+from anhyst_rigs.study.tracking.bodies import LEARNT, StageLaw
+from anhyst_rigs.study.tracking.motion import UPDATES_HZ, Motion, MotionLaw, on_grid
 
 MOST = 4.0
 """Standard deviations within which a parameter stays."""
@@ -343,9 +343,9 @@ def at_work(
 ) -> Learner | None:
     """Let a stage that calibrates itself follow the training set-point; None where it does not."""
     rig, method = setup.rig, setup.method
-    if not rig.settings.tracking.calibrate or method not in MOVED:
+    if not rig.settings.tracking.calibrate or method not in LEARNT:
         return None
-    learner = Learner(law_of(rig, magnet, method), FORGET_S)
+    learner = Learner(StageLaw(rig, magnet, method), FORGET_S)
     training = motion_of(rig.settings.scan, rig.settings.scan.train_m_per_s2)
     for scan in range(WORK):
         learner.work(setup.drift, training, gains, seed + scan)

@@ -27,6 +27,7 @@ from anhyst_rigs.rig.stage.file import (
     pull_rows,
     scan_direction,
     spare,
+    stops_of,
     unit_of,
     usual_allocation,
     without,
@@ -40,7 +41,6 @@ from anhyst_rigs.rig.stage.loop import (
     of_axes,
     recorded,
     scenario_along,
-    stop_of,
 )
 from anhyst_rigs.rig.stage.setpoint import (
     STRAY_LATE,
@@ -108,9 +108,7 @@ def cross_metrics(file: RigFile) -> list[Metric]:
 
 
 def still_axes(file: RigFile) -> list[str]:
-    """Return the coordinates that the set-point does not move; none of a body of one coordinate."""
-    if not file.several:
-        return []
+    """Return the coordinates that the set-point does not move."""
     parts = zip(file.body.free, scan_direction(file).tolist(), strict=True)
     return [axis for axis, part in parts if part == 0.0]
 
@@ -442,7 +440,7 @@ class Losses:
         """Return how fast the body comes onto stops at most, downwards and anywhere at a magnet."""
         file, free = self._rig.settings, self._rig.settings.body.free
         poses = np.column_stack([run[name] for name in of_axes("pose", free)])
-        ends = np.array([stop_of(file, axis) for axis in free])
+        ends = np.array(stops_of(file))
         speeds = np.diff(poses, axis=0) / self._rig.dt
         onto = np.diff((np.abs(poses) > ends).astype(int), axis=0) > 0
         at_magnets = np.abs(speeds @ pull_rows(file).T).max(axis=1)

@@ -161,8 +161,6 @@ OWN: MethodName = "full"
 _NOT_SHOWN = ("ratio", "secant", "simplified", "at-rest")
 COMPARED = tuple(name for name in METHODS if name not in _NOT_SHOWN)
 """Variants, in the order of every table."""
-OF_AXES: tuple[MethodName, ...] = ("ratio", "single-valued", "play", "full", "flux", "fused")
-"""The same of a body of several coordinates."""
 SMALL = 0.1
 """Of the accelerations of the test set-point: what is called small forces."""
 _STILL_S = 0.2
@@ -183,7 +181,7 @@ class TriedVariant:
     standstill: Mapping[str, float]  # by column, errors at rest, rms, the long stroke moving
     trials_m: tuple[float, ...]  # peak of each trial of learning control, m
     # of each coordinate that the set-point does not move, with its unit, the largest error, one a
-    # seed; none of a body of one coordinate
+    # seed; none where it moves them all
     crossed: Mapping[str, tuple[float, ...]]
     learnt: CalibratedMethod | None  # of a stage that calibrates itself
 
@@ -208,7 +206,7 @@ class TriedVariant:
 
     @property
     def at_rest(self) -> dict[str, float]:
-        """Error at rest of each coordinate with its unit, rms; none of a body of one."""
+        """Error at rest of each coordinate with its unit, rms."""
         own = self.standstill.items()
         return {name.removeprefix("error_"): one for name, one in own if name != "error_m"}
 
@@ -418,7 +416,7 @@ def settle(setup: StageSetup, magnet: IdentifiedMagnet) -> tuple[Feedforward, Le
 def standing(setup: StageSetup, gains: Feedforward, seed: int = 1) -> dict[str, float]:
     """Return the errors of a mass that stands still, rms, by column, m or rad."""
     file, table = setup.rig.settings, setup.rig.settings.scan
-    columns = ["error_m", *(error_columns(file.body.free) if file.several else [])]
+    columns = ["error_m", *error_columns(file.body.free)]
     moved = replace(motion_of(table, table.test_m_per_s2[:2]), cruise=_STILL_S, speed=0.0)
     run = track(setup, moved, gains, seed)
     if run.loss is not None:
@@ -438,7 +436,7 @@ def make_variants(
     made: dict[MethodName, StageSetup] = {}
     left_out: dict[MethodName, str] = {}
     beside: tuple[MethodName, ...] = ("at-rest",) if has_layers(magnet.model) else ()
-    for name in names or (*(OF_AXES if rig.settings.several else COMPARED), *beside):
+    for name in names or (*COMPARED, *beside):
         if name in PROBED and rig.settings.hall_probe is None:
             left_out[name] = "the rig has no Hall probe"
             continue

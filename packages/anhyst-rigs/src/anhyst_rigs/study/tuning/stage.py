@@ -16,6 +16,7 @@ from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import draw_plant
 from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.rig.stage.file import along_scan, largest_push
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
 from anhyst_rigs.study.engine.table import mean_interval
@@ -254,12 +255,11 @@ class StageLoop:
         file = self.setup.rig.settings
         feedforward = find_gains(self.setup, self._motion(TRAINING))
         seeds = list(range(1, file.noise_seeds + 1))
-        plants = [] if file.several else list(range(PLANTS))
         tasks = [
             *((UNSEEN, one) for one in seeds),
             (GENTLE, 1),
             (STILL, 1),
-            *((None, p) for p in plants),
+            *((None, number) for number in range(PLANTS)),
         ]
         judged = all_of(partial(self._checked, feedforward), tasks, jobs=jobs)
         count = len(seeds)
@@ -280,9 +280,9 @@ class StageLoop:
                     "jerk_s": feedforward.jerk,
                     "snap_s2": feedforward.snap,
                 },
-                **({"plants": _of_plants(drawn)} if plants else {}),
+                "plants": _of_plants(drawn),
             },
-            notes=_plants_note(drawn) if plants else (),
+            notes=_plants_note(drawn),
         )
 
     def _checked(
@@ -305,8 +305,8 @@ class StageLoop:
         near = reached.near(aims)
         motion, file = self._motion(UNSEEN), self.setup.rig.settings
         demand = np.abs(track(self.setup, motion, self.feedforward, seed)["demand_N"]).max()
-        most = file.tracking.force_max_N
-        if not file.several and demand >= _AT * most:
+        most = largest_push(file, along_scan(file))
+        if demand >= _AT * most:
             text = f"the demand reaches {demand:.3g} N of {most:g} N on the test set-point"
             near.append(Limit("force", text))
         if (crossover := file.tracking.crossover_Hz) >= _NEAR * self.most:
@@ -353,8 +353,7 @@ class StageLoop:
     @property
     def tried(self) -> str:
         """What is tried at every condition."""
-        plants = "" if self.setup.rig.settings.several else f" and on {PLANTS} drawn plants"
-        return f"judged on {UNSEEN.text}{plants}"
+        return f"judged on {UNSEEN.text} and on {PLANTS} drawn plants"
 
     def facts(self) -> dict[str, Any]:
         """Return what tuning.json says of the rig."""

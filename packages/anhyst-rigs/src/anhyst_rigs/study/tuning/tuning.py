@@ -34,7 +34,6 @@ from anhyst_rigs.study.piezo import find_inverses
 from anhyst_rigs.study.plants import METHODS
 from anhyst_rigs.study.tracking.simulate import (
     COMPARED,
-    OF_AXES,
     OWN,
     check_calibration,
     find_gains,
@@ -225,9 +224,8 @@ class StageSubject(TuningSubject):
 
     def names(self) -> Sequence[MethodName]:
         """Return all variants."""
-        names = OF_AXES if self.rig.settings.several else COMPARED
         return [
-            one for one in names if one not in PROBED or self.rig.settings.hall_probe is not None
+            one for one in COMPARED if one not in PROBED or self.rig.settings.hall_probe is not None
         ]
 
     def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:

@@ -1,42 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "anhyst_plant/tracking.h"
+#include "anhyst_plant/axes.h"
 
-#include <math.h>
-
-#include "anhyst_plant/sensor.h"
-
-#define ONE 2147483648.0
-
-/* The nearest q31 within its range. */
-static int32_t code_q31(double value, double full)
-{
-  const double place = floor(value / full * ONE + 0.5);
-  if (place >= ONE) {
-    return ANHYST_Q31_MAX;
-  }
-  return place > -ONE ? (int32_t)place : ANHYST_Q31_MIN;
-}
-
-static int32_t flux_q31(double value, double full)
-{
-  return isnan(value) ? ANHYST_NO_FLUX : code_q31(value, full);
-}
-
-static int32_t gap_code_q31(double gap, double low, double high)
-{
-  return code_q31(anhyst_plant_bound(gap - low, 0.0, high - low), high - low);
-}
-
-static double value_q31(int32_t code, double full) { return (double)code / ONE * full; }
-
-#include "anhyst/numeric/q31.h"
-#include "generic/tracking.h"
-#include "anhyst/numeric/f64.h"
-#include "generic/cast.h"
-#include "generic/tracking.h"
-#include "anhyst/numeric/f32.h"
-#include "generic/cast.h"
-#include "generic/tracking.h"
+#include "anhyst/control/axes.h"
+#include "anhyst/control/states.h"
 
 static double solve_f32(anhyst_force_controller_f64 *c, double demand, double gap, double flux)
 {
@@ -52,7 +18,7 @@ static double commit_f32(anhyst_force_controller_f64 *c, double applied, double 
   return (double)anhyst_force_controller_commit_f32(c->own, (float)applied, (float)gap);
 }
 
-void anhyst_tracking_drive_init_f32(anhyst_force_controller_f64 *c,
+void anhyst_axes_drive_init_f32(anhyst_force_controller_f64 *c,
                                     anhyst_force_controller_f32 *force)
 {
   /* Nothing else is asked of a drive. */

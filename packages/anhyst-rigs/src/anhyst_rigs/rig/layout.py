@@ -1,0 +1,48 @@
+"""Where magnets and sensors act on a body, in the coordinates in which it is free."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+Line = Mapping[str, list[float]]
+"""A place ``r`` on the body, m, and a unit vector ``d`` along which something acts there."""
+
+OPENS: Line = {"r": [0.0, 0.0, 0.0], "d": [1.0, 0.0, 0.0]}
+CLOSES: Line = {"r": [0.0, 0.0, 0.0], "d": [-1.0, 0.0, 0.0]}
+"""Lines along x through the origin, both ways."""
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """A coordinate in which a body is free, with its end stops, m or rad."""
+
+    axis: int  # 0 to 5: along and about x, y, z
+    low: float
+    high: float
+    rest: float  # where the body lies before anything moves it
+
+
+@dataclass(frozen=True, slots=True)
+class PositionHead:
+    """A sensor of the place of the body in space, without converter and lag."""
+
+    line: Line
+    noise: float  # rms, m
+    gain: float
+    offset: float  # m
+    stands: bool  # on the ground, and not on the body
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where everything acts on a body; gaps are those with the body at its origin, m."""
+
+    coordinates: Sequence[Coordinate]
+    magnets: Sequence[tuple[Line, float]]
+    gap_sensors: Sequence[tuple[Line, float]]
+    gravity: list[float]  # m/s2
+    force_along: list[float]  # unit vector of the force that is recorded
+    load: Line
+    load_rest: float  # where the spring of the load drive is without force, m
+    heads: Sequence[PositionHead] = field(default=())
