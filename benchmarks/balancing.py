@@ -24,7 +24,7 @@ from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.study.tracking.bodies import law_of
+from anhyst_rigs.study.tracking.bodies import StageLaw
 from anhyst_rigs.study.tracking.excitation import design, fly
 from anhyst_rigs.study.tracking.learner import Learner, fit
 from anhyst_rigs.study.tracking.measures import cross_talk, measure, still_axes
@@ -50,7 +50,7 @@ class Flown:
 def balanced(given: tuple[Bench, int]) -> Flown:
     """Calibrate one plant."""
     bench, plant = given
-    rig, law = bench.rig, law_of(bench.rig, bench.magnet, bench.method)
+    rig, law = bench.rig, StageLaw(bench.rig, bench.magnet, bench.method)
     drift, noise = draw_plant(rig.settings, rig.settings.seed, plant)
     motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
     setup, gains = StageSetup(rig, law.compensator(0.0), drift=drift), bench.gains
@@ -90,7 +90,7 @@ def in_both(given: tuple[Bench, int]) -> list[list[float]]:
     It is that of ``anhyst excite --calibrate``; the mass alone is fed forward.
     """
     bench, plant = given
-    law = law_of(bench.rig, bench.magnet, bench.method)
+    law = StageLaw(bench.rig, bench.magnet, bench.method)
     drift, noise = draw_plant(bench.rig.settings, bench.rig.settings.seed, plant)
     nominal = StageSetup(bench.rig, law.compensator(0.0))
     plain = replace(nominal, drift=drift)

@@ -29,12 +29,11 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
 from anhyst_rigs.study.plants import ERRORS
-from anhyst_rigs.study.tracking.bodies import law_of
+from anhyst_rigs.study.tracking.bodies import StageLaw
 from anhyst_rigs.study.tracking.compiled import compiled_rig
 from anhyst_rigs.study.tracking.excitation import design
 from anhyst_rigs.study.tracking.learner import FORGET_S, WORK, Learner, fit
 from anhyst_rigs.study.tracking.measures import Measures, measure
-from anhyst_rigs.study.tracking.motion import MotionLaw
 from anhyst_rigs.study.tracking.simulate import find_gains
 from tracking import RIG
 
@@ -54,11 +53,11 @@ class World:
     changes: Mapping[str, Any] = field(default_factory=dict)  # of the rig, known to everybody
     compiled: bool = False  # PID, allocation and what corrects them in single precision
 
-    def law(self, bench: Bench) -> MotionLaw:
+    def law(self, bench: Bench) -> StageLaw:
         """Return the law of a method, which keeps what it was compiled to in this process."""
         key = bench.iron, bench.method, *self.changes
         if key not in _laws:
-            _laws[key] = MotionLaw(changed(bench.rig, self.changes), bench.magnet, bench.method)
+            _laws[key] = StageLaw(changed(bench.rig, self.changes), bench.magnet, bench.method)
         return _laws[key]
 
     def fly(
@@ -111,13 +110,13 @@ class Bench:
     taught: SetPoint  # what it is calibrated on
 
 
-_laws: dict[tuple[str, ...], MotionLaw] = {}
+_laws: dict[tuple[str, ...], StageLaw] = {}
 
 
 def bench_of(given: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench:
     """Find the gains, on the training set-point, on which it is calibrated too, or on the move."""
     iron, rig, magnet, method = given
-    law = law_of(rig, magnet, method)
+    law = StageLaw(rig, magnet, method)
     own = StageSetup(rig, law.compensator(0.0))
     gains, taught = find_gains(own, training(rig)), training(rig)
     if iron == MOVE:

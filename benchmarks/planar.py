@@ -24,7 +24,7 @@ from anhyst_rigs.rig.stage.loop import Feedforward, identify_stage, make_stage, 
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.measures import Losses, cross_talk, measure
 from anhyst_rigs.study.tracking.simulate import (
-    OF_AXES,
+    COMPARED,
     TrackingStudy,
     explore_stage,
     find_gains,
@@ -80,8 +80,7 @@ def at_300(
 
 def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
     """Return the line of one iron at the high crossover."""
-    held = OF_AXES[1:]  # the constant ratio loses the loop
-    found = dict(zip(held, all_of(partial(at_300, rig, magnet), held), strict=True))
+    found = dict(zip(COMPARED, all_of(partial(at_300, rig, magnet), COMPARED), strict=True))
     text = "; ".join(
         f"{name} {1e9 * average:.3g} nm, peak {1e9 * peak:.3g} nm, ry {1e9 * turned:.3g} nrad"
         for name, (average, peak, turned) in found.items()

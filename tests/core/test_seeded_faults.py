@@ -305,35 +305,14 @@ FAULTS = [
         "src/control/allocation.c",
         "return anhyst_add_q31(digit * 65536, fine * 4);",
         "return digit * 65536;",
-        "test_fixed_tracking",
+        "test_fixed_allocation",
     ),
     Fault(
         "one step of the root instead of two",
         "src/control/allocation.c",
         "  root = (root >> 1) + (ratio(quarter, root) >> 1);\n",
         "",
-        "test_fixed_tracking",
-    ),
-    Fault(
-        "an integral of a filter by the rectangle",
-        "src/control/biquad.c",
-        "return anhyst_add_q31(middle, middle - integral);",
-        "return middle;",
-        "test_fixed_tracking",
-    ),
-    Fault(
-        "the error the wrong way round",
-        "src/control/tracking.c",
-        "anhyst_pidd2_solve_q31(pid, state, 0, anhyst_sub_q31(0, error), forward, &candidate);",
-        "anhyst_pidd2_solve_q31(pid, state, 0, error, forward, &candidate);",
-        "test_fixed_tracking",
-    ),
-    Fault(
-        "a current beside the converter's grid",
-        "src/control/generic/tracking.h",
-        "return settings->current_step > 0\n",
-        "return settings->current_step < 0\n",
-        "test_fixed_tracking",
+        "test_fixed_allocation",
     ),
     Fault(
         "a probe that adds to a compensator what it likes",
@@ -358,16 +337,7 @@ BESIDE = {
     "test_simplified_formats": tuple(
         f"compensator/{name}" for name in ("simplified", "simplified_f32", "simplified_f64")
     ),
-    "test_fixed_tracking": (
-        *(f"control/{name}" for name in ("tracking", "allocation", "biquad", "pidd2")),
-        *(f"control/{name}_f32" for name in ("tracking", "allocation", "biquad")),
-        *(f"control/{name}_f64" for name in ("tracking", "allocation", "biquad")),
-        *(f"compensator/{name}" for name in ("force_controller", "force_controller_f64", "map")),
-        *(
-            f"compensator/{name}"
-            for name in ("map_f64", "compensator", "compensator_f64", "block", "block_f64")
-        ),
-    ),
+    "test_fixed_allocation": ("control/allocation", "control/allocation_f64"),
     "test_fixed_map": ("compensator/map",),
     "test_fixed_play_map": ("compensator/map", "compensator/play_map"),
     "test_play_map_real": (

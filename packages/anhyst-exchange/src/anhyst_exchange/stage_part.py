@@ -233,4 +233,3 @@ _Units = tuple[tuple[str, str], tuple[str, str]]
 _PLACE: _Units = (("m", "m"), ("rad", "rad"))
 _VELOCITY: _Units = (("m_per_s", "m/s"), ("rad_per_s", "rad/s"))
 _WRENCH: _Units = (("N", "N"), ("N_m", "N.m"))
-

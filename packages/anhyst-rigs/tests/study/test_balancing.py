@@ -19,8 +19,8 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.engine.monte_carlo import monte_carlo
-from anhyst_rigs.study.plants import ERRORS_OF_AXES, stage_plants
-from anhyst_rigs.study.tracking.bodies import AxesLaw
+from anhyst_rigs.study.plants import ERRORS, stage_plants
+from anhyst_rigs.study.tracking.bodies import StageLaw
 from anhyst_rigs.study.tracking.calibrate import calibrate
 from anhyst_rigs.study.tracking.learner import Learner, fit
 from anhyst_rigs.study.tracking.measures import cross_talk, measure
@@ -63,7 +63,7 @@ def left(setup: StageSetup, way: str = "x") -> tuple[float, float]:
 
 
 def taught(method: MethodName, run: Recording) -> Learner:
-    learner = Learner(AxesLaw(short(), bearings.knowledge(), method))
+    learner = Learner(StageLaw(short(), bearings.knowledge(), method))
     learner.learn(learner.law.motion(run.columns))
     return learner
 
@@ -87,14 +87,14 @@ def test_flux_probes_are_balanced_the_same_way() -> None:
 
 
 def test_what_a_motion_keeps_of_a_law_is_never_that_of_another() -> None:
-    law = AxesLaw(short(), bearings.knowledge(), "single-valued")
+    law = StageLaw(short(), bearings.knowledge(), "single-valued")
     motion, zero = law.motion(recorded().columns), dict.fromkeys(law.names, 0.0)
     law.net(motion, zero)
     place = id(law)
     del law
-    laws = [AxesLaw(short(), bearings.knowledge(), "play")]
+    laws = [StageLaw(short(), bearings.knowledge(), "play")]
     while id(laws[-1]) != place and len(laws) < 100:  # until one stands where the first one stood
-        laws.append(AxesLaw(short(), bearings.knowledge(), "play"))
+        laws.append(StageLaw(short(), bearings.knowledge(), "play"))
     expected = laws[-1].net(laws[-1].motion(recorded().columns), zero)
     assert (laws[-1].net(motion, zero) == expected).all()
 
@@ -122,7 +122,7 @@ def test_a_body_that_is_as_the_file_says_is_left_alone_whatever_the_dead_time() 
     rig = changed(short(), {"timing.delay_ticks": 2.0})
     setup, scan = make_stage(rig, bearings.knowledge(), "full"), rig.settings.scan
     run = track(setup, motion_of(scan, scan.train_m_per_s2), Feedforward(), 1)
-    law = AxesLaw(rig, bearings.knowledge(), "full")
+    law = StageLaw(rig, bearings.knowledge(), "full")
     found = fit(law, [law.motion(run.columns)])
     assert found.fits
     assert found.residual_N < 0.0015 * found.force_N
@@ -201,11 +201,11 @@ def test_every_magnet_and_head_is_drawn_by_itself() -> None:
     drift = plant()
     assert len({one.first_scale for one in drift.magnets}) == 10
     assert len({one.place_x for one in drift.heads}) == 6
-    alone = drift.alone(ERRORS_OF_AXES["centre of mass"])
+    alone = drift.alone(ERRORS["centre of mass"])
     assert not any(one.as_dict() for one in alone.magnets)
     assert (alone.place_x, alone.mass, alone.heads) == (drift.place_x, 0.0, ())
     assert drift.as_dict()["magnet_3_gap_offset_m"] == drift.magnets[2].gap_offset
-    assert drift.alone(ERRORS_OF_AXES["all"]) == drift
+    assert drift.alone(ERRORS["all"]) == drift
     assert len(CENTRE) == 3
 
 
@@ -214,7 +214,7 @@ def test_plants_of_several_coordinates_are_flown_with_each_error_alone(tmp_path:
     plants = stage_plants(short(5.0), bearings.knowledge(), ("full",))
     found = monte_carlo(plants, tmp_path / "p.jsonl", 2, jobs=2)
     rows = found.as_dict()["variants"]["full"]
-    assert [row["error"] for row in rows["average_m"]] == [*ERRORS_OF_AXES]
-    by_error = dict(zip(ERRORS_OF_AXES, rows["rz_rad"], strict=True))
+    assert [row["error"] for row in rows["average_m"]] == [*ERRORS]
+    by_error = dict(zip(ERRORS, rows["rz_rad"], strict=True))
     assert by_error["none"]["worst"] < 0.2 * by_error["all"]["worst"]
     assert by_error["Hall gain"]["worst"] == by_error["none"]["worst"]  # 'full' has no probe

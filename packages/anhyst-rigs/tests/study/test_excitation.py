@@ -11,7 +11,7 @@ import pytest
 
 from anhyst_rigs.rig.drift import changed
 from anhyst_rigs.rig.stage.loop import make_stage
-from anhyst_rigs.study.tracking.bodies import AxesLaw
+from anhyst_rigs.study.tracking.bodies import StageLaw
 from anhyst_rigs.study.tracking.excitation import (
     CalibratingMove,
     excite_to_calibrate,
@@ -64,7 +64,7 @@ def test_one_move_balances_a_body_along_both_ways_and_its_own_set_point_along_on
     assert not found.move.hidden
     assert {"scale_5", "scale_6", "centre_x_m"} <= set(found.work.hidden)
     assert max(found.legs["y"].peaks) == pytest.approx(11.0)  # one pair carries it
-    learner = Learner(AxesLaw(short(), bearings.knowledge(), "full"))
+    learner = Learner(StageLaw(short(), bearings.knowledge(), "full"))
     setup = make_stage(short(), bearings.knowledge(), "full")
     moved = fly(replace(setup, drift=plant()), found.legs, 1)
     assert learner.learn(learner.law.motion(moved.columns))

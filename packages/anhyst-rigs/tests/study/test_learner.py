@@ -16,9 +16,10 @@ from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.tracking.bodies import StageLaw, StageMotion
 from anhyst_rigs.study.tracking.learner import FORGET_S, RATE, Learner
 from anhyst_rigs.study.tracking.measures import measure
-from anhyst_rigs.study.tracking.motion import Motion, MotionLaw
+from anhyst_rigs.study.tracking.motion import Motion
 from anhyst_rigs.study.tracking.simulate import explore_stage
 from tests.refusals import refused
 from tests.study import bearings, stages
@@ -28,12 +29,12 @@ ALLOWED = {"spread.payload_percent": 5.0, "spread.cable_N_per_m": 50.0}
 
 
 @cache
-def law(method: MethodName) -> MotionLaw:
-    return MotionLaw(stages.stage(), bearings.knowledge(), method)
+def law(method: MethodName) -> StageLaw:
+    return StageLaw(stages.stage(), bearings.knowledge(), method)
 
 
 def motion_of_run(run: Recording, **columns: np.ndarray) -> Motion:
-    return Motion(stages.stage(), {**run.columns, **columns})
+    return StageMotion(stages.stage(), {**run.columns, **columns})
 
 
 def taught(method: MethodName = "full", forget_s: float = FORGET_S) -> Learner:
@@ -91,9 +92,9 @@ def from_half(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarra
         pytest.param("gap_read_m", from_half(lambda v: v + 20e-6), id="the gap jumps"),
         pytest.param("gap_read_m", lambda v: 1.2 * v - 0.2 * v[0], id="the gap has another gain"),
         pytest.param("gap_read_m", from_half(lambda v: 2.0 * v[0] - v), id="the gap turns round"),
-        pytest.param("position_read_m", from_half(STUCK), id="the position is stuck"),
-        pytest.param("position_read_m", lambda v: 0.9 * v, id="the position has another gain"),
-        pytest.param("position_read_m", lambda v: np.roll(v, 20), id="the position is late"),
+        pytest.param("pose_read_x_m", from_half(STUCK), id="the position is stuck"),
+        pytest.param("pose_read_x_m", lambda v: 0.9 * v, id="the position has another gain"),
+        pytest.param("pose_read_x_m", lambda v: np.roll(v, 20), id="the position is late"),
         pytest.param("command_A", from_half(STUCK), id="a command is stuck"),
         pytest.param("command_A", lambda v: 0.0 * v, id="a command is not recorded"),
         pytest.param("command_2_A", lambda v: 1.02 * v, id="an amplifier lost its gain"),
@@ -114,9 +115,9 @@ def test_after_a_fault_of_a_sensor_nothing_is_learnt(
 @pytest.mark.parametrize(
     ("column", "fault"),
     [
-        pytest.param("position_read_m", from_half(lambda v: v + 1e-6), id="the position jumps"),
+        pytest.param("pose_read_x_m", from_half(lambda v: v + 1e-6), id="the position jumps"),
         pytest.param(
-            "position_read_m",
+            "pose_read_x_m",
             lambda v: v + np.random.default_rng(1).normal(0.0, 50e-9, v.size),
             id="the position is noisy",
         ),
@@ -153,11 +154,11 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
     method: MethodName,
 ) -> None:
     rig = changed(read_stage(stages.EXAMPLE / "rig.toml"), ALLOWED)
-    learner = Learner(MotionLaw(rig, bearings.knowledge(), method))
+    learner = Learner(StageLaw(rig, bearings.knowledge(), method))
     drift = replace(WRONG, mass=0.05, cable=60.0)
     own, gains, scan = learner.stage(drift), Feedforward(), rig.settings.scan
     run = track(own, motion_of(scan, scan.train_m_per_s2), gains, 1)
-    assert learner.learn(Motion(rig, run.columns))
+    assert learner.learn(StageMotion(rig, run.columns))
     found = learner.found
     learnt: dict[str, LearntParameter] = {one.name: one for one in found.parameter}
     assert found.fits
@@ -174,8 +175,8 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
 
 def test_without_a_payload_hardly_one_is_found_and_short_ways_say_nothing_of_a_cable() -> None:
     rig = changed(stages.stage(), ALLOWED)
-    learner = Learner(MotionLaw(rig, bearings.knowledge(), "full"))
-    assert learner.learn(Motion(rig, recorded().columns))
+    learner = Learner(StageLaw(rig, bearings.knowledge(), "full"))
+    assert learner.learn(StageMotion(rig, recorded().columns))
     assert abs(learner.values["payload"]) < 0.015
     frozen = {one.name for one in learner.found.parameter if one.frozen}
     assert frozen == {"cable_N_per_m", "gap_zero_m"}

@@ -112,7 +112,7 @@ def test_every_kind_of_rig_takes_the_keys_of_spread_that_it_draws_from() -> None
     for name in ("bearing", "stage", "planar", "solenoid", "piezo"):
         path = EXAMPLES / name / "rig.toml"
         file = read_rig_file(path, kind_of(path).word)
-        taken = spread_keys(file)
+        taken = set(spread_keys(file))
         if not any(isinstance(one, MagnetTable) and one.solid for one in file.magnets):
             taken -= {"conductivity_percent"}
         for key in SpreadTable.model_fields:

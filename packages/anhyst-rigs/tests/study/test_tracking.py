@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from anhyst._core import allocate
+from anhyst._core import WrenchLayout
+from anhyst.control.position import Allocation
 from anhyst.data.table import read_columns
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.support.kinds import MethodName
@@ -32,7 +33,10 @@ SLIT = 0.01
 def test_both_magnets_always_pull_and_their_difference_is_the_net_force(
     net: float, idle: float
 ) -> None:
-    first, second = allocate(net, idle)
+    pull = np.array([[1.0], [-1.0]])
+    pair = WrenchLayout(pull, [1, 0], Allocation.CLASS_AB, idle, 0.0, 1e5, yields=[1.0])
+    (first, second), made = pair.share([net])
+    assert made
     assert first > 0.0
     assert second > 0.0
     assert first - second == pytest.approx(net, abs=1e-12 * (abs(net) + idle))
@@ -65,8 +69,8 @@ def test_a_load_that_nobody_told_pushes_to_larger_positions_until_the_loop_holds
     load = np.full(ticks_of(setup.rig, motion), 3.0)
     alone, pushed = (track(setup, motion, Feedforward(), 1, load=given) for given in (None, load))
     assert pushed["position_m"][:200].max() > 20e-9 > alone["position_m"][:200].max()
-    more = pushed["demand_N"] - alone["demand_N"]  # positive towards smaller positions
-    assert float(np.mean(more[2000:])) == pytest.approx(3.0, rel=0.05)
+    more = pushed["demand_N"] - alone["demand_N"]
+    assert float(np.mean(more[2000:])) == pytest.approx(-3.0, rel=0.05)
 
 
 def test_gains_weigh_the_moving_average_as_the_rig_file_says() -> None:
@@ -101,7 +105,7 @@ def test_the_mass_moves_as_the_force_says_while_its_magnets_move_along() -> None
     position = run["position_m"]
     assert np.ptp(position) > 5e-3
     assert 5e-6 < np.ptp(run["gap_m"]) < 25e-6
-    pushed = np.cumsum(-run["force_N"]) * run.dt / 10.0
+    pushed = np.cumsum(run["force_N"]) * run.dt / 10.0
     speed = np.diff(position) / run.dt
     assert np.abs(pushed[:-1] - speed).max() < 2e-3
 

@@ -17,7 +17,6 @@ import numpy as np
 from anhyst._core import PiezoLoop, PiezoMotion
 from anhyst.compensate.force_controller import ForceController
 from anhyst.control.pidd2 import Biquad, integrator, notch
-from anhyst.control.position import Allocation
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray

@@ -299,7 +299,10 @@ class PiezoWork:
         return {"rms_m": rms(error), "worst_m": peak(error)}
 
 
-_ERRORS: Mapping[str, tuple[str, ...]] = {
+_SPREADS = SPREADS["tracking"]
+_KEYS = {**_SPREADS.whole, **_SPREADS.magnet, "heads": next(iter(_SPREADS.head.values()))}
+ERRORS: Mapping[str, tuple[str, ...]] = {
+    "none": (),
     "gap zero": ("gap_offset",),
     "current scale": ("first_scale",),
     "pinning": ("pinning",),
@@ -310,19 +313,21 @@ _ERRORS: Mapping[str, tuple[str, ...]] = {
     "payload": ("mass",),
     "cable": ("cable",),
     "head positions": ("heads",),
+    "all": tuple(_KEYS),
 }
-"""What a plant of a stage has drifted in, case by case, of all its magnets at once."""
+"""What a plant of a stage has drifted in, case by case, in all of its magnets at once."""
 
 
 def errors_of(file: RigFile) -> Mapping[str, tuple[str, ...]]:
-    """Return the cases of a stage: what its file varies one by one, and all at once."""
-    spreads = SPREADS[file.control.kind]
-    keys = {**spreads.whole, **spreads.magnet, "heads": next(iter(spreads.head.values()))}
-    varied = {name for name, key in keys.items() if getattr(file.spread, key) > 0.0}
+    """Return the cases of a stage: what its file varies, one by one and all at once."""
+    varied = {name for name, key in _KEYS.items() if getattr(file.spread, key) > 0.0}
     if file.magnet.solid is None:
         varied.discard("conductivity")
-    cases = {title: names for title, names in _ERRORS.items() if varied.intersection(names)}
-    return {"none": (), **cases, "all": tuple(keys)}
+    return {
+        title: names
+        for title, names in ERRORS.items()
+        if title in ("none", "all") or varied.intersection(names)
+    }
 
 
 def stage_plants(

@@ -211,14 +211,6 @@ template <class F> void bind_axes(nb::module_ &m, const char *name)
       .def("correct", &Axes::correct, "rows"_a.noconvert());
 }
 
-nb::tuple allocate(double net, double idle)
-{
-  const anhyst_allocation_f64 allocation = {idle, ANHYST_ALLOCATE_CLASS_AB};
-  double force[2];
-  anhyst_allocate_f64(&allocation, net, force);
-  return nb::make_tuple(force[0], force[1]);
-}
-
 } // namespace
 
 void bind_tracking(nb::module_ &m)
@@ -232,5 +224,4 @@ void bind_tracking(nb::module_ &m)
   bind_axes<AxesF64>(m, "TrackingAxes");
   bind_axes<AxesF32>(m, "TrackingAxesF32");
   m.attr("AXES_ODD") = ANHYST_AXES_ODD;
-  m.def("allocate", allocate, "net"_a, "idle"_a);
 }

@@ -15,7 +15,6 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst import _core
 from anhyst.control.pidd2 import FullScales, Pidd2
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
@@ -301,8 +300,3 @@ class Allocation(IntEnum):
     SINGLE = 1
     BY_HALVES = 2  # class A
     CLASS_AB = 3
-
-
-def shared_by_pair(net: FloatArray, idle: float) -> FloatArray:
-    """Return the forces, N, that a pair of magnets makes of net ones, class AB; shape (2, n)."""
-    return np.array([_core.allocate(force, idle) for force in net.tolist()]).T
