@@ -18,8 +18,7 @@ static double commit_f32(anhyst_force_controller_f64 *c, double applied, double 
   return (double)anhyst_force_controller_commit_f32(c->own, (float)applied, (float)gap);
 }
 
-void anhyst_axes_drive_init_f32(anhyst_force_controller_f64 *c,
-                                    anhyst_force_controller_f32 *force)
+void anhyst_axes_drive_init_f32(anhyst_force_controller_f64 *c, anhyst_force_controller_f32 *force)
 {
   /* Nothing else is asked of a drive. */
   static const anhyst_force_method_f64 by_drive = {.solve = solve_f32, .commit = commit_f32};

@@ -3,8 +3,10 @@
 #include "anhyst/control/allocation.h"
 
 #include "anhyst/control/allocation_real.h"
+#include "anhyst/numeric/fixed.h"
 #include "check.h"
 #include "edges.h"
+#include "maps.h"
 
 #define ONE 2147483648.0
 

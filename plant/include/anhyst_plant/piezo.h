@@ -62,7 +62,7 @@ typedef struct {
 typedef struct {
   const anhyst_piezo *piezo;
   anhyst_tracking *controller; /* of one drive, from displacement to voltage */
-  double sensor_step;              /* of its converter, m; 0: none */
+  double sensor_step;          /* of its converter, m; 0: none */
   anhyst_piezo_state state;
   double command; /* V; it is put out one tick after the sample it answers */
 } anhyst_piezo_loop;

@@ -25,7 +25,7 @@ typedef struct {
   anhyst_biquad_f64 pid;
   double low; /* limits of what the amplifier accepts */
   double high;
-  double step; /* of its converter: outputs are low, low + step, ...; 0: none */
+  double step;                     /* of its converter: outputs are low, low + step, ...; 0: none */
   const anhyst_biquad_f64 *filter; /* of the error, `filters` of them, one after another */
   uint16_t filters;
 } anhyst_tracking_settings;

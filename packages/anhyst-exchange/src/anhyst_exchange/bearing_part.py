@@ -73,7 +73,7 @@ def bearing_part(rig_path: PathLike) -> Part:
         )
         manifest, sources = compiled_sources(folder)
     own = ("bearing.c", "bearing_controller.c", "bearing_controller.h", "virtual_plant.h")
-    sources = plant_sources("tracking|piezo|held", CORE_OF_PLANT, own) | sources
+    sources = plant_sources("axes|piezo|held", CORE_OF_PLANT, own) | sources
     sources["bearing_numbers.h"] = numbers_of_plant(ready.rig).encode()
     sources["controller_numbers.h"] = _names(manifest["name"]).encode()
     title = rig.settings.name

@@ -23,7 +23,7 @@ def force_part(rig_path: PathLike) -> Part:
     rig = complete_rig(rig, loops)
     rate = rig.settings.timing.rate_Hz
     compensator = compensator_part(find_model(rig, loops), rate, "full")
-    others = "tracking|piezo|position|body|loop|controller"
+    others = "axes|piezo|position|body|loop|controller"
     sources = plant_sources(others, CORE_OF_LAWS, ["force.c"]) | dict(compensator.sources)
     # One component within another, which is the part of the FMU.
     renamed = b"#define anhyst_the_part anhyst_compensator_part\n"

@@ -244,7 +244,8 @@ def calibrated(source: Path, folder: Path, values: dict[str, float]) -> str:
 
 def solid_stage_made(folder: Path) -> None:
     """The same of Duhem iron, a part of it solid, the layers of the magnets known, calibrated."""
-    found = {"scale_1": 0.01, "scale_2": -0.005, "gap_zero_m": 1e-6, "width": 0.1, "lag_s": 2e-5}
+    found = {"scale_1": 0.01, "scale_2": -0.005, "lag_s": 2e-5}
+    found |= {"gap_zero_1_m": 1e-6, "gap_zero_2_m": -1e-6, "width_1": 0.1, "width_2": 0.12}
     text, solid = calibrated(stages.EXAMPLE / "rig.toml", folder, found), "turns = 250\n"
     assert text.count(solid) == 1
     table = "solid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.05 }\n"
@@ -258,7 +259,7 @@ def solid_stage_made(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory: pytest.TempPathFactory) -> Scan:
-    """Follow two turnarounds while the long stroke strays, a load pushes and the sensor is noisy."""
+    """Follow two turnarounds while the long stroke strays and a load pushes."""
     folder = made_once(tmp_path_factory, "fmu-stage", stage_made)
     return scanned(folder, stages.EXAMPLE / "rig.toml", bearings.knowledge())
 
@@ -270,16 +271,12 @@ def scanned(folder: Path, path: Path, magnet: IdentifiedMagnet) -> Scan:
     gains, count = Feedforward(0.999, 1e-6, 4e-9), ticks_of(rig, motion)
     time = instants(rig, count + 1)
     load = 0.5 * np.sin(200.0 * time[:count])
-    noise = np.random.default_rng([rig.settings.seed, 0]).normal(
-        0.0, rig.settings.position_sensor.noise_m, count
-    )
     reference = motion.at(time)[0]
     inputs = {
-        "reference_m": reference[:count],
-        "feedforward_N": feed(setup, motion, gains),
-        "frame_m": (reference - rig.gap + stray(rig, motion, time))[1:],
+        "reference_x_m": reference[:count],
+        "feedforward_x_N": fed_wrench(setup.believed, feed(setup, motion, gains))[:, 0],
+        "frame_x_m": (reference + stray(rig, motion, time))[1:],
         "load_N": load,
-        "position_noise_m": noise,
     }
     recording = track(setup, motion, gains, load=load)
     listed = {name: values.tolist() for name, values in inputs.items()}
@@ -296,8 +293,9 @@ def test_so_does_a_calibrated_stage_on_solid_iron_of_another_family(tmp_path: Pa
 
 
 def moves_alike(scan: Scan, tmp_path: Path) -> None:
-    at_the_tick = ("position_read_m", "gap_read_m", "demand_N", "command_A", "command_2_A")
-    after_it = ("position_m", "gap_m", "force_N", "current_A", "current_2_A")
+    read = ("pose_read_x_m", "gap_read_m", "gap_read_2_m")
+    at_the_tick = (*read, "demand_x_N", "command_A", "command_2_A")
+    after_it = ("pose_x_m", "gap_m", "gap_2_m", "force_N", "current_A", "current_2_A")
     names = (*at_the_tick, *after_it)
     with slave(scan.path, tmp_path) as made:
         rows = np.array(made.run(scan.inputs, names, TICK))
@@ -306,8 +304,9 @@ def moves_alike(scan: Scan, tmp_path: Path) -> None:
     for name in at_the_tick:
         assert np.array_equal(found[name], scan.recording[name]), name
     for name in after_it:
-        assert np.array_equal(found[name][:-1], scan.recording[name][1:]), name
-    assert np.abs(found["demand_N"]).max() > 100.0
+        recorded = scan.recording["position_m" if name == "pose_x_m" else name]
+        assert np.array_equal(found[name][:-1], recorded[1:]), name
+    assert np.abs(found["demand_x_N"]).max() > 100.0
 
 
 def test_a_stage_in_motion_goes_over_to_another_instance(scan: Scan, tmp_path: Path) -> None:
@@ -320,7 +319,7 @@ def test_a_stage_in_motion_goes_over_to_another_instance(scan: Scan, tmp_path: P
         made.raw.reset()  # what the other one goes on with is its own
         assert other.run(rest, ["gap_m", "current_A"], TICK, 1500 * TICK) == there
         made.begin()
-        assert made.read("gap_m", "position_m") == [0.45e-3, 0.0]
+        assert made.read("gap_m", "pose_x_m") == [0.45e-3, 0.0]
 
 
 GOES_ON = """
@@ -355,20 +354,19 @@ def test_a_state_goes_on_in_another_process(
 
 
 def test_a_stage_at_rest_that_is_given_nothing_stays_there(scan: Scan, tmp_path: Path) -> None:
-    frame = [-0.45e-3] * 200
     with slave(scan.path, tmp_path) as made:
-        rows = made.run({"frame_m": frame}, ["position_m"], TICK)
+        rows = made.run({"frame_x_m": [0.0] * 200}, ["pose_x_m"], TICK)
         assert max(abs(place) for (place,) in rows) < 1e-7
         made.raw.reset()
         made.raw.setupExperiment(startTime=0.0)
         made.raw.enterInitializationMode()
-        made.write({"frame_m": 0.9 * frame[0]})
-        assert made.read("gap_m", "position_m") == pytest.approx([0.405e-3, 0.0])
+        made.write({"frame_x_m": 45e-6})
+        assert made.read("gap_m", "pose_x_m") == pytest.approx([0.405e-3, 0.0])
         made.raw.exitInitializationMode()
-        rows = made.run({"frame_m": [0.9 * frame[0]] * 200}, ["position_m"], TICK)
+        rows = made.run({"frame_x_m": [45e-6] * 200}, ["pose_x_m"], TICK)
         assert max(abs(place) for (place,) in rows) < 1e-7
         with pytest.raises(fmpy.fmi1.FMICallException):
-            made.run({"reference_m": [float("nan")]}, ["position_m"], TICK, 200 * TICK)
+            made.run({"reference_x_m": [float("nan")]}, ["pose_x_m"], TICK, 200 * TICK)
 
 
 def test_a_stage_is_valid_in_both_versions_which_agree(scan: Scan, tmp_path: Path) -> None:

@@ -206,7 +206,7 @@ def controllers(made: Body) -> tuple[FixedController, FixedAxes, TrackingAxes]:
         drives.least, drives.most, yields=drives.yields,
     )  # fmt: skip
     settings = {key: value for key, value in made.settings.items() if key != "idle"}
-    full = {"error_full": 1e-4, "forward_full": 1.0, "flux_full": 2.0}
+    full = {"flux_full": 2.0}
     wide = TrackingAxes(
         [force.fresh().native for _ in range(count)],
         layout,

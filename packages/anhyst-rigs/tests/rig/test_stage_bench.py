@@ -307,7 +307,6 @@ def test_a_drawn_plant_of_several_coordinates_is_another_one(axes: StageBench) -
 def test_a_push_along_a_coordinate_acts_at_once_there_alone_and_the_loop_takes_it_up(
     axes: StageBench,
 ) -> None:
-    assert axes.load_most == 0.0
     quiet = axes.advance(3000)
     limits = {one.name: one.high for one in axes.parameters() if one.name.startswith("push_")}
     # two pairs along x, the weight of 20 kg on the four magnets of 240 N above it

@@ -15,18 +15,17 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CENTRE
 from anhyst_rigs.rig.drift import Drift, changed, draw_plant
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.engine.monte_carlo import monte_carlo
-from anhyst_rigs.study.plants import ERRORS, stage_plants
+from anhyst_rigs.study.plants import ERRORS, errors_of, stage_plants
 from anhyst_rigs.study.tracking.bodies import StageLaw
 from anhyst_rigs.study.tracking.calibrate import calibrate
 from anhyst_rigs.study.tracking.learner import Learner, fit
 from anhyst_rigs.study.tracking.measures import cross_talk, measure
 from tests.refusals import refused
 from tests.study import bearings, stages
-from tests.study.test_axes import EXAMPLES, PLANAR, planar
+from tests.study.test_axes import EXAMPLES, planar
 
 
 def short(pinning_percent: float = 0.0) -> BodyRig:
@@ -174,7 +173,7 @@ def test_a_recording_without_what_was_read_is_refused() -> None:
         **recorded().columns,
         **{f"demand_{a}_N": -recorded()[f"demand_{a}_N"] for a in "xyz"},
     }
-    with refused("wrong-sign demand_N"):
+    with refused("wrong-sign demand_x_N"):
         calibrate(short(), Recording(turned), magnet=bearings.knowledge())
 
 
@@ -184,17 +183,6 @@ def test_a_flux_that_is_no_number_and_a_clock_that_stands_are_refused() -> None:
         off = {wrong: np.full(len(read["t_s"]), np.nan if wrong != "t_s" else 0.0)}
         with refused(why):
             calibrate(short(), Recording({**read, **off}), magnet=bearings.knowledge())
-
-
-def test_keys_of_spread_belong_to_one_coordinate_or_to_several(tmp_path: Path) -> None:
-    place = tmp_path / "rig.toml"
-    place.write_text(PLANAR.replace("[spread]", "[spread]\neddy_s = 1e-5"))
-    with refused("not-for-this-kind spread.eddy_s: rig.toml"):
-        read_stage(place)
-    one = (EXAMPLES / "stage" / "rig.toml").read_text()
-    place.write_text(one.replace("[spread]", "[spread]\ncentre_m = 1e-4"))
-    with refused("not-for-this-kind spread.centre_m: rig.toml"):
-        read_stage(place)
 
 
 def test_every_magnet_and_head_is_drawn_by_itself() -> None:
@@ -214,7 +202,9 @@ def test_plants_of_several_coordinates_are_flown_with_each_error_alone(tmp_path:
     plants = stage_plants(short(5.0), bearings.knowledge(), ("full",))
     found = monte_carlo(plants, tmp_path / "p.jsonl", 2, jobs=2)
     rows = found.as_dict()["variants"]["full"]
-    assert [row["error"] for row in rows["average_m"]] == [*ERRORS]
-    by_error = dict(zip(ERRORS, rows["rz_rad"], strict=True))
+    errors = errors_of(short(5.0).settings)
+    assert [row["error"] for row in rows["average_m"]] == [*errors]
+    assert "head positions" in errors
+    by_error = dict(zip(errors, rows["rz_rad"], strict=True))
     assert by_error["none"]["worst"] < 0.2 * by_error["all"]["worst"]
     assert by_error["Hall gain"]["worst"] == by_error["none"]["worst"]  # 'full' has no probe

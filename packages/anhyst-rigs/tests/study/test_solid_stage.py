@@ -89,8 +89,9 @@ def test_conductivity_drifts_where_there_is_solid_iron() -> None:
     moved = drifted_file(file, Drift(conductivity=0.1)).magnet.solid
     assert moved is not None
     assert moved.conductivity_S_per_m == pytest.approx(2.2e6)
-    assert set(errors_of(file)) - set(ERRORS) == {"conductivity"}
-    assert errors_of(stages.stage().settings) == ERRORS
+    plain_cases = errors_of(stages.stage().settings)
+    assert set(errors_of(file)) - set(plain_cases) == {"conductivity"}
+    assert {"gap zero", "eddy lag", "all"} < set(plain_cases) < set(ERRORS)
     assert drawn.alone(errors_of(file)["all"]) == drawn
 
 

@@ -171,8 +171,10 @@ def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
 
 def test_a_plant_is_drawn_with_errors_of_its_kind_alone() -> None:
     drawn = draw_drift(stages.stage().settings, np.random.default_rng(1))
-    assert drawn.pinning != 0.0
-    assert drawn.alone(("pinning",)) == Drift(pinning=drawn.pinning)
+    one, two = drawn.magnets
+    assert 0.0 != one.pinning != two.pinning
+    pinned = tuple(Drift(pinning=magnet.pinning) for magnet in drawn.magnets)
+    assert drawn.alone(("pinning",)) == Drift(magnets=pinned)
     assert drawn.eddy > 0.0
     assert drawn.alone(ERRORS["all"]) == drawn
 

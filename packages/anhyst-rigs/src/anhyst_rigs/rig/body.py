@@ -29,7 +29,7 @@ from anhyst_rigs.rig.case_table import DisplacementCase, TrajectoryCase
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import FittedPlant
 from anhyst_rigs.rig.kind_rules import read_rig_file
-from anhyst_rigs.rig.layout import CLOSES, OPENS, Coordinate, Layout
+from anhyst_rigs.rig.lines import CLOSES, OPENS, BodyLines, Coordinate
 from anhyst_rigs.rig.magnet_table import LAW
 from anhyst_rigs.rig.measurement_table import Measured
 from anhyst_rigs.rig.parts.magnet import (
@@ -107,11 +107,11 @@ class BodyRig:
         return OF_BEARING[len(self.settings.placed)]
 
     @property
-    def layout(self) -> Layout:
+    def lines(self) -> BodyLines:
         """Where everything acts on the body: the coordinate of a bearing is its first gap."""
         file, body = self.settings, self.settings.body
         pair = [(CLOSES, 0.0), (OPENS, file.gap_total_m or 0.0)]
-        return Layout(
+        return BodyLines(
             coordinates=[Coordinate(0, body.stop_low_m, body.stop_high_m, body.stop_high_m)],
             magnets=pair[: len(file.placed)],
             gap_sensors=[(OPENS, 0.0)],

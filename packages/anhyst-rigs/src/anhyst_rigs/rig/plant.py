@@ -62,7 +62,7 @@ class PlantNumbers:
 
 def plant_numbers(rig: BodyRig) -> PlantNumbers:
     """Return the numbers of a plant: heads are the gap sensors and then the position sensors."""
-    file, sensors, layout = rig.settings, _sensors(rig), rig.layout
+    file, sensors, lines = rig.settings, _sensors(rig), rig.lines
     actuators = [
         {
             "line": line,
@@ -72,11 +72,11 @@ def plant_numbers(rig: BodyRig) -> PlantNumbers:
             "flux_probe": sensors["hall"],
             "has_probe": int(file.hall_probe is not None),
         }
-        for line, gap in layout.magnets
+        for line, gap in lines.magnets
     ]
     gap_heads = [
         {"line": line, "zero": gap, "sensor": sensors["gap"], "base": ON_FRAME}
-        for line, gap in layout.gap_sensors
+        for line, gap in lines.gap_sensors
     ]
     position_heads = [
         {
@@ -85,7 +85,7 @@ def plant_numbers(rig: BodyRig) -> PlantNumbers:
             "sensor": _bare((-1.0, 1.0), head.noise) | {"gain": head.gain, "offset": head.offset},
             "base": ON_GROUND if head.stands else ON_BODY,
         }
-        for head in layout.heads
+        for head in lines.heads
     ]
     body = _body(rig, sensors["force"])
     return PlantNumbers(body, actuators, gap_heads + position_heads, _load(rig))
@@ -105,7 +105,7 @@ def _coordinates(rig: BodyRig) -> list[dict[str, float]]:
             "stop_stiffness": moved[one.axis] * (omega * omega),
             "stop_damping": moved[one.axis] * omega,
         }
-        for one in rig.layout.coordinates
+        for one in rig.lines.coordinates
     ]
 
 
@@ -144,8 +144,8 @@ def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
         "mass": body.mass_kg,
         "centre": body.centre_m,
         "inertia": np.diag(body.inertia_kg_m2 or [0.0, 0.0, 0.0]).tolist(),
-        "gravity": rig.layout.gravity,
-        "force_along": rig.layout.force_along,
+        "gravity": rig.lines.gravity,
+        "force_along": rig.lines.force_along,
         "force_sensor": force_sensor,
         "cable": {
             "at": body.cable_m,
@@ -177,11 +177,11 @@ def _amplifier(rig: BodyRig) -> dict[str, float]:
 def _load(rig: BodyRig) -> dict[str, Any]:
     load = rig.settings.load
     return {
-        "line": rig.layout.load,
+        "line": rig.lines.load,
         "share": _share(load.bandwidth_Hz, rig.step),
         "damping": load.damping_N_s_per_m,
         "stiffness": load.stiffness_N_per_m,
-        "rest": rig.layout.load_rest,
+        "rest": rig.lines.load_rest,
         "encoder_step": load.encoder_step_m,
         "velocity_share": _share(load.velocity_bandwidth_Hz, rig.dt),
     }

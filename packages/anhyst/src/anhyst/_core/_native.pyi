@@ -544,7 +544,6 @@ class PiezoLoop:
         """Put a controller in force, at rest or as the last one left off, its integral changed."""
     def run(self, wanted: _Array, expected: _Array, noise: _Array, load: _Array) -> _Array: ...
 
-
 class PlantLoop:
     """A plant and its controller in lock-step, plant/include/anhyst_plant/loop.h."""
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controllers of a body that follows a set-point, in floating point: the very functions that run
-// on a controller.
+// The controllers of a body that follows a set-point, in floating point: the very functions that
+// run on a controller.
 #include "tracking.h"
 
 #include <algorithm>
@@ -156,10 +156,10 @@ public:
 
 private:
   typename F::Answer run(const Row &head, const Row &forward, const Row &gap, const Row &flux,
-                             const Row &read, uint16_t command, const Row &target)
+                         const Row &read, uint16_t command, const Row &target)
   {
     const typename F::Sample in = {head.data(), forward.data(), gap.data(),   flux.data(),
-                                       read.data(), command,        target.data()};
+                                   read.data(), command,        target.data()};
     typename F::Answer out = {current_.data(), demand_.data(), 0, 0, 0};
     F::tick(&axes_, &in, &out);
     return out;

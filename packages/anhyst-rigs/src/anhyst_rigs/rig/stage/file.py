@@ -30,7 +30,7 @@ from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod, ParameterName,
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.kind_rules import read_rig_file
-from anhyst_rigs.rig.layout import OPENS, Coordinate, Layout, PositionHead
+from anhyst_rigs.rig.lines import OPENS, BodyLines, Coordinate, PositionHead
 from anhyst_rigs.rig.magnet_table import DIRECTION_ROUNDING, ORIGIN
 from anhyst_rigs.rig.recording import Recording, column
 from anhyst_rigs.rig.tables import AXES
@@ -59,7 +59,7 @@ class StageRig(BodyRig):
         return of_stage(len(self.settings.placed))
 
     @property
-    def layout(self) -> Layout:
+    def lines(self) -> BodyLines:
         """Where everything acts on the body: its coordinates count from where it works.
 
         Each magnet has a gap sensor of its own. Weight is along -z, and a load along the set-point.
@@ -67,7 +67,7 @@ class StageRig(BodyRig):
         file, body = self.settings, self.settings.body
         lines = [(one.position_m, one.direction, one.gap_m or file.gap_m) for one in file.placed]
         along = file.scan.direction
-        return Layout(
+        return BodyLines(
             coordinates=[
                 Coordinate(axis, -end, end, 0.0)
                 for axis, end in zip(axes_of(file), stops_of(file), strict=True)

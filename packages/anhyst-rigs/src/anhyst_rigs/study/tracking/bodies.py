@@ -49,7 +49,14 @@ from anhyst_rigs.rig.stage.loop import (
     fit_method,
     pose_columns,
 )
-from anhyst_rigs.study.tracking.motion import DEAD, UPDATES_HZ, Motion, MotionLaw, Moving, on_grid
+from anhyst_rigs.study.tracking.motion import (
+    DEAD,
+    UPDATES_HZ,
+    ColumnFault,
+    Motion,
+    MotionLaw,
+    on_grid,
+)
 
 _STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-3)}
 """By which a number of the body is moved for its derivative."""
@@ -191,7 +198,7 @@ class StageLaw(MotionLaw):
         is_probed = names and all(name in one.read for one in motions for name in names)
         return () if is_probed else PROBED
 
-    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> Moving | None:
+    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
         """Return what shows that a recording begins in motion: what iron remembers is not known."""
         file = self.rig.settings
         free = file.body.free
@@ -200,18 +207,17 @@ class StageLaw(MotionLaw):
         speed = np.linalg.norm(place[STILL:] - place[:-STILL], axis=1) / (STILL * self.rig.dt)
         noise = 10.0 * file.position_sensor.noise_m / (STILL * self.rig.dt)
         if abs(columns["demand_N"][0]) > DEAD * self.force_max:
-            return Moving("in motion", "demand_N")
+            return ColumnFault("begins in motion", "demand_N")
         is_moving = speed[0] > 0.02 * float(speed.max()) + noise
-        return Moving("in motion", places[0]) if is_moving else None
+        return ColumnFault("begins in motion", places[0]) if is_moving else None
 
-    def wrong_sign(self, motion: Motion) -> str:
-        """Say that the demand counts the other way than the body goes; empty where it does not."""
+    def wrong_sign(self, motion: Motion) -> ColumnFault | None:
+        """Return what shows that the demand counts the other way than the body goes."""
         assert isinstance(motion, StageMotion)
         together = float(motion.pushed[motion.compared] @ motion.asked[motion.compared])
         first = demand_columns(self.rig.settings.body.free)[0]
-        return (
-            f"the body goes against {first} and its likes; turn their sign" if together < 0 else ""
-        )
+        text = f"the body goes against {first}; turn the sign of every demanded force and moment"
+        return ColumnFault(text, first) if together < 0.0 else None
 
     def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:
         """Take a motion as it was read."""
@@ -405,10 +411,10 @@ class BearingLaw(MotionLaw):
         """Return whether the load was recorded in all motions."""
         return {"load_known": all("load_N" in one.read for one in motions)}
 
-    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> Moving | None:
+    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
         """Return what shows that a recording begins before the iron was demagnetised."""
         flows = columns["command_A"][0] > 0.0
-        return Moving("while a current flows", "command_A") if flows else None
+        return ColumnFault("begins while a current flows", "command_A") if flows else None
 
     def prior(self, name: ParameterName) -> float:
         """Return the standard deviation that the rig file states for a number."""

@@ -91,13 +91,13 @@ def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
     _check_ticks(law.rig, where, columns["t_s"])
     if moving := law.begins_in_motion(columns):
         raise InputError(
-            f"{where}: begins {moving.text}; begin at rest with demagnetised iron",
+            f"{where}: {moving.text}; begin at rest with demagnetised iron",
             code="begins-in-motion",
             key=moving.column,
         )
     motion = law.motion(columns)
     if wrong := law.wrong_sign(motion):
-        raise InputError(f"{where}: {wrong}", code="wrong-sign", key="demand_N")
+        raise InputError(f"{where}: {wrong.text}", code="wrong-sign", key=wrong.column)
     return motion
 
 

@@ -48,10 +48,10 @@ def refuse_uncalibratable(rig: BodyRig) -> None:
         )
 
 
-class Moving(NamedTuple):
-    """What shows that a recording begins in motion."""
+class ColumnFault(NamedTuple):
+    """What is wrong with a recording, and the column that shows it."""
 
-    text: str  # how it begins
+    text: str
     column: str
 
 
@@ -155,13 +155,13 @@ class MotionLaw(ABC):
         return {}
 
     @abstractmethod
-    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> Moving | None:
+    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
         """Return what shows that a recording begins in motion: what iron remembers is not known."""
 
-    def wrong_sign(self, motion: Motion) -> str:
-        """Say that the demand counts the other way than the body goes; empty where it does not."""
+    def wrong_sign(self, motion: Motion) -> ColumnFault | None:
+        """Return what shows that the demand counts the other way than the body goes."""
         del motion
-        return ""
+        return None
 
     def prior(self, name: ParameterName) -> float:
         """Return the standard deviation that the rig file states for a number."""

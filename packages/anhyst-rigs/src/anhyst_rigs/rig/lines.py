@@ -35,7 +35,7 @@ class PositionHead:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class BodyLines:
     """Where everything acts on a body; gaps are those with the body at its origin, m."""
 
     coordinates: Sequence[Coordinate]
