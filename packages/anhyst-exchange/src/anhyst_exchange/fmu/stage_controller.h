@@ -7,7 +7,7 @@
 #include "stage_numbers.h"
 
 /* Force controllers and law, as stage_controller.c alone knows them; no pointer in it must hold. */
-typedef double anhyst_stage_controller[384 + 320 * STAGE_DRIVES];
+typedef double anhyst_stage_controller[768 + 320 * STAGE_DRIVES];
 
 /* At rest, the irons demagnetised. 0, or -1 for damaged parameters. */
 int anhyst_stage_controller_start(anhyst_stage_controller controller);
