@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the controller of several axes in fixed point: rows, PID, allocation, a tick. */
+/* Claims of the controller of a stage in fixed point: rows, PID, allocation, a tick. */
 #include "control/axes_fixed.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
 
 #include "check.h"

@@ -9,8 +9,8 @@
      current = what each drive's force controller makes of it, limited, on the converter's grid
 
    With decouple taking errors to the centre of mass and weigh the masses about it, every PID sees a
-   mass of one and no axis pushes another. The PIDs are filters of second order, as in
-   tracking_real.h. What is applied is committed to the force controllers at once.
+   mass of one and no axis pushes another. The PIDs are filters of second order
+   (biquad.h), without limits. What is applied is committed to the force controllers at once.
 
    Where an error is beyond its reach, or no number, no PID of any axis moves: what the last
    plausible errors asked for is held, and ANHYST_SAMPLE_IMPLAUSIBLE is set. So wrong readings wind

@@ -1,4 +1,4 @@
-"""A whole virtual stage as a component: plant and tracking controller."""
+"""A whole virtual stage as a component: its plant and its controller."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ _CORE_OF_STAGE = (
     *("compensator/map.c", "compensator/force_controller.c"),
     *(f"control/{name}_{of}.c" for name in ("allocation", "biquad") for of in FORMATS),
 )
-"""What the plant of a stage and its tracking controller name."""
+"""What the plant of a stage and its controller name."""
 
 
 def stage_part(rig_path: PathLike) -> Part:
-    """Return a stage with its tracking controller: set-point and feedforward in; position, force out.
+    """Return a stage with its controller: set-point and feedforward in; position, force out.
 
     It ticks at the rate of the controller; the compensator is ``full``, as the rig file has it.
     """

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A stage with its tracking controller: the virtual plant and the controller in lock-step, as
-   `anhyst simulate` runs them. */
+/* A stage with its controller: the virtual plant and the controller in lock-step, as `anhyst
+   simulate` runs them. */
 #include <math.h>
 #include <string.h>
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The tracking controller of a stage as a loop sees it. */
+/* The controller of a stage as a loop sees it. */
 #ifndef ANHYST_STAGE_CONTROLLER_H
 #define ANHYST_STAGE_CONTROLLER_H
 

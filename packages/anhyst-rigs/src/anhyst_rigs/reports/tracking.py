@@ -257,9 +257,8 @@ _MAGNETS = {2: "two", 3: "three", 8: "eight", 10: "ten"}
 
 
 def _freedom(study: TrackingStudy) -> str:
-    """Return in what the body is free, where that is more than one coordinate."""
-    file = study.rig.settings
-    return f", free in {', '.join(file.body.free)},"
+    """Return in what the body is free."""
+    return f", free in {', '.join(study.rig.settings.body.free)},"
 
 
 def _scan(study: TrackingStudy) -> Section:

@@ -62,7 +62,7 @@ class ScanCase(Table):
     slit_s: Positive
     # of the moving average beside the rms error, in what the search of feedforward gains minimises
     average_weight: NotNegative = 0.0
-    direction: Direction = OPENS  # of a body of several coordinates
+    direction: Direction = OPENS  # along which the body goes
 
     @model_validator(mode="after")
     def _whole(self) -> Self:

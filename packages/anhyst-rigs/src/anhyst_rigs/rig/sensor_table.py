@@ -153,7 +153,7 @@ class PositionSensorTable(Table):
     of: Literal["position"]
     noise_m: NotNegative
     step_m: NotNegative = 0.0
-    # where it looks at a body of several coordinates, and the way in which its reading rises
+    # of a stage: where it looks at the body, and the way in which its reading rises
     position_m: Place | None = None
     direction: Direction | None = None
     stands: bool = False  # on the ground: as the body goes on, its beam meets another place of it

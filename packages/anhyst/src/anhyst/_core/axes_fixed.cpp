@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controller of a body of several axes in fixed point: its words come as whole numbers.
+// The controller of a stage in fixed point: its words come as whole numbers.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>

@@ -74,7 +74,7 @@ APART = "Forces to those of them that make no wrench, q30, a row a magnet."
 
 @dataclass(frozen=True)
 class StageController:
-    """All numbers of a controller of several coordinates, in SI units."""
+    """All numbers of the controller of a stage, in SI units."""
 
     name: str  # what it is called in C
     rig: str  # name of the rig file

@@ -196,7 +196,7 @@ AXES = (
     *("control/allocation_f32.c", "control/biquad_f32.c"),
     *("control/wrench_f32.c", "control/axes_f32.c"),
 )
-"""What a controller of several coordinates needs in single precision beyond its force controllers."""
+"""What the controller of a stage needs in single precision beyond its force controllers."""
 
 AXES_FIXED = ("control/allocation.c", "control/wrench_fixed.c", "control/axes_fixed.c")
 """The same in fixed point."""

@@ -1,4 +1,4 @@
-"""The controller of several coordinates as words of fixed point: a full scale for each quantity.
+"""The controller of a stage as words of fixed point: a full scale for each quantity.
 
 ``core/include/anhyst/control/axes_fixed.h`` and ``wrench_fixed.h`` run them.
 """

@@ -1,6 +1,6 @@
 """The virtual bench of a stage: its plant and the core's own controller in lock-step, in process.
 
-No firmware runs: the tracking controller is not part of it yet. Its set-point is followed over and
+No firmware runs: it has no controller of a stage yet. Its set-point is followed over and
 over, there and back in turn, with a rest between two of them. Whatever is changed acts on one tick
 while the body rests, so that no law, gain or filter changes under force.
 """
