@@ -223,9 +223,10 @@ def _headline(study: TrackingStudy) -> Headline:
     notes = [replace(note, tone="bad") if study.lost_in else note]
     notes += [verdict_note(one) for one in study.verdicts.values()]
     notes += [Note("warn", "Left out", f"{name}: {why}.") for name, why in study.left_out.items()]
+    free = ", ".join(plant.body.free)
     return Headline(
         title=plant.name,
-        what=f"A mass of {plant.body.mass_kg:g}{NBSP}kg{_freedom(study)} between "
+        what=f"A mass of {plant.body.mass_kg:g}{NBSP}kg, free in {free}, between "
         f"{_MAGNETS.get(len(plant.placed), str(len(plant.placed)))} magnets at "
         f"{1e3 * study.rig.gap:g}{NBSP}mm, which ride on a long stroke that is off by "
         f"{1e6 * plant.frame.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
@@ -254,11 +255,6 @@ _TILES = [
     if metric.key in ("peak_m", "average_m", "settling_50_s", "settling_10_s")
 ]
 _MAGNETS = {2: "two", 3: "three", 8: "eight", 10: "ten"}
-
-
-def _freedom(study: TrackingStudy) -> str:
-    """Return in what the body is free."""
-    return f", free in {', '.join(study.rig.settings.body.free)},"
 
 
 def _scan(study: TrackingStudy) -> Section:
