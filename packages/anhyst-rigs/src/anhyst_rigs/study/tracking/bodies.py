@@ -171,6 +171,8 @@ class StageLaw(MotionLaw):
         self._kept: dict[tuple[object, ...], FloatArray] = {}  # of single magnets along that motion
         self._count = range(1, len(rig.settings.placed) + 1)
         without = _NOT_OF.get(method, ())
+        if rig.settings.magnet.both_ways:
+            without += ("lag",)  # its force goes with the current, and not with its square
         self.names = [name for name in rig.numbers if not name.startswith(without)]
         self.moved = self.names
         self.force_max = rig.settings.tracking.force_max_N
@@ -276,7 +278,7 @@ class StageLaw(MotionLaw):
         force = self.compensator(width).fresh().follow(current, gap)
         if not lag:
             return force
-        rises = np.diff(np.sqrt(np.abs(force)), prepend=0.0)
+        rises = np.diff(np.sqrt(np.maximum(force, 0.0)), prepend=0.0)
         behind = current - lag / self.rig.dt * self._per_root * rises
         return self.compensator(width).fresh().follow(behind, gap)
 
