@@ -27,9 +27,12 @@ SHORT = {
 }
 
 WRONG = Drift(
-    pinning=0.12, gap_offset=0.5e-6, first_scale=0.007, second_scale=-0.005, eddy=40e-6,
-    flux_gain=0.006,
-)  # fmt: skip
+    magnets=(
+        Drift(pinning=0.12, gap_offset=0.5e-6, first_scale=0.007, flux_gain=0.006),
+        Drift(pinning=0.12, gap_offset=-0.5e-6, first_scale=-0.005, flux_gain=0.006),
+    ),
+    eddy=40e-6,
+)
 """A plant that is off in everything."""
 
 

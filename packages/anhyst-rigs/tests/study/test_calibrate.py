@@ -91,7 +91,7 @@ def test_the_gain_of_a_probe_is_found_whatever_it_corrects() -> None:
         assert found.fits
         for number in (1, 2):
             probe = found.value(f"scale_{number}")
-            assert probe == pytest.approx(-WRONG.flux_gain, abs=0.001)
+            assert probe == pytest.approx(-WRONG.magnets[0].flux_gain, abs=0.001)
 
 
 @pytest.mark.slow
