@@ -29,7 +29,7 @@ from anhyst_rigs.rig.case_table import DisplacementCase, TrajectoryCase
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import FittedPlant
 from anhyst_rigs.rig.kind_rules import read_rig_file
-from anhyst_rigs.rig.lines import CLOSES, OPENS, BodyLines, Coordinate
+from anhyst_rigs.rig.lines import AGAINST_X, ALONG_X, BodyLines, Coordinate
 from anhyst_rigs.rig.magnet_table import LAW
 from anhyst_rigs.rig.measurement_table import Measured
 from anhyst_rigs.rig.parts.magnet import (
@@ -110,14 +110,14 @@ class BodyRig:
     def lines(self) -> BodyLines:
         """Where everything acts on the body: the coordinate of a bearing is its first gap."""
         file, body = self.settings, self.settings.body
-        pair = [(CLOSES, 0.0), (OPENS, file.gap_total_m or 0.0)]
+        pair = [(AGAINST_X, 0.0), (ALONG_X, file.gap_total_m or 0.0)]
         return BodyLines(
             coordinates=[Coordinate(0, body.stop_low_m, body.stop_high_m, body.stop_high_m)],
             magnets=pair[: len(file.placed)],
-            gap_sensors=[(OPENS, 0.0)],
+            gap_sensors=[(ALONG_X, 0.0)],
             gravity=[body.gravity_m_per_s2, 0.0, 0.0],
-            force_along=CLOSES["d"],
-            load=OPENS,
+            force_along=AGAINST_X["d"],
+            load=ALONG_X,
             load_rest=file.gap_m,
         )
 
@@ -272,13 +272,13 @@ def _pair_faults(file: RigFile) -> Iterator[FileFault]:
     if first.both_ways:
         text = "pushes as well as it pulls; it is for a stage"
         yield FileFault(file.place(first, "kind"), text, code="not-for-this-kind")
-    if first.direction != CLOSES["d"]:
-        text = f"the first magnet pulls along {CLOSES['d']}, towards smaller gaps; write that"
+    if first.direction != AGAINST_X["d"]:
+        text = f"the first magnet pulls along {AGAINST_X['d']}, towards smaller gaps; write that"
         yield FileFault(file.place(first, "direction"), text, code="wrong-direction")
     if opposite is None or total is None:
         return
-    if opposite.direction != OPENS["d"]:
-        text = f"a second magnet pulls against the first, along {OPENS['d']}; write that"
+    if opposite.direction != ALONG_X["d"]:
+        text = f"a second magnet pulls against the first, along {ALONG_X['d']}; write that"
         yield FileFault(file.place(opposite, "direction"), text, code="wrong-direction")
     if not (high := file.body.stop_high_m) < total:
         text = f"both gaps make {total:g} m, not above stop_high_m, {high:g} m, where the second "

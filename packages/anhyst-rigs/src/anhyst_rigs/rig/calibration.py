@@ -120,7 +120,7 @@ class CalibratedMethod(Table):
             if not self.fits:
                 left += ": more than a law of the right kind leaves"
         if self.refused and self.taken:
-            left += f"; {self.refused} motions taught nothing, for they were not explained"
+            left += f"; {self.refused} other motions were not explained and taught nothing"
         if self.mass_kg is not None:
             left += f"; a body of {self.mass_kg:.4g} kg explains it: correct body.mass_kg"
         return left if self.taken else f"{left}; nothing is taken"
@@ -184,7 +184,7 @@ def read_calibration(
         missing = {name for name in known - names if kind_of(name) in kinds}
         for name in sorted(names - known) or sorted(missing):
             raise InputError(
-                f"{path}: {name}: {rig} has other magnets or coordinates; calibrate this one",
+                f"{path}: {name}: the numbers in the file are not those of {rig}; calibrate it again",
                 code="unknown-name",
                 key=name,
             )

@@ -167,23 +167,26 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     settings = other.settings
     if rig.law is not None:
         return make_plant(other, seed, other.magnet_of(drifted_law(rig.law, drift)))
-    if not drift.magnets:
-        # the iron of both magnets of a pair has drifted in the file already
-        scales = (drift.first_scale, drift.second_scale)[: len(settings.placed)]
-        pair = [Drift(first_scale=one, eddy=drift.eddy) for one in scales]
-        return make_plant(other, seed, *(_drifted_magnet(settings, one) for one in pair))
-    each = [replace(one, eddy=drift.eddy) for one in drift.magnets]
-    magnets = [_drifted_magnet(settings, one) for one in each]
+    each = [replace(one, eddy=drift.eddy) for one in _of_magnets(drift, len(settings.placed))]
+    made = {one: _drifted_magnet(settings, one) for one in dict.fromkeys(each)}
     numbers = plant_numbers(other)
     numbers.body["centre"] = _moved(settings.body.centre_m, drift)
-    for one, actuator, gap in zip(drift.magnets, numbers.actuators, numbers.heads, strict=False):
+    for one, actuator, gap in zip(each, numbers.actuators, numbers.heads, strict=False):
         probe, sensor = actuator["flux_probe"], gap["sensor"]
         if actuator["has_probe"]:
             actuator["flux_probe"] = {**probe, "gain": probe["gain"] + one.flux_gain}
         gap["sensor"] = {**sensor, "offset": sensor["offset"] + one.gap_offset}
-    for one, head in zip(drift.heads, numbers.heads[len(magnets) :], strict=False):
+    for one, head in zip(drift.heads, numbers.heads[len(each) :], strict=False):
         head["line"] = {**head["line"], "r": _moved(head["line"]["r"], one)}
-    return make_plant(other, seed, *magnets, numbers=numbers)
+    return make_plant(other, seed, *(made[one] for one in each), numbers=numbers)
+
+
+def _of_magnets(drift: Drift, count: int) -> Sequence[Drift]:
+    """Return what each magnet has drifted in beside all of them: of a pair its two scales."""
+    scales = [drift.first_scale] * count
+    if count == 2:
+        scales[1] = drift.second_scale
+    return drift.magnets or [Drift(first_scale=scale) for scale in scales]
 
 
 def _moved(place: Sequence[float], drift: Drift) -> list[float]:

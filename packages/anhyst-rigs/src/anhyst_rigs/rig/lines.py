@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from anhyst_rigs.rig.magnet_table import CLOSES, OPENS, ORIGIN
+
 Line = Mapping[str, list[float]]
 """A place ``r`` on the body, m, and a unit vector ``d`` along which something acts there."""
 
-OPENS: Line = {"r": [0.0, 0.0, 0.0], "d": [1.0, 0.0, 0.0]}
-CLOSES: Line = {"r": [0.0, 0.0, 0.0], "d": [-1.0, 0.0, 0.0]}
-"""Lines along x through the origin, both ways."""
+ALONG_X: Line = {"r": ORIGIN, "d": OPENS}
+AGAINST_X: Line = {"r": ORIGIN, "d": CLOSES}
+"""Lines through the origin."""
 
 
 @dataclass(frozen=True, slots=True)

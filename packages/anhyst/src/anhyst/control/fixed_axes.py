@@ -109,7 +109,7 @@ def fixed_wrench(drives: Drives, wrench: FloatArray, force: float) -> tuple[Word
     }
 
 
-def in_codes(settings: Mapping[str, float]) -> dict[str, float]:
+def _in_codes(settings: Mapping[str, float]) -> dict[str, float]:
     """Return the settings of a controller in fixed point: currents and idle force as codes.
 
     The highest current is the last one of the converter's grid that is within the limit.
@@ -131,7 +131,7 @@ def fixed_axes(
     rows: Mapping[str, FloatArray], drives: Drives, settings: Mapping[str, float]
 ) -> FixedController:
     """Return all words of a controller, from its rows and settings in SI."""
-    scales, currents = _scales(rows, drives, settings), in_codes(settings)
+    scales, currents = _scales(rows, drives, settings), _in_codes(settings)
     pose, wrench = scales.pose, scales.wrench
     words, numbers = fixed_wrench(drives, wrench, scales.force)
     heads = len(rows["at"])

@@ -30,7 +30,7 @@ from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod, ParameterName,
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.kind_rules import read_rig_file
-from anhyst_rigs.rig.lines import OPENS, BodyLines, Coordinate, PositionHead
+from anhyst_rigs.rig.lines import ALONG_X, BodyLines, Coordinate, PositionHead
 from anhyst_rigs.rig.magnet_table import DIRECTION_ROUNDING, ORIGIN
 from anhyst_rigs.rig.recording import Recording, column
 from anhyst_rigs.rig.tables import AXES
@@ -129,6 +129,9 @@ def _travel_faults(file: RigFile) -> Iterator[FileFault]:
                 f"{body.stop_high_m:g} m at the first magnet, and would touch this one; raise it"
             )
             yield FileFault(file.place(magnet, "gap_m"), text, code="range-too-narrow")
+    if not travel > (off := 0.5 * file.frame.stray_m):
+        text = f"the body travels {travel:g} m either way, and the long stroke is off by {off:g} m"
+        yield FileFault(("frame", "stray_m"), f"{text}; lower it", code="range-too-narrow")
 
 
 def _line_faults(file: RigFile) -> Iterator[FileFault]:
@@ -152,6 +155,13 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
     if len({one.stands for one in file.position_sensors}) > 1:
         text = "some stand on the ground and some do not; let all do the same"
         yield FileFault(("sensor",), text, code="option-differs")
+    for sensor, row in zip(file.position_sensors, head_rows(file), strict=True):
+        if not row.any():
+            text = f"reads nothing of a body that is free in {free}; turn it, or remove it"
+            yield FileFault(file.place(sensor), text, code="axis-not-seen")
+    if file.body.gravity_m_per_s2 and not weight(file).any():
+        text = f"weight is along -z, and does not move a body that is free in {free}; remove it"
+        yield FileFault(file.place(file.body, "gravity_m_per_s2"), text, code="without-effect")
     if np.linalg.matrix_rank(head_rows(file)) < len(file.body.free):
         text = f"the position sensors do not tell {free} apart; add one, or move them"
         yield FileFault(("sensor",), text, code="axis-not-seen")
@@ -165,8 +175,16 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
         yield FileFault(("magnet",), text, code="axis-not-held")
         return
     if not layout.share((-weight(file)).tolist())[1]:
-        text = "no forces of magnets that only pull carry the weight; turn one, or add one"
+        text = "no pulls of these magnets hold the body and its weight; turn one, or add one"
         yield FileFault(("magnet",), text, code="load-too-large")
+        return
+    able = largest_push(file, along_scan(file))
+    for key in ("train_m_per_s2", "test_m_per_s2"):
+        needed = file.body.mass_kg * max(getattr(file.scan, key))
+        if needed > 1.01 * able:
+            text = f"{file.body.mass_kg:g} kg need {needed:.4g} N, and the magnets push with "
+            text += f"{able:.4g} N along the set-point, either way, beside the weight; lower it"
+            yield FileFault(file.place(file.scan, key), text, code="load-too-large")
 
 
 def travel_m(file: RigFile) -> float:
@@ -217,7 +235,7 @@ def head_rows(file: RigFile) -> FloatArray:
 def _heads(file: RigFile) -> list[tuple[list[float], list[float]]]:
     """Return where each position sensor looks at the body, m, and the way in which it reads."""
     sensors = file.position_sensors
-    return [(one.position_m or ORIGIN, one.direction or OPENS["d"]) for one in sensors]
+    return [(one.position_m or ORIGIN, one.direction or ALONG_X["d"]) for one in sensors]
 
 
 def seen_from(file: RigFile, poses: FloatArray, targets: FloatArray) -> FloatArray:

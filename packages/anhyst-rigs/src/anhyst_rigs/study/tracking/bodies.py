@@ -210,9 +210,14 @@ class StageLaw(MotionLaw):
         place = np.column_stack([columns[name] for name in places])
         speed = np.linalg.norm(place[STILL:] - place[:-STILL], axis=1) / (STILL * self.rig.dt)
         noise = 10.0 * file.position_sensor.noise_m / (STILL * self.rig.dt)
-        if abs(columns["demand_N"][0]) > DEAD * self.force_max:
+        carried = float(weight(file) @ scan_direction(file))
+        if abs(columns["demand_N"][0] + carried) > DEAD * self.force_max:
             return ColumnFault("begins in motion", "demand_N")
-        is_moving = speed[0] > 0.02 * float(speed.max()) + noise
+        # a body that carries its weight falls until currents flow
+        fallen = (
+            abs(file.body.gravity_m_per_s2) * STILL * self.rig.dt if weight(file).any() else 0.0
+        )
+        is_moving = speed[0] > 0.02 * float(speed.max()) + noise + fallen
         return ColumnFault("begins in motion", places[0]) if is_moving else None
 
     def wrong_sign(self, motion: Motion) -> ColumnFault | None:

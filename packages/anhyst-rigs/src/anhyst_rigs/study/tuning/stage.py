@@ -16,7 +16,7 @@ from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import draw_plant
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.file import along_scan, largest_push
+from anhyst_rigs.rig.stage.file import along_scan, largest_push, scan_direction, weight
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
 from anhyst_rigs.study.engine.table import mean_interval
@@ -304,10 +304,12 @@ class StageLoop:
             return [Limit("average_m", "not every noise seed and drawn plant was held")]
         near = reached.near(aims)
         motion, file = self._motion(UNSEEN), self.setup.rig.settings
-        demand = np.abs(track(self.setup, motion, self.feedforward, seed)["demand_N"]).max()
+        carried = float(weight(file) @ scan_direction(file))
+        asked = track(self.setup, motion, self.feedforward, seed)["demand_N"] + carried
+        demand = float(np.abs(asked).max())
         most = largest_push(file, along_scan(file))
         if demand >= _AT * most:
-            text = f"the demand reaches {demand:.3g} N of {most:g} N on the test set-point"
+            text = f"the demand reaches {demand:.3g} N of {most:.4g} N on the test set-point"
             near.append(Limit("force", text))
         if (crossover := file.tracking.crossover_Hz) >= _NEAR * self.most:
             text = f"the crossover of {crossover:.4g} Hz takes what is allowed, {self.most:g} Hz"

@@ -1,0 +1,121 @@
+"""A stage of one coordinate from its file: along any axis, with what it cannot do refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst_rigs.rig.calibration import of_stage
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, make_stage, track
+from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.study.tracking.calibrate import calibrate
+from anhyst_rigs.study.tracking.excitation import find_move
+from tests.refusals import refused
+from tests.study import bearings, stages
+
+TEXT = (stages.EXAMPLE / "rig.toml").read_text(encoding="utf-8")
+ALONG_Z = {
+    "mass_kg = 10.0": 'mass_kg = 10.0\nfree = ["z"]\ngravity_m_per_s2 = 9.81',
+    'iron = "core"\n': 'iron = "core"\ndirection = [0.0, 0.0, -1.0]\n',
+    "direction = [1.0, 0.0, 0.0]": "direction = [0.0, 0.0, 1.0]",
+    'of = "position"': 'of = "position"\ndirection = [0.0, 0.0, 1.0]',
+    "speed_m_per_s = 0.5": "direction = [0.0, 0.0, 1.0]\nspeed_m_per_s = 0.25",
+    "cruise_s = 0.05": "cruise_s = 0.03",
+    "[22.0, 16.0, 8.0, 20.0, 12.0]": "[12.0, 8.0]",
+    "[22.0, 10.0, 18.0, 6.0, 14.0, 22.0]": "[12.0, 6.0, 10.0]",
+}
+"""The example stood up: the second magnet carries its weight."""
+
+
+def rig_file(folder: Path, changes: dict[str, str]) -> Path:
+    """Write the example with some of its lines changed."""
+    text = TEXT
+    for old, new in changes.items():
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    path = folder / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    (folder / "loops.csv").write_bytes((stages.EXAMPLE / "loops.csv").read_bytes())
+    return path
+
+
+def test_the_bundled_file_says_nothing_of_lines_and_means_x() -> None:
+    rig = read_stage(stages.EXAMPLE / "rig.toml")
+    lines = rig.lines
+    (x,) = lines.coordinates
+    assert x.axis == 0
+    assert (x.low, x.high) == pytest.approx((-1e-4, 1e-4))
+    assert [line["d"] for line, _ in lines.magnets] == [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+    assert [head.line["d"] for head in lines.heads] == [[1.0, 0.0, 0.0]]
+    assert rig.numbers == of_stage(2)
+
+
+def test_a_stage_that_carries_its_weight_asks_for_it_and_holds_its_place(tmp_path: Path) -> None:
+    rig = read_stage(rig_file(tmp_path, ALONG_Z))
+    scan = rig.settings.scan
+    run = track(
+        make_stage(rig, bearings.knowledge(), "full"),
+        motion_of(scan, scan.test_m_per_s2),
+        Feedforward(),
+        1,
+    )
+    assert run.loss is None
+    assert run["demand_N"][0] == pytest.approx(98.1, rel=1e-3)
+    begun = round(0.01 / run.dt)
+    assert np.abs(run["error_m"][begun:]).max() < 1e-6
+    moved = np.gradient(np.gradient(run["position_m"], run.dt), run.dt)
+    off = 10.0 * moved - run["force_N"] + 98.1
+    assert np.sqrt(np.mean(off[begun:-2] ** 2)) < 0.5
+
+
+@pytest.mark.slow
+def test_its_own_move_calibrates_it(tmp_path: Path) -> None:
+    rig = read_stage(rig_file(tmp_path, ALONG_Z))
+    move = find_move(rig, bearings.knowledge())
+    found = calibrate(rig, move.run, magnet=bearings.knowledge(), methods=["full"])
+    (full,) = found.file.method
+    assert full.fits
+    assert all(abs(one.value) < 0.5 * one.prior for one in full.parameter)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"mass_kg = 10.0": "mass_kg = 10.0\ngravity_m_per_s2 = 9.81"},
+            "without-effect body[1].gravity_m_per_s2: free in x",
+        ),
+        (
+            {"mass_kg = 10.0": "mass_kg = 12.0"},
+            "load-too-large case[1].train_m_per_s2: 12 kg need 264 N",
+        ),
+        (
+            ALONG_Z | {"[22.0, 16.0, 8.0, 20.0, 12.0]": "[16.0, 8.0]"},
+            "load-too-large case[1].train_m_per_s2: beside the weight",
+        ),
+        (
+            {"stop_high_m = 0.55e-3": "stop_high_m = 0.458e-3"},
+            "range-too-narrow frame.stray_m: 8e-06 m either way",
+        ),
+        (
+            {'of = "position"': 'of = "position"\ndirection = [0.0, 1.0, 0.0]'},
+            "axis-not-seen sensor: do not tell x apart",
+        ),
+        (
+            {"mass_kg = 10.0": 'mass_kg = 10.0\nfree = ["y"]'},
+            "missing magnet[1].direction: free in y",
+        ),
+        (
+            {"direction = [1.0, 0.0, 0.0]": "direction = [-1.0, 0.0, 0.0]"},
+            "load-too-large magnet: no pulls of these magnets hold the body",
+        ),
+    ],
+)
+def test_what_such_a_body_cannot_do_is_refused_with_the_reason(
+    tmp_path: Path, changes: dict[str, str], said: str
+) -> None:
+    with refused(said):
+        read_stage(rig_file(tmp_path, changes))
