@@ -22,7 +22,8 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import changed, draw_plant
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
+from anhyst_rigs.rig.stage.fitted import identify_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.bodies import StageLaw
 from anhyst_rigs.study.tracking.excitation import design, fly

@@ -24,7 +24,8 @@ from anhyst_rigs.rig.drift import changed
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import StageSetup, identify_stage, track
+from anhyst_rigs.rig.stage.fitted import identify_stage
+from anhyst_rigs.rig.stage.loop import StageSetup, track
 from anhyst_rigs.study.tracking.learner import FORGET_S, WORK, Learner
 from anhyst_rigs.study.tracking.measures import Measures
 from calibration_trials import (

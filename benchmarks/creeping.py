@@ -20,7 +20,8 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import identify_stage, make_stage, track
+from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.loop import track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.simulate import find_gains

@@ -16,13 +16,11 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import NO_DRIFT, drifted_plant
 from anhyst_rigs.rig.loop import ClosedLoop, Scenario
 from anhyst_rigs.rig.plant import current_loops
-from anhyst_rigs.rig.stage.file import mass_matrix, read_stage, weight
-from anhyst_rigs.rig.stage.loop import (
-    StageSetup,
-    identify_stage,
-    make_stage,
-    of_axes,
-)
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.geometry import mass_matrix, weight
+from anhyst_rigs.rig.stage.loop import StageSetup
+from anhyst_rigs.rig.stage.recording import of_axes
 from anhyst_rigs.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, strayed
 from planar import RIG
 from rows import Row

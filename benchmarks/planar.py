@@ -20,15 +20,11 @@ from anhyst_rigs.rig.case_table import LossCase
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import Feedforward, identify_stage, make_stage, track
+from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.measures import Losses, cross_talk, measure
-from anhyst_rigs.study.tracking.simulate import (
-    COMPARED,
-    TrackingStudy,
-    explore_stage,
-    find_gains,
-)
+from anhyst_rigs.study.tracking.simulate import COMPARED, TrackingStudy, explore_stage, find_gains
 from rows import ROOT, Row
 from tests.study.test_losses import laid
 from tracking import with_iron

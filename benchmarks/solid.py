@@ -27,7 +27,8 @@ from anhyst_rigs.rig.fitting import identify_magnet
 from anhyst_rigs.rig.magnet_table import SolidTable
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import make_stage, track
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.loop import track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.bearing.operating import read_files
 from anhyst_rigs.study.bearing.responses import StepCell, compare_steps

@@ -20,7 +20,8 @@ from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import identify_stage, make_stage, track
+from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.loop import track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.simulate import TrackingStudy, explore_stage
 from rows import ROOT, Row

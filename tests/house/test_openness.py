@@ -24,7 +24,7 @@ from anhyst_exchange.exporter import export_fmu
 from anhyst_rigs.dashboard.verb import opened
 from anhyst_rigs.link import firmware
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import identify_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage
 from anhyst_rigs.study.bench import prepared_once
 from tests.docs.blocks import blocks
 from tests.docs.places import fill, shell

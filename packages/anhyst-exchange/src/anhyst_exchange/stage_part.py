@@ -23,23 +23,11 @@ from anhyst_exchange.part import Causality, Part, Variable, header, kernel_of, r
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.recording import column
-from anhyst_rigs.rig.stage.file import (
-    least_of,
-    opposed,
-    pull_rows,
-    read_stage,
-    unit_of,
-    watch_settings,
-    yields,
-)
-from anhyst_rigs.rig.stage.loop import (
-    StageSetup,
-    axes_rows,
-    blocks_of,
-    controller_settings,
-    identify_stage,
-    make_stage,
-)
+from anhyst_rigs.rig.stage.drives import least_of, opposed, watch_settings, yields
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.geometry import pull_rows, unit_of
+from anhyst_rigs.rig.stage.loop import StageSetup, axes_rows, blocks_of, controller_settings
 from anhyst_rigs.study.tracking.simulate import check_calibration
 
 _CORE_OF_STAGE = (

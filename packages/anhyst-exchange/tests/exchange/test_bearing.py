@@ -22,16 +22,11 @@ from anhyst_rigs.rig.calibration import CENTRE
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording, of_magnets
-from anhyst_rigs.rig.stage.file import error_columns, read_stage, scan_direction, unit_of
-from anhyst_rigs.rig.stage.loop import (
-    Feedforward,
-    demand_columns,
-    fed_wrench,
-    feed,
-    make_stage,
-    pose_columns,
-    track,
-)
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.geometry import error_columns, scan_direction, unit_of
+from anhyst_rigs.rig.stage.loop import Feedforward, fed_wrench, feed, track
+from anhyst_rigs.rig.stage.recording import demand_columns, pose_columns
 from anhyst_rigs.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst_rigs.study.bearing.operating import make_ready, read_files
 from tests.cli.command import quick as run

@@ -17,21 +17,10 @@ from anhyst.cli.app import main
 from anhyst.compilation.compiled_stage import CompiledStage
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst_rigs.rig.drift import Drift
-from anhyst_rigs.rig.stage.loop import (
-    Feedforward,
-    StageSetup,
-    axes_controller,
-    fit_method,
-    make_stage,
-    track,
-)
+from anhyst_rigs.rig.stage.fitted import fit_method, make_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, axes_controller, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.study.tracking.compiled import (
-    COMMAND_ROWS,
-    ROWS,
-    compiled_rig,
-    write_stage,
-)
+from anhyst_rigs.study.tracking.compiled import COMMAND_ROWS, ROWS, compiled_rig, write_stage
 from tests.compilation.packaged import undrawn  # noqa: F401 - a fixture
 from tests.compilation.test_controller import WARNINGS, played
 from tests.core.test_c_core import tool

@@ -14,7 +14,8 @@ from anhyst_rigs.rig.bearing.loop import check_controller
 from anhyst_rigs.rig.body import read_bearing
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import identify_stage, make_stage, track
+from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.loop import track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.simulate import find_gains

@@ -9,8 +9,10 @@ import pytest
 
 from anhyst_rigs.rig.bench.stage import StageBench
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.stage.file import pull_rows, read_stage
-from anhyst_rigs.rig.stage.loop import StageSetup, make_stage
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.geometry import pull_rows
+from anhyst_rigs.rig.stage.loop import StageSetup
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, seen, state_is, until
 from tests.study import bearings

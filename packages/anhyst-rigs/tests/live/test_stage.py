@@ -13,7 +13,8 @@ from anhyst_rigs.dashboard.orders import perform
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.dashboard.verb import opened
-from anhyst_rigs.rig.stage.loop import Feedforward, make_stage
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.loop import Feedforward
 from anhyst_rigs.study.prepared import PreparedStage
 from anhyst_rigs.study.tracking.beside import StageLearner
 from anhyst_rigs.study.tracking.calibrate import calibrate

@@ -16,7 +16,8 @@ from anhyst.support.toml_text import toml_key, toml_value
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.parts.magnet import ACTUATORS, ActuatorKind, Poles
-from anhyst_rigs.rig.stage.file import least_of, opposed, read_stage
+from anhyst_rigs.rig.stage.drives import least_of, opposed
+from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.study.excite.design import Bound, bearing_specimen
 from tests.refusals import refused
 from tests.repository import ROOT

@@ -14,8 +14,9 @@ from anhyst_rigs.rig.bench import stage
 from anhyst_rigs.rig.bench.stage import StageBench
 from anhyst_rigs.rig.parts.magnet import circuit_numbers
 from anhyst_rigs.rig.recording import Loss
-from anhyst_rigs.rig.stage.file import pull_rows
-from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, track
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.geometry import pull_rows
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_axes import planar

@@ -9,7 +9,8 @@ import pytest
 
 from anhyst_rigs.rig.calibration import of_stage
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import Feedforward, make_stage, track
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.calibrate import calibrate
 from anhyst_rigs.study.tracking.excitation import find_move

@@ -11,7 +11,8 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import Drift
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, track
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
 from anhyst_rigs.rig.tables import FrameTable
 from anhyst_rigs.study.tracking.simulate import TrackingStudy, explore_stage

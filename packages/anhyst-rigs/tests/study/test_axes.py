@@ -17,18 +17,11 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording, column
 from anhyst_rigs.rig.stage import loop
-from anhyst_rigs.rig.stage.file import read_stage, scan_direction
-from anhyst_rigs.rig.stage.loop import (
-    Feedforward,
-    axes_rows,
-    fed_wrench,
-    feed,
-    make_stage,
-    of_axes,
-    pose_columns,
-    recorded,
-    track,
-)
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.geometry import scan_direction
+from anhyst_rigs.rig.stage.loop import Feedforward, axes_rows, fed_wrench, feed, track
+from anhyst_rigs.rig.stage.recording import of_axes, pose_columns, recorded
 from anhyst_rigs.rig.stage.setpoint import instants, motion_of, ticks_of
 from anhyst_rigs.study.tracking.measures import cross_talk, measure, still_axes
 from anhyst_rigs.study.tracking.simulate import explore_stage

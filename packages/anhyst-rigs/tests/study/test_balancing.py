@@ -15,7 +15,8 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CENTRE
 from anhyst_rigs.rig.drift import Drift, changed, draw_plant
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, track
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.engine.monte_carlo import monte_carlo
 from anhyst_rigs.study.plants import ERRORS, errors_of, stage_plants

@@ -20,7 +20,8 @@ from anhyst_rigs import Calibration, calibrate
 from anhyst_rigs.rig.calibration import CalibratedMethod, ParameterName
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_stage, track
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.simulate import explore_stage
 from tests.refusals import refused

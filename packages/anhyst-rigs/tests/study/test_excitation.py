@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst_rigs.rig.drift import changed
-from anhyst_rigs.rig.stage.loop import make_stage
+from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.study.tracking.bodies import StageLaw
 from anhyst_rigs.study.tracking.excitation import (
     CalibratingMove,

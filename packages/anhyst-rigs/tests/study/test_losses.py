@@ -18,16 +18,10 @@ from anhyst_rigs.rig.loop import FAILS, HEAD_FAULTS, ClosedLoop, Scenario
 from anhyst_rigs.rig.magnet_table import LikeTable
 from anhyst_rigs.rig.plant import current_loops
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.file import spare
-from anhyst_rigs.rig.stage.loop import (
-    Feedforward,
-    StageSetup,
-    axes_controller,
-    fed_wrench,
-    make_stage,
-    of_axes,
-    track,
-)
+from anhyst_rigs.rig.stage.drives import spare
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, axes_controller, fed_wrench, track
+from anhyst_rigs.rig.stage.recording import of_axes
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.tracking.measures import Losses, LostMagnet
 from tests.control.test_wrench import LAYOUTS

@@ -16,7 +16,8 @@ from anhyst_rigs.rig.drift import NO_DRIFT, Drift, changed, draw_drift, drifted_
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, check_plant, identify_magnet
 from anhyst_rigs.rig.magnet_table import SolidTable
 from anhyst_rigs.rig.measuring import loop_texts, measure_loops
-from anhyst_rigs.rig.stage.loop import Feedforward, make_stage, track
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, track
 from anhyst_rigs.study.plants import ERRORS, errors_of
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import make_variants

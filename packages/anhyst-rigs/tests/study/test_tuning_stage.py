@@ -17,7 +17,8 @@ import anhyst_rigs
 from anhyst.cli import app as cli
 from anhyst.support.errors import Interrupted
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import Feedforward, make_stage, pid, track
+from anhyst_rigs.rig.stage.fitted import make_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, pid, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, instants, ticks_of
 from anhyst_rigs.study.tuning import search, stage, tuning
 from anhyst_rigs.study.tuning.aims import LOST, Aims

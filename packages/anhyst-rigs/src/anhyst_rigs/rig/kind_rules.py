@@ -22,12 +22,7 @@ from anhyst_rigs.rig.case_table import (
     TrajectoryCase,
 )
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.magnet_table import (
-    FROM_LOOPS,
-    LikeTable,
-    MagnetTable,
-    SolenoidTable,
-)
+from anhyst_rigs.rig.magnet_table import FROM_LOOPS, LikeTable, MagnetTable, SolenoidTable
 from anhyst_rigs.rig.measurement_table import identify_faults
 from anhyst_rigs.rig.sensor_table import (
     CurrentSensorTable,

@@ -41,7 +41,7 @@ from anhyst_rigs.rig.force.programs import find_model, loops_of_rig
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import identify_stage, make_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.bearing.on_board import build_firmware
 from anhyst_rigs.study.bearing.operating import make_ready, read_files

@@ -32,7 +32,7 @@ from anhyst_rigs.rig.kind_rules import takes_key
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.parts.iron import NamedCells
 from anhyst_rigs.rig.piezo import PiezoRig
-from anhyst_rigs.rig.stage.loop import identify_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage
 from anhyst_rigs.study.bearing.operating import find_operating_point, label_of
 from anhyst_rigs.study.bearing.responses import StepResult, StepRun, run_steps
 from anhyst_rigs.study.engine.monte_carlo import Plants

@@ -38,7 +38,8 @@ from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst_rigs.rig.recording import Recording, peak
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
+from anhyst_rigs.rig.stage.fitted import identify_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.rig.tables import SPREADS
 from anhyst_rigs.study.bearing.operating import make_ready, read_files

@@ -16,7 +16,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Flag, Phase, State
 from anhyst_rigs.rig.recording import column
-from anhyst_rigs.rig.stage.loop import WRENCH
+from anhyst_rigs.rig.stage.recording import WRENCH
 
 
 class Signal(NamedTuple):

@@ -19,6 +19,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, Phase, State
+from anhyst_rigs.rig.bench.body import layout_of, lying, pulls
 from anhyst_rigs.rig.bench.protocol import (
     ALONG,
     STAGE_COMMANDS,
@@ -36,27 +37,10 @@ from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.loop import ClosedLoop
 from anhyst_rigs.rig.plant import current_loops
 from anhyst_rigs.rig.recording import CURRENTS, Loss, Recording, column, of_magnets, peak
-from anhyst_rigs.rig.stage.file import (
-    along_scan,
-    largest_push,
-    layout_of,
-    lying,
-    pulls,
-    pushed_with,
-    scan_direction,
-)
-from anhyst_rigs.rig.stage.loop import (
-    WRENCH,
-    Feedforward,
-    StageSetup,
-    demand_columns,
-    fed_wrench,
-    of_axes,
-    pid,
-    recorded,
-    scenario_along,
-    stage_loss,
-)
+from anhyst_rigs.rig.stage.drives import largest_push, pushed_with
+from anhyst_rigs.rig.stage.geometry import along_scan, scan_direction
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, fed_wrench, pid, scenario_along
+from anhyst_rigs.rig.stage.recording import WRENCH, demand_columns, of_axes, recorded, stage_loss
 from anhyst_rigs.rig.stage.setpoint import (
     STRAY_LATE,
     Course,

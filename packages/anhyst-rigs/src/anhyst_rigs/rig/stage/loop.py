@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
 
 import numpy as np
 
@@ -13,51 +12,37 @@ from anhyst._core import FixedAxes, LoopController, Plant, TrackingAxes, Trackin
 from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
-from anhyst.compensate.sources import Operating
 from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes
 from anhyst.control.position import Allocation
-from anhyst.data import Loops
-from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod, ParameterName
+from anhyst_rigs.rig.calibration import ParameterName
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift, drifted_plant
-from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrated, fit_at, identify_rippling
 from anhyst_rigs.rig.loop import Scenario, Setup, SimulatedLoop
-from anhyst_rigs.rig.recording import (
-    CURRENTS,
-    OUT_OF_PROPORTION,
-    Loss,
-    Recording,
-    SignalBound,
-    column,
-    find_loss,
-    of_magnets,
-)
-from anhyst_rigs.rig.stage.file import (
-    along_scan,
-    axes_of,
-    believed,
-    correction,
-    decoupling,
-    error_columns,
-    head_rows,
+from anhyst_rigs.rig.recording import Recording
+from anhyst_rigs.rig.stage.calibrated import believed
+from anhyst_rigs.rig.stage.drives import (
     least_of,
     opposed,
-    pull_rows,
-    scan_direction,
-    seen_from,
-    stops_of,
-    travel_m,
-    unit_of,
     usual_allocation,
     watch_settings,
-    weight,
-    without,
     wrench_layout,
     yields,
 )
+from anhyst_rigs.rig.stage.geometry import (
+    along_scan,
+    axes_of,
+    decoupling,
+    head_rows,
+    pull_rows,
+    scan_direction,
+    stops_of,
+    travel_m,
+    weight,
+    without,
+)
+from anhyst_rigs.rig.stage.recording import recorded, stage_loss
 from anhyst_rigs.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
 
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
@@ -198,87 +183,6 @@ def fed_wrench(rig: BodyRig, forward: FloatArray) -> FloatArray:
     return np.asarray(np.outer(forward, along_scan(file)) - weight(file))
 
 
-def recorded(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
-    """Return the columns of a recording, of the loop's own record.
-
-    They say what happened along the set-point, of every coordinate and of every magnet.
-    """
-    file, n = rig.settings, len(run)
-    reference, along, free = scenario.target[:n], scan_direction(file), file.body.free
-    poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + scenario.frame[:n]
-    errors = reference - poses
-    demand = np.column_stack([run[name] for name in of_axes("demand", free, WRENCH)]) @ along
-    return {
-        "t_s": run["t_s"],
-        "reference_m": reference @ along,
-        "position_m": poses @ along,
-        "error_m": errors @ along,
-        "demand_N": demand,
-        "force_N": run["force_N"],
-        "force_error_N": _force_error(rig, run, demand),
-        **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
-        **{name: run[name] for name in of_magnets([("gap", "m"), *CURRENTS], 1, len(file.placed))},
-        **_axes_read(rig, run, reference),
-    }
-
-
-def _axes_read(rig: BodyRig, run: Recording, target: FloatArray) -> dict[str, FloatArray]:
-    """Return what the controller was given and asked for."""
-    file, count = rig.settings, len(rig.settings.placed)
-    signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
-    behind = range(count + 1, count + len(file.position_sensors) + 1)
-    heads = np.column_stack([run[column("gap_read", "m", number)] for number in behind])
-    poses = seen_from(file, heads @ np.linalg.pinv(head_rows(file)).T, target)
-    free = file.body.free
-    return {
-        **{name: run[name] for name in of_magnets(signals, 1, count)},
-        **dict(zip(pose_columns(free), poses.T, strict=True)),
-        **{
-            name: run[own]
-            for name, own in zip(demand_columns(free), of_axes("demand", free, WRENCH), strict=True)
-        },
-    }
-
-
-def of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")) -> list[str]:
-    """Return the columns of a signal of every coordinate, in the loop's own record."""
-    return [
-        column(signal, units[unit_of(axis) == "rad"], number) for number, axis in enumerate(free, 1)
-    ]
-
-
-def stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
-    """Return where a stage was lost: on an end stop, or its demand out of proportion."""
-    file, stop = rig.settings, "an end stop was reached"
-    most = OUT_OF_PROPORTION * file.tracking.force_max_N * len(file.placed)
-    bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
-    poses = of_axes("pose", file.body.free)
-    for name, end in zip(poses, stops_of(file), strict=True):
-        bounds.append(SignalBound(stop, run[name], -end, end))
-    return find_loss(bounds, planned)
-
-
-WRENCH = ("N", "N_m")
-"""Units of a force along a coordinate and about one."""
-
-
-def pose_columns(free: Sequence[str]) -> list[str]:
-    """Return the columns of a recording that hold the pose as it was read."""
-    return [f"pose_read_{axis}_{unit_of(axis)}" for axis in free]
-
-
-def demand_columns(free: Sequence[str], signal: str = "demand") -> list[str]:
-    """Return the columns of a recording that hold the wrench that was demanded, or another one."""
-    return [f"{signal}_{axis}_{WRENCH[unit_of(axis) == 'rad']}" for axis in free]
-
-
-def _force_error(rig: BodyRig, run: Recording, demand: FloatArray) -> FloatArray:
-    """Return the force less what was demanded a delay earlier, N."""
-    ticks = np.arange(len(run), dtype=float)
-    late = rig.settings.timing.delay_ticks + 0.5
-    return np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand))
-
-
 def bias(rig: BodyRig, method: str) -> float:
     """Return what either magnet pulls with at rest, N: for constants half of the largest force."""
     if rig.settings.magnet.both_ways:
@@ -372,74 +276,3 @@ def block_of(compensator: ForceController) -> Block:
     """Return the parameter block of a compensator of a law."""
     assert isinstance(compensator.parameters, HysteresisInverse)
     return compensator.parameters.block
-
-
-def identify_stage(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
-    """Identify what is known of the magnets of a stage, from its loops or others of them."""
-
-    def usable(known: IdentifiedMagnet) -> bool:
-        try:
-            return bool(fit_method(rig, known, "full"))
-        except InputError:
-            return False
-
-    return identify_rippling(loops or rig.measured.read(), rig.settings.loops, usable)
-
-
-def make_stage(
-    rig: BodyRig,
-    magnet: IdentifiedMagnet,
-    method: MethodName,
-    calibrated: CalibratedMethod | None = None,
-) -> StageSetup:
-    """Fit one variant to what is known and put it behind the controller.
-
-    It is corrected by what was found, here or in the file that the rig names.
-    """
-    learnt = calibrated or rig.learnt(method)
-    if learnt is None:
-        return StageSetup(rig, fit_method(rig, magnet, method))
-    return corrected(rig, cache(partial(fit_method, rig, magnet, method)), learnt)
-
-
-def corrected(
-    rig: BodyRig,
-    fitted: Callable[[float], ForceController],
-    learnt: CalibratedMethod,
-    drift: Drift = NO_DRIFT,
-) -> StageSetup:
-    """Return a stage whose controller is corrected by what was found of its method.
-
-    Fitted is it for a width of the loop.
-    """
-    each = tuple(fitted(width) for width in learnt.widths(len(rig.settings.placed)))
-    return StageSetup(
-        rig,
-        each[0],
-        drift=drift,
-        correction=correction(learnt, each[0], rig),
-        own=each,
-        body={name: learnt.value(name) for name in ("payload", *CENTRE)},
-        cable=learnt.value("cable_N_per_m"),
-    )
-
-
-def fit_method(
-    rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
-) -> ForceController:
-    """Fit one variant to what is known of a magnet whose loops are wider by a part."""
-    table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
-    try:
-        operating = Operating(
-            gap=rig.gap,
-            force=bias(rig, method),
-            rate=table.timing.rate_Hz,
-            gap_range=(min(measured), max(measured)),
-            force_max=table.tracking.force_max_N,
-            current_max=table.amplifier.current_high_A,
-            both_ways=table.magnet.both_ways,
-        )
-        known = calibrated(magnet, wider=wider) if wider else magnet
-        return fit_at(rig, operating, [known], method, table.tracking.format)[0]
-    except InputError as error:
-        raise error.at(rig.measured.text) from error

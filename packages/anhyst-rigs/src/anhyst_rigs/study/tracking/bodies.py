@@ -32,23 +32,18 @@ from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod, ParameterName
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrated
 from anhyst_rigs.rig.recording import CURRENTS, HOVER, column, of_magnets
-from anhyst_rigs.rig.stage.file import (
+from anhyst_rigs.rig.stage.calibrated import believed, per_root
+from anhyst_rigs.rig.stage.fitted import corrected, fit_method
+from anhyst_rigs.rig.stage.geometry import (
     axes_of,
-    believed,
     head_rows,
     mass_matrix,
-    per_root,
     pull_rows,
     scan_direction,
     weight,
 )
-from anhyst_rigs.rig.stage.loop import (
-    StageSetup,
-    corrected,
-    demand_columns,
-    fit_method,
-    pose_columns,
-)
+from anhyst_rigs.rig.stage.loop import StageSetup
+from anhyst_rigs.rig.stage.recording import demand_columns, pose_columns
 from anhyst_rigs.study.tracking.motion import (
     DEAD,
     UPDATES_HZ,
@@ -161,8 +156,6 @@ class StageMotion(Motion):
 class StageLaw(MotionLaw):
     """A method of every magnet as it is fitted to the loops of one, and with other numbers."""
 
-    seen = 0.9
-
     def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         self.rig, self.method = rig, method
         self.compensator = cache(lambda width: fit_method(rig, magnet, method, width))
@@ -175,9 +168,11 @@ class StageLaw(MotionLaw):
         self.names = [name for name in rig.numbers if not name.startswith(without)]
         self.moved = self.names
         self.force_max = rig.settings.tracking.force_max_N
-        # What a law leaves is spread over the coordinates: 0.0015 was chosen for six of them, and
-        # 0.0023 for one. With less, many laps fit what the law has wrong; with more, one shows little.
-        self.trust = 0.0015 * (6.0 / len(rig.settings.body.free)) ** 0.25
+        # Both were chosen for six coordinates, 0.0015 and 0.9, and for one, 0.0023 and 0.85. What a
+        # law leaves is spread over them, and the more there are, the less shows of each number. With
+        # a smaller trust many laps fit what the law has wrong; with a larger one a lap shows little.
+        free = len(rig.settings.body.free)
+        self.trust, self.seen = 0.0015 * (6.0 / free) ** 0.25, 0.84 + 0.01 * free
         self.leaves = 0.0075 if method == "play" else 0.0037
 
     @property

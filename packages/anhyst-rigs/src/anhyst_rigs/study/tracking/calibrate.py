@@ -28,7 +28,7 @@ from anhyst_rigs.rig.calibration import CalibrationFile
 from anhyst_rigs.rig.drift import untaught
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.loop import identify_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage
 from anhyst_rigs.study.bearing.operating import controller_of, make_ready
 from anhyst_rigs.study.tracking.bodies import LEARNT, BearingLaw, StageLaw
 from anhyst_rigs.study.tracking.learner import fit

@@ -12,12 +12,7 @@ from numpy.typing import NDArray
 
 from anhyst.compensate.force_controller import Io
 from anhyst.compilation.compiled_stage import CompiledStage, StageRequest
-from anhyst.compilation.manifest import (
-    MANIFEST,
-    VERSION,
-    check_folder,
-    write_folder,
-)
+from anhyst.compilation.manifest import MANIFEST, VERSION, check_folder, write_folder
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
 from anhyst.compilation.vectors import vectors_csv
 from anhyst.control.fixed_axes import codes
@@ -34,16 +29,10 @@ from anhyst.verification.protocol import stage_form
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.recording import Loss, column, of_magnets
-from anhyst_rigs.rig.stage.file import (
-    least_of,
-    mass_matrix,
-    opposed,
-    pull_rows,
-    read_stage,
-    watch_settings,
-    weight,
-    yields,
-)
+from anhyst_rigs.rig.stage.drives import least_of, opposed, watch_settings, yields
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.geometry import mass_matrix, pull_rows, weight
 from anhyst_rigs.rig.stage.loop import (
     Feedforward,
     StageSetup,
@@ -53,11 +42,9 @@ from anhyst_rigs.rig.stage.loop import (
     fed_wrench,
     feed,
     fixed_words,
-    identify_stage,
-    make_stage,
     scenario_along,
-    stage_loss,
 )
+from anhyst_rigs.rig.stage.recording import stage_loss
 from anhyst_rigs.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 
 if TYPE_CHECKING:

@@ -25,22 +25,11 @@ from anhyst_rigs.rig.calibration import ParameterName
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import Scenario
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.file import (
-    mass_matrix,
-    read_stage,
-    scan_direction,
-    usual_allocation,
-    weight,
-    wrench_layout,
-)
-from anhyst_rigs.rig.stage.loop import (
-    Feedforward,
-    StageSetup,
-    follow,
-    identify_stage,
-    make_stage,
-    track,
-)
+from anhyst_rigs.rig.stage.drives import usual_allocation, wrench_layout
+from anhyst_rigs.rig.stage.file import read_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.geometry import mass_matrix, scan_direction, weight
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, follow, track
 from anhyst_rigs.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, motion_of, strayed
 from anhyst_rigs.study.tracking.bodies import START_S, StageLaw
 from anhyst_rigs.study.tracking.learner import Learner

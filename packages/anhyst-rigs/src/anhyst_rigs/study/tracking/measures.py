@@ -22,26 +22,17 @@ from anhyst_rigs.rig.case_table import LossCase
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.loop import FAILS, HEAD_FAULTS, SHORT, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording, column, moving, peak, settled_from
-from anhyst_rigs.rig.stage.file import (
+from anhyst_rigs.rig.stage.drives import spare, usual_allocation, wrench_layout
+from anhyst_rigs.rig.stage.geometry import (
     error_columns,
     pull_rows,
     scan_direction,
-    spare,
     stops_of,
     unit_of,
-    usual_allocation,
     without,
-    wrench_layout,
 )
-from anhyst_rigs.rig.stage.loop import (
-    Feedforward,
-    StageSetup,
-    fed_wrench,
-    feed,
-    of_axes,
-    recorded,
-    scenario_along,
-)
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, fed_wrench, feed, scenario_along
+from anhyst_rigs.rig.stage.recording import of_axes, recorded
 from anhyst_rigs.rig.stage.setpoint import (
     STRAY_LATE,
     SetPoint,

@@ -25,16 +25,9 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CalibratedMethod
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.file import error_columns
-from anhyst_rigs.rig.stage.loop import (
-    AT_BIAS,
-    Feedforward,
-    StageSetup,
-    identify_stage,
-    make_stage,
-    pid,
-    track,
-)
+from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.geometry import error_columns
+from anhyst_rigs.rig.stage.loop import AT_BIAS, Feedforward, StageSetup, pid, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
 from anhyst_rigs.study.engine.table import (
     FIGURES,

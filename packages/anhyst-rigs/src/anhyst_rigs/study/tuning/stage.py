@@ -16,7 +16,8 @@ from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import draw_plant
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.file import along_scan, largest_push, scan_direction, weight
+from anhyst_rigs.rig.stage.drives import largest_push
+from anhyst_rigs.rig.stage.geometry import along_scan, scan_direction, weight
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
 from anhyst_rigs.study.engine.table import mean_interval

@@ -1,0 +1,60 @@
+"""What the live page shows of the body of a stage: where things are, and what is read when it lies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from anhyst.support.numeric import FloatArray
+from anhyst_rigs.rig.file import RigFile
+from anhyst_rigs.rig.recording import Recording, column
+from anhyst_rigs.rig.stage.geometry import heads_of, pull_rows, scan_direction, travel_m
+
+
+def layout_of(file: RigFile) -> dict[str, Any]:
+    """Return where magnets and heads are; `see` takes by how much gaps are smaller to a pose."""
+    return {
+        "free": list(file.body.free),
+        "along": list(file.scan.direction),
+        "force": file.tracking.force_max_N,
+        "stops": [file.body.stop_low_m - file.gap_m, file.body.stop_high_m - file.gap_m],
+        "magnets": [
+            {
+                "name": one.name,
+                "at": one.position_m,
+                "direction": one.direction,
+                "gap": one.gap_m or file.gap_m,
+            }
+            for one in file.placed
+        ],
+        "heads": [{"at": at, "direction": direction} for at, direction in heads_of(file)],
+        "see": np.linalg.pinv(pull_rows(file)).tolist(),
+    }
+
+
+def lying(file: RigFile, place: float) -> dict[str, float]:
+    """Return what a bench reads where weight pulls the body down, or at the low end of its way."""
+    free = file.body.free
+    along, down = scan_direction(file), np.array([float(axis == "z") for axis in free])
+    falls = file.body.weight_N > 0.0 and down.any()
+    off = -travel_m(file) * (down if falls else along)
+    way = float(off @ along)
+    values = {"reference": place, "position": place + way, "error": -way}
+    values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
+    pose = zip(free, (place * along + off).tolist(), strict=True)
+    values |= {f"pose_read_{axis}": one for axis, one in pose}
+    nearer = (pull_rows(file) @ off).tolist()
+    for number, (magnet, by) in enumerate(zip(file.placed, nearer, strict=True), 1):
+        gap = (magnet.gap_m or 0.0) - by
+        values |= {column(name, "", number): gap for name in ("gap", "gap_read")}
+    return values
+
+
+def pulls(file: RigFile, run: Recording) -> dict[str, FloatArray]:
+    """Return what each magnet pulls with in a loop's own record."""
+    forces, poles = {}, file.magnet.poles
+    for number, magnet in enumerate(file.placed, 1):
+        density, gap = run[column("flux_density", "T", number)], run[column("gap", "m", number)]
+        forces[column("pull", "N", number)] = poles.pull(density, gap, magnet.gap_m or file.gap_m)
+    return forces
