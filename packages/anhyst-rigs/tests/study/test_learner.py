@@ -125,7 +125,7 @@ def test_after_a_fault_of_a_sensor_nothing_is_learnt(
         pytest.param("gap_read_m", lambda v: 1.2 * v - 0.2 * v[0], id="one gap has another gain"),
     ],
 )
-def test_a_fault_that_hardly_shows_moves_no_number_by_a_quarter_of_what_is_stated(
+def test_a_fault_that_hardly_shows_moves_no_number_by_a_fifth_of_what_is_stated(
     column: str, fault: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     """The same motion without the fault, taken in a second time, moves numbers as well."""
@@ -133,7 +133,7 @@ def test_a_fault_that_hardly_shows_moves_no_number_by_a_quarter_of_what_is_state
     learner.learn(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
     right.learn(motion_of_run(recorded()))
     for name, value in learner.values.items():
-        assert abs(value - right.values[name]) <= 0.25 * learner.priors[name], name
+        assert abs(value - right.values[name]) <= 0.2 * learner.priors[name], name
 
 
 def heavier(learner: Learner, part: float) -> bool:
