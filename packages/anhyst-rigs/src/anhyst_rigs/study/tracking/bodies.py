@@ -166,7 +166,10 @@ class StageLaw(MotionLaw):
         if rig.settings.magnet.both_ways:
             without += ("lag",)  # its force goes with the current, and not with its square
         self.names = [name for name in rig.numbers if not name.startswith(without)]
-        self.moved = self.names
+        # Along one coordinate a gap zero does what the scale of its magnet does: both together would
+        # run off to their bounds in many laps.
+        frozen = ("gap_zero",) if len(rig.settings.body.free) == 1 else ()
+        self.moved = [name for name in self.names if not name.startswith(frozen)]
         self.force_max = rig.settings.tracking.force_max_N
         # Both were chosen for six coordinates, 0.0015 and 0.9, and for one, 0.0023 and 0.85. What a
         # law leaves is spread over them, and the more there are, the less shows of each number. With

@@ -237,7 +237,7 @@ class Learner:
                     frozen=name not in self.seen,
                 )
                 for name in self.law.names
-                if name in self._names
+                if self.priors[name] > 0.0
             ],
         )
 
