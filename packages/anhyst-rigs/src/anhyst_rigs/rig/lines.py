@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from anhyst_rigs.rig.magnet_table import CLOSES, OPENS, ORIGIN
 
@@ -47,4 +47,4 @@ class BodyLines:
     force_along: list[float]  # unit vector of the force that is recorded
     load: Line
     load_rest: float  # where the spring of the load drive is without force, m
-    heads: Sequence[PositionHead] = field(default=())
+    heads: Sequence[PositionHead] = ()

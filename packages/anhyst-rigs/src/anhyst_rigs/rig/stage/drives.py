@@ -16,24 +16,14 @@ from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.stage.geometry import pull_rows, travel_m, weight, without
 
 _YIELDS = {"x": 1e-2, "y": 5e-3, "z": 1e-4, "rx": 3e-3, "ry": 3e-3, "rz": 1e-4}
-
-
 _INSIDE = 1e-6
 """Part of its range by which every force can be off its bounds where a body can be pushed any way."""
-
-
 _SAME = 1e-9
 """By which lines of a pair may miss each other, m or parts of a direction."""
-
-
 LANDED = 1.5
 """By how much farther than to the end stop a body is set down, so that it lies there in the end."""
-
-
 _SURE = 0.5
 """Part of what supply and inductance let a current change by that it does change by at least."""
-
-
 MOST_TICKS = 65535
 """Of a landing."""
 

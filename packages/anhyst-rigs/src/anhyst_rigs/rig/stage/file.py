@@ -113,7 +113,9 @@ def _travel_faults(file: RigFile) -> Iterator[FileFault]:
             yield FileFault(file.place(magnet, "gap_m"), text, code="range-too-narrow")
     if not travel > (off := 0.5 * file.frame.stray_m):
         text = f"the body travels {travel:g} m either way, and the long stroke is off by {off:g} m"
-        yield FileFault(("frame", "stray_m"), f"{text}; lower it", code="range-too-narrow")
+        yield FileFault(
+            ("frame", "stray_m"), f"{text}; move the stops apart", code="range-too-narrow"
+        )
 
 
 def _line_faults(file: RigFile) -> Iterator[FileFault]:
@@ -163,13 +165,7 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
     able = largest_push(file, along_scan(file))
     for key in ("train_m_per_s2", "test_m_per_s2"):
         needed = file.body.mass_kg * max(getattr(file.scan, key))
-        if needed > 1.01 * able:
+        if needed > 1.01 * able:  # which is found to a part in a thousand
             text = f"{file.body.mass_kg:g} kg need {needed:.4g} N, and the magnets push with "
             text += f"{able:.4g} N along the set-point, either way, beside the weight; lower it"
             yield FileFault(file.place(file.scan, key), text, code="load-too-large")
-
-
-# The body as matrices over the coordinates in which it is free.
-
-
-# How a controller uses what motion taught of the magnets.
