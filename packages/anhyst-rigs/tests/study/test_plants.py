@@ -19,7 +19,7 @@ from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst_rigs.rig.tables import SpreadTable
 from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants, monte_carlo
 from anhyst_rigs.study.piezo import find_inverses, follow, judged_from, reference
-from anhyst_rigs.study.plants import ERRORS, force_plants, piezo_plants, stage_plants
+from anhyst_rigs.study.plants import errors_of, force_plants, piezo_plants, stage_plants
 from tests.refusals import refused
 from tests.repository import ROOT
 from tests.rig import forces
@@ -87,8 +87,9 @@ def test_a_stage_is_run_with_each_error_alone_and_with_all(tmp_path: Path) -> No
     plants = stage_plants(stages.stage(), bearings.knowledge(), ("single-valued", "full"))
     found = monte_carlo(plants, tmp_path / "p.jsonl", 2, jobs=2)
     rows = found.as_dict()["variants"]["full"]["average_m"]
-    assert [row["error"] for row in rows] == [*ERRORS]
-    by_error = dict(zip(ERRORS, rows, strict=True))
+    cases = errors_of(stages.stage().settings)
+    assert [row["error"] for row in rows] == [*cases]
+    by_error = dict(zip(cases, rows, strict=True))
     assert by_error["none"]["worst"] < by_error["all"]["worst"]
     assert by_error["Hall gain"]["worst"] == by_error["none"]["worst"]  # 'full' has no probe
     assert found.verdict.level in {"yes", "mixed"}

@@ -142,7 +142,8 @@ def test_the_gains_of_a_body_of_several_coordinates_are_tuned_too(
     reached = firmer.check(1)
     assert reached.worst.peak_sensitivity == firmer.margin()[0]
     assert reached.worst.cost < 1e-6
-    assert "plants" not in reached.rows  # they are drawn for one coordinate alone
+    drawn = reached.rows["plants"]
+    assert (drawn["drawn"], drawn["lost"]) == (10, 0)
 
 
 @pytest.fixture
