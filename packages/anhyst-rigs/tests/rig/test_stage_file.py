@@ -50,7 +50,7 @@ def test_the_bundled_file_says_nothing_of_lines_and_means_x() -> None:
     assert x.axis == 0
     assert (x.low, x.high) == pytest.approx((-1e-4, 1e-4))
     assert [line["d"] for line, _ in lines.magnets] == [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
-    assert [head.line["d"] for head in lines.heads] == [[1.0, 0.0, 0.0]]
+    assert [line["d"] for line, _ in lines.heads] == [[1.0, 0.0, 0.0]]
     assert rig.numbers == of_stage(2)
 
 

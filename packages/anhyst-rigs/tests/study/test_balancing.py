@@ -68,10 +68,15 @@ def taught(method: MethodName, run: Recording) -> Learner:
     return learner
 
 
+def stage_of(learner: Learner) -> StageSetup:
+    assert isinstance(learner.law, StageLaw)
+    return learner.law.stage(learner.found)
+
+
 def test_one_recording_balances_ten_magnets_and_their_body() -> None:
     learner = taught("full", recorded())
     average, about = left(make_stage(short(), bearings.knowledge(), "full"))
-    after, less = left(learner.law.stage(learner.found))
+    after, less = left(stage_of(learner))
     assert after < 0.2 * average
     assert less < 0.4 * about
     assert learner.found.fits
@@ -81,7 +86,7 @@ def test_one_recording_balances_ten_magnets_and_their_body() -> None:
 def test_flux_probes_are_balanced_the_same_way() -> None:
     average, about = left(make_stage(short(), bearings.knowledge(), "flux"))
     learner = taught("flux", recorded("flux"))
-    after, less = left(learner.law.stage(learner.found))
+    after, less = left(stage_of(learner))
     assert after < average
     assert less < 0.2 * about
 

@@ -21,7 +21,7 @@ from anhyst_rigs.study.tracking.excitation import (
 from anhyst_rigs.study.tracking.learner import Learner
 from tests.refusals import refused
 from tests.study import bearings, stages
-from tests.study.test_balancing import left, plant, recorded, short, taught
+from tests.study.test_balancing import left, plant, recorded, short, stage_of, taught
 
 
 @cache
@@ -71,9 +71,9 @@ def test_one_move_balances_a_body_along_both_ways_and_its_own_set_point_along_on
     assert learner.learn(learner.law.motion(moved.columns))
     assert learner.found.fits
     worked = taught("full", recorded())
-    along, about = left(learner.law.stage(learner.found))
+    along, about = left(stage_of(learner))
     before, turned = left(setup)
     assert along < 0.15 * before
     assert about < 0.4 * turned
-    across, by_work = (left(one.law.stage(one.found), "y")[0] for one in (learner, worked))
+    across, by_work = (left(stage_of(one), "y")[0] for one in (learner, worked))
     assert across < 0.3 * by_work

@@ -156,7 +156,8 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
     method: MethodName,
 ) -> None:
     rig = changed(read_stage(stages.EXAMPLE / "rig.toml"), ALLOWED)
-    learner = Learner(StageLaw(rig, bearings.knowledge(), method))
+    law = StageLaw(rig, bearings.knowledge(), method)
+    learner = Learner(law)
     drift = replace(WRONG, mass=0.05, cable=60.0)
     own, gains, scan = learner.stage(drift), Feedforward(), rig.settings.scan
     run = track(own, motion_of(scan, scan.train_m_per_s2), gains, 1)
@@ -170,7 +171,7 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
     motion = stages.unseen(rig)
     before, after = (
         measure(track(stage, motion, gains, 3), motion, scan.slit_s).average_m
-        for stage in (own, learner.law.stage(found, drift))
+        for stage in (own, law.stage(found, drift))
     )
     assert after < 0.2 * before
 

@@ -54,18 +54,16 @@ static void relink_force(force_of *force, int i)
   force->compensator.words = words + blocks[i].first;
 }
 
-typedef anhyst_axes_f64 law_of;
-
 static const anhyst_axes_settings_f64 settings = STAGE_SETTINGS;
 
-static int start_law(law_of *law)
+static int start_law(anhyst_axes_f64 *law)
 {
   return anhyst_axes_init_f64(law, &settings, NULL) == ANHYST_OK;
 }
 
 /* The gap sensors of the magnets stand before the position heads, which are counted from the
    target. */
-static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
+static void run_law(anhyst_axes_f64 *law, anhyst_force_controller_f64 *const *drive,
                     const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
 {
   static const double at[] = STAGE_AT;
@@ -94,7 +92,7 @@ static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
 typedef struct {
   force_of force[STAGE_DRIVES];
   anhyst_corrected_f64 corrected[STAGE_DRIVES];
-  law_of law;
+  anhyst_axes_f64 law;
   /* Made again at every tick. */
   anhyst_force_controller_f64 behind[STAGE_DRIVES];
 #ifdef STAGE_CODES

@@ -106,7 +106,7 @@ class BodyRig:
         """All that its motion may teach."""
         return OF_BEARING[len(self.settings.placed)]
 
-    @property
+    @cached_property
     def lines(self) -> BodyLines:
         """Where everything acts on the body: the coordinate of a bearing is its first gap."""
         file, body = self.settings, self.settings.body

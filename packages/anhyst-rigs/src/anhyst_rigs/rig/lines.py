@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from anhyst_rigs.rig.magnet_table import CLOSES, OPENS, ORIGIN
+from anhyst_rigs.rig.sensor_table import PositionSensorTable
 
 Line = Mapping[str, list[float]]
 """A place ``r`` on the body, m, and a unit vector ``d`` along which something acts there."""
@@ -26,17 +27,6 @@ class Coordinate:
 
 
 @dataclass(frozen=True, slots=True)
-class PositionHead:
-    """A sensor of the place of the body in space, without converter and lag."""
-
-    line: Line
-    noise: float  # rms, m
-    gain: float
-    offset: float  # m
-    stands: bool  # on the ground, and not on the body
-
-
-@dataclass(frozen=True, slots=True)
 class BodyLines:
     """Where everything acts on a body; gaps are those with the body at its origin, m."""
 
@@ -47,4 +37,4 @@ class BodyLines:
     force_along: list[float]  # unit vector of the force that is recorded
     load: Line
     load_rest: float  # where the spring of the load drive is without force, m
-    heads: Sequence[PositionHead] = ()
+    heads: Sequence[tuple[Line, PositionSensorTable]] = ()

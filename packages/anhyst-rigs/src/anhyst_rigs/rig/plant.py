@@ -80,12 +80,13 @@ def plant_numbers(rig: BodyRig) -> PlantNumbers:
     ]
     position_heads = [
         {
-            "line": head.line,
+            "line": line,
             "zero": 0.0,
-            "sensor": _bare((-1.0, 1.0), head.noise) | {"gain": head.gain, "offset": head.offset},
-            "base": ON_GROUND if head.stands else ON_BODY,
+            "sensor": _bare((-1.0, 1.0), sensor.noise_m)
+            | {"gain": 1.0 + sensor.air, "offset": sensor.air * sensor.dead_path_m},
+            "base": ON_GROUND if sensor.stands else ON_BODY,
         }
-        for head in lines.heads
+        for line, sensor in lines.heads
     ]
     body = _body(rig, sensors["force"])
     return PlantNumbers(body, actuators, gap_heads + position_heads, _load(rig))

@@ -6,6 +6,7 @@ It is free in one to six coordinates: displacements and angles from where it wor
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from anhyst_rigs.rig.calibration import ParameterName, of_stage
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.kind_rules import read_rig_file
-from anhyst_rigs.rig.lines import BodyLines, Coordinate, PositionHead
+from anhyst_rigs.rig.lines import BodyLines, Coordinate
 from anhyst_rigs.rig.magnet_table import DIRECTION_ROUNDING, ORIGIN
 from anhyst_rigs.rig.stage.drives import largest_push, usual_allocation, wrench_layout
 from anhyst_rigs.rig.stage.geometry import (
@@ -40,7 +41,7 @@ class StageRig(BodyRig):
         """All that its motion may teach."""
         return of_stage(len(self.settings.placed))
 
-    @property
+    @cached_property
     def lines(self) -> BodyLines:
         """Where everything acts on the body: its coordinates count from where it works.
 
@@ -63,15 +64,9 @@ class StageRig(BodyRig):
             load={"r": ORIGIN, "d": along},
             load_rest=0.0,
             heads=[
-                PositionHead(
-                    line={"r": place, "d": direction},
-                    noise=sensor.noise_m,
-                    gain=1.0 + sensor.air,
-                    offset=sensor.air * sensor.dead_path_m,
-                    stands=sensor.stands,
-                )
-                for sensor, (place, direction) in zip(
-                    file.position_sensors, heads_of(file), strict=True
+                ({"r": place, "d": direction}, sensor)
+                for (place, direction), sensor in zip(
+                    heads_of(file), file.position_sensors, strict=True
                 )
             ],
         )

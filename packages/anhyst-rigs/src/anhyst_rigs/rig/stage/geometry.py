@@ -103,6 +103,11 @@ def scan_direction(file: RigFile) -> FloatArray:
     return np.array([*file.scan.direction, 0.0, 0.0, 0.0])[axes_of(file)]
 
 
+def weight_along_scan(file: RigFile) -> float:
+    """Return the force of the weight along the set-point, N; magnets that hold it give the opposite."""
+    return float(weight(file) @ scan_direction(file))
+
+
 def along_scan(file: RigFile) -> FloatArray:
     """Return the wrench that moves the centre of mass along the set-point, of 1 N."""
     return np.asarray(mass_matrix(file) @ scan_direction(file)) / file.body.mass_kg

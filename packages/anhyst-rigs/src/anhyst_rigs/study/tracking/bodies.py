@@ -41,6 +41,7 @@ from anhyst_rigs.rig.stage.geometry import (
     pull_rows,
     scan_direction,
     weight,
+    weight_along_scan,
 )
 from anhyst_rigs.rig.stage.loop import StageSetup
 from anhyst_rigs.rig.stage.recording import demand_columns, pose_columns
@@ -166,15 +167,15 @@ class StageLaw(MotionLaw):
         if rig.settings.magnet.both_ways:
             without += ("lag",)  # its force goes with the current, and not with its square
         self.names = [name for name in rig.numbers if not name.startswith(without)]
+        free = len(rig.settings.body.free)
         # Along one coordinate a gap zero does what the scale of its magnet does: both together would
         # run off to their bounds in many laps.
-        frozen = ("gap_zero",) if len(rig.settings.body.free) == 1 else ()
+        frozen = ("gap_zero",) if free == 1 else ()
         self.moved = [name for name in self.names if not name.startswith(frozen)]
         self.force_max = rig.settings.tracking.force_max_N
         # Both were chosen for six coordinates, 0.0015 and 0.9, and for one, 0.0023 and 0.85. What a
         # law leaves is spread over them, and the more there are, the less shows of each number. With
         # a smaller trust many laps fit what the law has wrong; with a larger one a lap shows little.
-        free = len(rig.settings.body.free)
         self.trust, self.seen = 0.0015 * (6.0 / free) ** 0.25, 0.84 + 0.01 * free
         self.leaves = 0.0075 if method == "play" else 0.0037
 
@@ -208,8 +209,7 @@ class StageLaw(MotionLaw):
         place = np.column_stack([columns[name] for name in places])
         speed = np.linalg.norm(place[STILL:] - place[:-STILL], axis=1) / (STILL * self.rig.dt)
         noise = 10.0 * file.position_sensor.noise_m / (STILL * self.rig.dt)
-        carried = float(weight(file) @ scan_direction(file))
-        if abs(columns["demand_N"][0] + carried) > DEAD * self.force_max:
+        if abs(columns["demand_N"][0] + weight_along_scan(file)) > DEAD * self.force_max:
             return ColumnFault("begins in motion", "demand_N")
         # a body that carries its weight falls until currents flow
         fallen = (

@@ -186,6 +186,7 @@ class Learner:
 
     def stage(self, drift: Drift = NO_DRIFT) -> StageSetup:
         """Return the stage that is corrected by what is applied; its plant may have drifted."""
+        assert isinstance(self.law, StageLaw)
         return self.law.stage(self._method(self.applied, fits=True), drift)
 
     def work(self, drift: Drift, motion: SetPoint, gains: Feedforward, seed: int) -> Recording:

@@ -20,9 +20,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.kinds import PROBED, MethodName
 from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod, ParameterName, kind_of
-from anhyst_rigs.rig.drift import NO_DRIFT, Drift
-from anhyst_rigs.rig.stage.loop import StageSetup
+from anhyst_rigs.rig.calibration import CENTRE, ParameterName, kind_of
 
 FILTER_HZ = 250.0
 """Corner of the three poles that both sides pass; a twentieth of the ticks at most."""
@@ -186,10 +184,6 @@ class MotionLaw(ABC):
         """Whether a motion can show a number."""
         del motion, name
         return True
-
-    def stage(self, learnt: CalibratedMethod, drift: Drift = NO_DRIFT) -> StageSetup:
-        """Return the stage whose controller is corrected by what was found; its plant may drift."""
-        raise NotImplementedError  # pragma: no cover
 
     @abstractmethod
     def net(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:

@@ -17,7 +17,7 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import draw_plant
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.drives import largest_push
-from anhyst_rigs.rig.stage.geometry import along_scan, scan_direction, weight
+from anhyst_rigs.rig.stage.geometry import along_scan, weight_along_scan
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
 from anhyst_rigs.study.engine.table import mean_interval
@@ -305,9 +305,8 @@ class StageLoop:
             return [Limit("average_m", "not every noise seed and drawn plant was held")]
         near = reached.near(aims)
         motion, file = self._motion(UNSEEN), self.setup.rig.settings
-        carried = float(weight(file) @ scan_direction(file))
-        asked = track(self.setup, motion, self.feedforward, seed)["demand_N"] + carried
-        demand = float(np.abs(asked).max())
+        asked = track(self.setup, motion, self.feedforward, seed)["demand_N"]
+        demand = float(np.abs(asked + weight_along_scan(file)).max())
         most = largest_push(file, along_scan(file))
         if demand >= _AT * most:
             text = f"the demand reaches {demand:.3g} N of {most:.4g} N on the test set-point"
