@@ -8,30 +8,11 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst.compensate.block import (
-    WEIGHT,
-    Arms,
-    Block,
-    Conditioning,
-    DemandLimits,
-    Packer,
-    TableSizes,
-    arms_of,
-    cell_weights,
-    closed,
-    lag_arm,
-    nodes,
-    pack_arms,
-    pack_common,
-    refuse_uncompilable,
-    solid_numbers,
-)
+from anhyst.compensate.block import DemandLimits, Packer, TableSizes
+from anhyst.compensate.frame import WEIGHT, Arms, Frame, cell_weights
 from anhyst.laws.cells import CellWeights, curve_value
-from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
-from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 
 MARGIN = 1.02
@@ -185,52 +166,51 @@ def cell_rows(
     return CellRows(reach, few.thresholds[1:], grid, grids[grid][0])
 
 
-def build_cells(
-    model: Model,
-    scales: Scales,
-    limits: DemandLimits,
-    sizes: TableSizes | None = None,
-    conditioning: Conditioning | None = None,
-    model_hash: int = 0,
-    number_format: NumberFormat = "fixed",
-    *,
-    still: bool = False,
-) -> Block:
-    """Make the parameter block of a law of play cells; as :func:`anhyst.compensate.full.build_full`.
+@dataclass(frozen=True)
+class CellTables:
+    """Tables of a compensator of the law of cells, and the numbers of its layers if it has some."""
 
-    `still` leaves out what answers late, but for the reach of layers.
-    """
-    refuse_uncompilable(model)
-    sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
-    at = nodes(model, scales, sizes)
-    arms = arms_of(model, at)
-    rows = cell_rows(cell_weights(model), arms, limits, sizes, solid=model.layers is not None)
-    reach = rows.reach
-    pack = Packer("cells", model_hash, number_format)
-    pack_common(pack, model, scales, limits, sizes, conditioning)
-    lag = None if still else lag_arm(model, at, conditioning.rate)
-    pack_arms(pack, scales, arms.bias, arms.flux_arm, arms.field_arm * reach, lag)
-    pack.set_single("UNIT_FIELD", reach)
-    pack.table("CELLS_THRESHOLDS", rows.thresholds / reach, 32768.0, least=1)
-    pack.table("CELLS_ROWS", rows.rows, 32767.0)
-    pack.put("CELLS_AIR", arms.air * reach / 4.0, "h", least=1)
-    pack.set("CELLS_COUNT", rows.thresholds.size)
-    pack.set("CELLS_SEGMENTS", rows.grid.segments)
-    pack.set("CELLS_ZONE", rows.grid.zone)
-    if model.layers is not None and not still:
-        numbers = solid_numbers(model, model.layers, conditioning.rate)
-        _pack_solid(pack, model.layers, numbers["hold"] / reach, numbers["own"] / reach)
-    return closed(pack, model, scales, limits, at)
+    frame: Frame
+    rows: CellRows
+    layers: Layers | None
+    offset: None = None
+
+    @property
+    def arms(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """How the current is made up; a field of 1 is the largest."""
+        arms = self.frame.arms
+        return arms.bias, arms.flux_arm, arms.field_arm * self.rows.reach
+
+    def pack(self, pack: Packer) -> None:
+        """Put words and tables."""
+        rows, reach = self.rows, self.rows.reach
+        pack.set_single("UNIT_FIELD", reach)
+        pack.table("CELLS_THRESHOLDS", rows.thresholds / reach, 32768.0, least=1)
+        pack.table("CELLS_ROWS", rows.rows, 32767.0)
+        pack.put("CELLS_AIR", self.frame.arms.air * reach / 4.0, "h", least=1)
+        pack.set("CELLS_COUNT", rows.thresholds.size)
+        pack.set("CELLS_SEGMENTS", rows.grid.segments)
+        pack.set("CELLS_ZONE", rows.grid.zone)
+        if self.layers is not None:
+            self._pack_layers(pack, self.layers)
+
+    def _pack_layers(self, pack: Packer, layers: Layers) -> None:
+        """Put the words of solid iron; what a unit of flux counts in fields of the reach."""
+        hold, own = (one / self.rows.reach for one in self.frame.layer_fields(layers))
+        pack.put_weight("SOLID_HOLD", max(hold, 1.0 / WEIGHT), "gamma")
+        pack.set("SOLID_LAYERS", layers.count)
+        pack.put("SOLID_OWN", own / 4.0, "alpha")
+        surface = layers.surface
+        if pack.is_fixed:  # all shares together are 1
+            inner = round((1.0 - surface) / (layers.count - 1) * 32768)
+            surface = 1.0 - inner * (layers.count - 1) / 32768
+        pack.put("SOLID_SURFACE", surface, "surface")
+        pack.put("SOLID_LAMINATED", layers.laminated, "laminated")
 
 
-def _pack_solid(pack: Packer, layers: Layers, hold: float, own: float) -> None:
-    """Put the words of solid iron; what a unit of flux counts in fields of the reach."""
-    pack.put_weight("SOLID_HOLD", max(hold, 1.0 / WEIGHT), "gamma")
-    pack.set("SOLID_LAYERS", layers.count)
-    pack.put("SOLID_OWN", own / 4.0, "alpha")
-    surface = layers.surface
-    if pack.is_fixed:  # all shares together are 1
-        inner = round((1.0 - surface) / (layers.count - 1) * 32768)
-        surface = 1.0 - inner * (layers.count - 1) / 32768
-    pack.put("SOLID_SURFACE", surface, "surface")
-    pack.put("SOLID_LAMINATED", layers.laminated, "laminated")
+def cell_tables(frame: Frame, *, still: bool) -> CellTables:
+    """Return the tables of a model; `still` leaves out what answers late, but for the reach of layers."""
+    model = frame.model
+    solid = model.layers is not None
+    rows = cell_rows(cell_weights(model), frame.arms, frame.limits, frame.sizes, solid=solid)
+    return CellTables(frame, rows, None if still else model.layers)

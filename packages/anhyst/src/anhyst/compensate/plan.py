@@ -8,21 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.compensate.block import (
-    Block,
-    Conditioning,
-    DemandLimits,
-    Kind,
-    TableSizes,
-    flux_gain,
-    flux_shift,
-    refuse_uncompilable,
-)
+from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
+from anhyst.compensate.builder import Builder
 from anhyst.compensate.force_controller import Io
-from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
+from anhyst.compensate.frame import flux_gain, flux_shift
+from anhyst.compensate.search import BlockSearch, FoundBlock
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History
-from anhyst.model.actuator import Model, has_lag, has_layers
+from anhyst.model.actuator import Model, has_lag, has_layers, obstacle
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kept import c_name, check_name
@@ -212,7 +205,8 @@ def make_plan(
     scales: Scales | None = None,
 ) -> Plan:
     """Decide how a model is compiled."""
-    refuse_uncompilable(model)
+    if (reason := obstacle(model)) is not None:
+        raise InputError(reason, code="no-fixed-point-form")
     late = model if has_layers(model) or has_lag(model) else None
     if model.layers is not None and request.kind != "full":
         raise InputError(

@@ -11,8 +11,9 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from anhyst.compensate.budget import Budget, BudgetPart, percent
+from anhyst.compensate.budget import Budget, percent
 from anhyst.compensate.holding import SECONDS
+from anhyst.compensate.measure import BudgetPart
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.controller import ControllerPlan, controller_values
 from anhyst.compilation.manifest import controller_bytes, explain, parameters_bytes, state_bytes
