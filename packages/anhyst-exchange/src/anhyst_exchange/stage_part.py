@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from anhyst.compilation.parameters import c_type, memories
+from anhyst.compilation.parameters import c_type
 from anhyst.compilation.toolchain import SOURCES
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -54,7 +54,7 @@ def stage_part(rig_path: PathLike) -> Part:
     _refuse_stage(rig)
     refuse_plant(rig)
     setup = make_stage(rig, identify_stage(rig), "full")
-    layers = max(map(memories, blocks_of(setup)))
+    layers = max(block.memories for block in blocks_of(setup))
     files = ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h")
     sources = plant_sources("piezo|position|held", _CORE_OF_STAGE, files, layers)
     sources["bearing_numbers.h"] = numbers_of_plant(rig).encode()

@@ -110,6 +110,13 @@ class Block:
             return float(self.words[at])
         return single_value(*(int(word) for word in self.words[at : at + 2]))
 
+    @property
+    def memories(self) -> int:
+        """Number of memories of its law that the iron consists of."""
+        if self.kind != "cells":
+            return 1
+        return max(self.word("SOLID_LAYERS"), 1) + (self.number("SOLID_LAMINATED") > 0)
+
     def unit(self, word: Word, names: Names) -> WordUnit:
         """Return what 1.0 of a word, or of an entry of its table, is worth."""
         scale = {"": 1.0, "demand": self.scales.demand, "current": self.scales.current}[word.of]

@@ -161,13 +161,6 @@ def _literal(word: np.generic) -> str:
     return "-32767 - 1" if int(word) == -32768 else str(int(word))
 
 
-def memories(block: Block) -> int:
-    """Return the number of memories of its law that the iron consists of."""
-    if block.kind != "cells":
-        return 1
-    return max(block.word("SOLID_LAYERS"), 1) + (block.number("SOLID_LAMINATED") > 0)
-
-
 def literal(value: float) -> str:
     """Return the shortest literal that C reads as this number in single precision.
 

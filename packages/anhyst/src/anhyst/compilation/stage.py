@@ -13,14 +13,12 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import CurrentMap, PlayMap
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
-from anhyst.compilation.manifest import parameters_bytes
 from anhyst.compilation.parameters import (
     WIDTH,
     c_type,
     definition,
     listed,
     literal,
-    memories,
     table_source,
 )
 from anhyst.compilation.play_source import play_source
@@ -161,7 +159,7 @@ def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, 
 def memories_of(stage: StageController) -> list[int]:
     """Return the number of memories of the iron of each magnet."""
     methods = [magnet.parameters for magnet in stage.distinct]
-    return [memories(m.block) if isinstance(m, HysteresisInverse) else 1 for m in methods]
+    return [m.block.memories if isinstance(m, HysteresisInverse) else 1 for m in methods]
 
 
 def _kernel(block: Block) -> str:
@@ -373,7 +371,7 @@ def _map(entries: str, table: CurrentMap, fixed: bool) -> str:
 def _bytes(magnet: ForceController) -> int:
     parameters, fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
-        return parameters_bytes(parameters.block)
+        return parameters.block.size
     if isinstance(parameters, PlayMap):
         return parameters.block(magnet.format).nbytes
     table = _map_of(parameters)
