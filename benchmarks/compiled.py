@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from anhyst.compensate.block import DemandLimits, TableSizes
 from anhyst.compensate.builder import build_block
+from anhyst.compensate.circuit import nodes
 from anhyst.compensate.force_controller import FixedTwin
-from anhyst.compensate.frame import nodes
 from anhyst.compensate.plan import CompileRequest, find_limits, find_scales
 from anhyst.compensate.simplified import fit_closed_form
 from anhyst.compilation.output import Compiled, compile_model

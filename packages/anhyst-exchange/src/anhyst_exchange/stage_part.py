@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from anhyst.compilation.parameters import c_type
 from anhyst.compilation.toolchain import SOURCES
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -104,7 +103,7 @@ def _words(setup: StageSetup) -> dict[str, object]:
     kernel = f"anhyst_kernel_{blocks[0].kind}{'' if is_fixed else '_f64'}"
     macros: dict[str, object] = {
         "STAGE_KERNEL": kernel_of(kernel, "words"),
-        "STAGE_WORD": c_type(blocks[0]),
+        "STAGE_WORD": blocks[0].c_type,
         "STAGE_WORDS": fields(words if is_fixed else [repr(word) for word in words]),
         "STAGE_BLOCKS": fields([[first[one], len(one)] for one in each]),
     }

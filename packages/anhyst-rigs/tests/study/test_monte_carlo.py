@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.compensate.frame import cell_weights
+from anhyst.compensate.circuit import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.support.errors import Interrupted
 from anhyst.support.kinds import MethodName

@@ -17,8 +17,8 @@ from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, DemandLimits, TableSizes
 from anhyst.compensate.builder import build_block
 from anhyst.compensate.cells import cell_rows, fewer
+from anhyst.compensate.circuit import Arms, cell_weights, flux_unit
 from anhyst.compensate.force_controller import FixedTwin, Io, RealTwin
-from anhyst.compensate.frame import Arms, cell_weights, flux_unit
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap

@@ -45,9 +45,10 @@ class Budget:
 
 def measure_budget(plan: Plan) -> Budget:
     """Measure what a plan costs."""
+    fit = _model_fit(plan)
     trial = Trial(plan.builder, plan.sizes, plan.block, plan.still)
     compiled = trial.compiled()
-    parts = (_model_fit(plan), *trial.parts(plan.largest))
+    parts = (fit, *trial.parts(plan.largest))
     known = [part for part in parts if part.name in {"model_fit", "sample_rate", "rate"}]
     added = [compiled, *known]
     total = BudgetPart(

@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
-from anhyst.compensate.cells import cell_tables
+from anhyst.compensate.cells import cell_law
 from anhyst.compensate.force_controller import Io
-from anhyst.compensate.frame import Frame, LawTables
-from anhyst.compensate.full import full_tables
+from anhyst.compensate.full import full_law
+from anhyst.compensate.packing import Frame
 from anhyst.compensate.paths import Reach, find_reach
-from anhyst.compensate.simplified import ClosedForm, SimplifiedTables, fit_closed_form
+from anhyst.compensate.simplified import ClosedForm, fit_closed_form, simplified_law
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
@@ -119,12 +119,11 @@ def build_block(
     ``"euler"``, the paper's Euler form of the same five numbers, with ``sizes.substeps``.
     """
     frame = Frame(model, scales, limits, sizes or TableSizes(), conditioning or Conditioning())
-    tables: LawTables
     if kind == "full":
-        tables = full_tables(frame)
+        tables = full_law(frame)
     elif kind == "cells":
-        tables = cell_tables(frame, still=still)
+        tables = cell_law(frame, still=still)
     else:
         assert law is not None
-        tables = SimplifiedTables(frame, law)
+        tables = simplified_law(frame, law)
     return frame.block(kind, tables, model_hash, number_format, still=still)

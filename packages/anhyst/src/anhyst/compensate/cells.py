@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst.compensate.block import DemandLimits, Packer, TableSizes
-from anhyst.compensate.frame import WEIGHT, Arms, Frame, cell_weights
+from anhyst.compensate.block import DemandLimits, TableSizes
+from anhyst.compensate.circuit import WEIGHT, Arms, cell_weights
+from anhyst.compensate.packing import Frame, LawTables, Packer
 from anhyst.laws.cells import CellWeights, curve_value
 from anhyst.model.dynamics import Layers
 from anhyst.support.errors import InputError
@@ -166,51 +167,39 @@ def cell_rows(
     return CellRows(reach, few.thresholds[1:], grid, grids[grid][0])
 
 
-@dataclass(frozen=True)
-class CellTables:
-    """Tables of a compensator of the law of cells, and the numbers of its layers if it has some."""
+def cell_law(frame: Frame, *, still: bool) -> LawTables:
+    """Return the tables of a model of cells; a field of 1 is the largest.
 
-    frame: Frame
-    rows: CellRows
-    layers: Layers | None
-    offset: None = None
-
-    @property
-    def arms(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """How the current is made up; a field of 1 is the largest."""
-        arms = self.frame.arms
-        return arms.bias, arms.flux_arm, arms.field_arm * self.rows.reach
-
-    def pack(self, pack: Packer) -> None:
-        """Put words and tables."""
-        rows, reach = self.rows, self.rows.reach
-        pack.set_single("UNIT_FIELD", reach)
-        pack.table("CELLS_THRESHOLDS", rows.thresholds / reach, 32768.0, least=1)
-        pack.table("CELLS_ROWS", rows.rows, 32767.0)
-        pack.put("CELLS_AIR", self.frame.arms.air * reach / 4.0, "h", least=1)
-        pack.set("CELLS_COUNT", rows.thresholds.size)
-        pack.set("CELLS_SEGMENTS", rows.grid.segments)
-        pack.set("CELLS_ZONE", rows.grid.zone)
-        if self.layers is not None:
-            self._pack_layers(pack, self.layers)
-
-    def _pack_layers(self, pack: Packer, layers: Layers) -> None:
-        """Put the words of solid iron; what a unit of flux counts in fields of the reach."""
-        hold, own = (one / self.rows.reach for one in self.frame.layer_fields(layers))
-        pack.put_weight("SOLID_HOLD", max(hold, 1.0 / WEIGHT), "gamma")
-        pack.set("SOLID_LAYERS", layers.count)
-        pack.put("SOLID_OWN", own / 4.0, "alpha")
-        surface = layers.surface
-        if pack.is_fixed:  # all shares together are 1
-            inner = round((1.0 - surface) / (layers.count - 1) * 32768)
-            surface = 1.0 - inner * (layers.count - 1) / 32768
-        pack.put("SOLID_SURFACE", surface, "surface")
-        pack.put("SOLID_LAMINATED", layers.laminated, "laminated")
-
-
-def cell_tables(frame: Frame, *, still: bool) -> CellTables:
-    """Return the tables of a model; `still` leaves out what answers late, but for the reach of layers."""
-    model = frame.model
+    `still` leaves out what answers late, but for the reach of layers.
+    """
+    model, arms = frame.model, frame.arms
     solid = model.layers is not None
-    rows = cell_rows(cell_weights(model), frame.arms, frame.limits, frame.sizes, solid=solid)
-    return CellTables(frame, rows, None if still else model.layers)
+    rows = cell_rows(cell_weights(model), arms, frame.limits, frame.sizes, solid=solid)
+    law_arms = arms.bias, arms.flux_arm, arms.field_arm * rows.reach
+    return LawTables(law_arms, partial(_pack, frame, rows, None if still else model.layers))
+
+
+def _pack(frame: Frame, rows: CellRows, layers: Layers | None, pack: Packer) -> None:
+    reach = rows.reach
+    pack.set_single("UNIT_FIELD", reach)
+    pack.table("CELLS_THRESHOLDS", rows.thresholds / reach, 32768.0, least=1)
+    pack.table("CELLS_ROWS", rows.rows, 32767.0)
+    pack.put("CELLS_AIR", frame.arms.air * reach / 4.0, "h", least=1)
+    pack.set("CELLS_COUNT", rows.thresholds.size)
+    pack.set("CELLS_SEGMENTS", rows.grid.segments)
+    pack.set("CELLS_ZONE", rows.grid.zone)
+    if layers is not None:
+        _pack_layers(pack, layers, *(one / reach for one in frame.layer_fields(layers)))
+
+
+def _pack_layers(pack: Packer, layers: Layers, hold: float, own: float) -> None:
+    """Put the words of solid iron; what a unit of flux counts in fields of the reach."""
+    pack.put_weight("SOLID_HOLD", max(hold, 1.0 / WEIGHT), "gamma")
+    pack.set("SOLID_LAYERS", layers.count)
+    pack.put("SOLID_OWN", own / 4.0, "alpha")
+    surface = layers.surface
+    if pack.is_fixed:  # all shares together are 1
+        inner = round((1.0 - surface) / (layers.count - 1) * 32768)
+        surface = 1.0 - inner * (layers.count - 1) / 32768
+    pack.put("SOLID_SURFACE", surface, "surface")
+    pack.put("SOLID_LAMINATED", layers.laminated, "laminated")

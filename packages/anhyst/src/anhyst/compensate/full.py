@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import brentq
 
 from anhyst._core import langevin
-from anhyst.compensate.block import Packer, TableSizes
-from anhyst.compensate.frame import Arms, Frame, iron_of
+from anhyst.compensate.block import DemandLimits, TableSizes
+from anhyst.compensate.circuit import Arms, iron_of
+from anhyst.compensate.packing import Frame, LawTables, Packer
 from anhyst.laws.jiles_atherton import ascending_branch
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -97,42 +99,24 @@ def _free_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArray
 class FullTables:
     """Tables of a compensator of the full law; fields in units of ``a``."""
 
-    law: Normal
-    sizes: TableSizes
     reach: float  # largest field
     curve: FloatArray  # anhysteretic curve over fields from 0 to the largest; shape (2**n + 1,)
     # ascending branch of a fully pinned iron, over fields of both signs; shape (2**(n + 1) + 1,)
     branch: FloatArray
     inverse: FloatArray  # field over the anhysteretic from 0 to 1; shape (2**m + 1,)
-    offset: None = None
-
-    @property
-    def arms(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """How the current is made up; a field of 1 is the largest."""
-        return self.law.bias, self.law.flux_arm, self.law.field_arm * self.reach
-
-    def pack(self, pack: Packer) -> None:
-        """Put words and tables."""
-        law, reach, sizes = self.law, self.reach, self.sizes
-        pack.set_single("UNIT_FIELD", reach * law.a)
-        pack.table("FULL_CURVE", self.curve, 32768.0)
-        pack.table("FULL_BRANCH", self.branch, 32768.0)
-        pack.table("FULL_INVERSE", self.inverse / reach, 32767.0)
-        pack.put_weight("FULL_RATE", reach / (law.kappa * np.log(2.0)) / 16.0, "k")
-        steepness = reach / law.kappa
-        pack.put("FULL_STEEPNESS", min(steepness, MAX_Q8) if pack.is_fixed else steepness, "k", 1)
-        pack.put("FULL_AIR", law.air * reach / 4.0, "h", least=1)
-        pack.put("FULL_REVERSIBLE", law.c, "c")
-        pack.put("FULL_PLAY", law.play / reach, "r_d")
-        pack.set("FULL_ITERATIONS", sizes.iterations)
-        pack.set("FULL_CURVE_SEGMENTS", sizes.curve_segments)
-        pack.set("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)
 
 
-def full_tables(frame: Frame) -> FullTables:
-    """Return the tables of a model, as far as currents within their limits lead."""
-    law, sizes = normal(iron_of(frame.model), frame.arms), frame.sizes
-    reach = MARGIN * largest_field(law, frame.limits.current)
+def full_law(frame: Frame) -> LawTables:
+    """Return the tables of a model of the full law; a field of 1 is the largest."""
+    law = normal(iron_of(frame.model), frame.arms)
+    tables = full_tables(law, frame.limits, frame.sizes)
+    arms = law.bias, law.flux_arm, law.field_arm * tables.reach
+    return LawTables(arms, partial(_pack, law, tables, frame.sizes))
+
+
+def full_tables(law: Normal, limits: DemandLimits, sizes: TableSizes) -> FullTables:
+    """Return the tables of a law, as far as currents within their limits lead."""
+    reach = MARGIN * largest_field(law, limits.current)
     if reach > FURTHEST:
         raise InputError(
             f"current: its limits drive the iron to {reach:.0f} times its shape field a, beyond "
@@ -147,4 +131,21 @@ def full_tables(frame: Frame) -> FullTables:
     curve = langevin(rising)[0]
     level = np.linspace(0.0, 1.0, 2**sizes.inverse_segments + 1)
     inverse = np.interp(level, curve, rising)
-    return FullTables(law, sizes, reach, curve, ascending_branch(law.kappa, field), inverse)
+    return FullTables(reach, curve, ascending_branch(law.kappa, field), inverse)
+
+
+def _pack(law: Normal, tables: FullTables, sizes: TableSizes, pack: Packer) -> None:
+    reach = tables.reach
+    pack.set_single("UNIT_FIELD", reach * law.a)
+    pack.table("FULL_CURVE", tables.curve, 32768.0)
+    pack.table("FULL_BRANCH", tables.branch, 32768.0)
+    pack.table("FULL_INVERSE", tables.inverse / reach, 32767.0)
+    pack.put_weight("FULL_RATE", reach / (law.kappa * np.log(2.0)) / 16.0, "k")
+    steepness = reach / law.kappa
+    pack.put("FULL_STEEPNESS", min(steepness, MAX_Q8) if pack.is_fixed else steepness, "k", 1)
+    pack.put("FULL_AIR", law.air * reach / 4.0, "h", least=1)
+    pack.put("FULL_REVERSIBLE", law.c, "c")
+    pack.put("FULL_PLAY", law.play / reach, "r_d")
+    pack.set("FULL_ITERATIONS", sizes.iterations)
+    pack.set("FULL_CURVE_SEGMENTS", sizes.curve_segments)
+    pack.set("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)

@@ -13,11 +13,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, DemandLimits, TableSizes
 from anhyst.compensate.builder import FINE, Builder
-from anhyst.compensate.force_controller import FixedTwin, Io, RealTwin, twin_of
-from anhyst.compensate.frame import arms_of, flux_unit, iron_of, nodes
+from anhyst.compensate.circuit import arms_of, flux_unit, iron_of, nodes
+from anhyst.compensate.force_controller import Io, twin_of
 from anhyst.compensate.paths import Path
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
@@ -58,49 +57,10 @@ def run_twin(model: Model, block: Block, io: Io, path: Path) -> PathRun:
 def run_with_losses(model: Model, block: Block, io: Io, path: Path) -> PathRun:
     """Run a compensator whose amplifier now and then gives something else, as `run_twin`."""
     size = path.demand.size
-    loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
-    twin = twin_of(block, io)
-    if isinstance(twin, FixedTwin):
-        current = _lossy_codes(twin, path, loss) / twin.one * block.scales.current
-    else:
-        current = _lossy_numbers(twin, path, loss)
     judged = np.arange(size) % LOSS_EVERY != LOSS_EVERY - 1
+    loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
+    current = twin_of(block, io).run_with_losses(path.demand, path.gap, np.where(judged, 0.0, loss))
     return PathRun(path, current, exact_output(model, current, path), judged)
-
-
-def _lossy_codes(twin: FixedTwin, path: Path, loss: FloatArray) -> FloatArray:
-    """Return the applied currents as codes; `loss` is in parts of the range of the current."""
-    core = FixedCompensator(twin.block.kind, twin.block.words)
-    solve, commit = (
-        (core.solve_q15, core.commit_q15) if twin.io == "q15" else (core.solve_q31, core.commit_q31)
-    )
-    low, high = twin.current_codes(twin.block.limits.current).tolist()
-    losses = ((high - low) * loss).round().astype(int).tolist()
-    demands = twin.demand_codes(path.demand).tolist()
-    gaps = twin.gap_codes(path.gap, loss.size).tolist()
-    codes = []
-    for index, (demand, gap) in enumerate(zip(demands, gaps, strict=True)):
-        code = solve(demand, gap)
-        if index % LOSS_EVERY == LOSS_EVERY - 1:
-            code = min(max(code + losses[index], low), high)
-        commit(code, gap)
-        codes.append(code)
-    return np.array(codes, dtype=np.float64)
-
-
-def _lossy_numbers(twin: RealTwin, path: Path, loss: FloatArray) -> FloatArray:
-    """Return the applied currents; `loss` is in parts of their range."""
-    low, high = twin.block.limits.current
-    losses = ((high - low) * loss).tolist()
-    gaps = [None] * loss.size if path.gap is None else path.gap.tolist()
-    currents = []
-    for index, (demand, gap) in enumerate(zip(path.demand.tolist(), gaps, strict=True)):
-        current = twin.solve(demand, gap)
-        if index % LOSS_EVERY == LOSS_EVERY - 1:
-            current = min(max(current + losses[index], low), high)
-        twin.commit(current, gap)
-        currents.append(current)
-    return np.array(currents)
 
 
 def exact_output(model: Model, current: FloatArray, path: Path) -> FloatArray:

@@ -82,6 +82,7 @@ class BlockSearch:
     def __init__(self, builder: Builder, wanted: float) -> None:
         self.builder = builder
         self.wanted = wanted
+        self.kind = builder.block_kind
         self.paths = builder.reach.paths(length=LENGTH)
         self.knee = self._knee()
         self._fine: dict[int, tuple[list[Path], list[FloatArray]]] = {}
@@ -95,7 +96,7 @@ class BlockSearch:
     def run(self) -> FoundBlock:
         """Search."""
         axes = {"gap_segments": self._over_gap()}
-        for name, values in TABLES[self.builder.block_kind].items():
+        for name, values in TABLES[self.kind].items():
             axes[name] = [(value, self._alone(replace(FINE, **{name: value}))) for value in values]
         enough = SPARE * self.wanted
         best: tuple[float, TableSizes] | None = None
@@ -107,7 +108,7 @@ class BlockSearch:
                 break
         assert best is not None
         reached, sizes = best
-        if self.builder.block_kind != "cells":  # solved in closed form
+        if self.kind != "cells":  # solved in closed form
             sizes = replace(sizes, iterations=self._iterations(sizes))
         return FoundBlock(sizes, reached, axes)
 
@@ -188,9 +189,8 @@ class BlockSearch:
         for choice in product(*axes.values()):
             sizes = replace(fine, **{n: c[0] for n, c in zip(axes, choice, strict=True)})
             over_gap, *tables = (cost for _, cost in choice)
-            kind = self.builder.block_kind
-            words = words_of(kind, sizes) * (2 if self.builder.io == "f32" else 1)
-            if words <= MOST[kind]:
+            words = words_of(self.kind, sizes) * (2 if self.builder.io == "f32" else 1)
+            if words <= MOST[self.kind]:
                 rows.append((words, over_gap + max(tables), sizes))
         promising = [row for row in rows if row[1] <= self.wanted]
         if promising:

@@ -13,14 +13,16 @@ through a bent curve is best where the work is done.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 from scipy.special import lambertw
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import DemandLimits, Packer, TableSizes
-from anhyst.compensate.frame import Frame, flux_unit
+from anhyst.compensate.block import DemandLimits, TableSizes
+from anhyst.compensate.circuit import flux_unit
+from anhyst.compensate.packing import Frame, LawTables, Packer
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
@@ -349,26 +351,12 @@ def _search(groups: list[list[_Task]], sizes: TableSizes) -> tuple[float, float]
     return float(np.exp(end.x[0])), float(1.0 / (1.0 + np.exp(-end.x[1])))
 
 
-@dataclass(frozen=True)
-class SimplifiedTables:
-    """The closed form over the gap of a frame; Euler's form has the same numbers and no table."""
+def simplified_law(frame: Frame, law: ClosedForm) -> LawTables:
+    """Return the closed form over the gap; the place of the field takes the bounded state."""
+    offset = None if law.offset is None else np.interp(frame.at, law.at, law.offset)
+    return LawTables(law.over(frame.at), partial(_pack, law, frame.sizes), offset)
 
-    frame: Frame
-    law: ClosedForm
 
-    @property
-    def arms(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """How the current is made up; the place of the field takes the bounded state."""
-        return self.law.over(self.frame.at)
-
-    @property
-    def offset(self) -> FloatArray | None:
-        """Output at zero flux; None: that of the model."""
-        law = self.law
-        return None if law.offset is None else np.interp(self.frame.at, law.at, law.offset)
-
-    def pack(self, pack: Packer) -> None:
-        """Put words and tables."""
-        law = self.law
-        dead_band = 0.0 if pack.kind == "euler" else law.dead_band
-        _pack_law(pack, law.rate, law.nu, dead_band, self.frame.sizes)
+def _pack(law: ClosedForm, sizes: TableSizes, pack: Packer) -> None:
+    dead_band = 0.0 if pack.kind == "euler" else law.dead_band
+    _pack_law(pack, law.rate, law.nu, dead_band, sizes)

@@ -154,14 +154,15 @@ def compile_model(
         raise refusal(budget, _better(model, plan, controller))
     if request.accuracy is not None and request.kind == "full" and not is_held(plan, budget):
         raise drift_refusal(plan, budget)
+    costs, accuracy = as_dict(budget), _accuracy(budget)
     version = running_version()
     around = None if controller is None else controller.around(plan)
-    values, signals = example_values(plan, sha256, version, around), signal_lines(plan)
+    signals, values = signal_lines(plan), example_values(plan, sha256, version, around)
     choices = explain(plan)
     files = {
-        **sources(plan, values, _accuracy(budget), signals, around),
+        **sources(plan, values, accuracy, signals, around),
         "vectors.csv": vectors_csv(COLUMNS, golden_vectors(plan)),
-        "budget.json": json_text(as_dict(budget)),
+        "budget.json": json_text(costs),
         "budget.html": budget_page(plan, budget, choices, signals, version),
     }
     if around is not None:

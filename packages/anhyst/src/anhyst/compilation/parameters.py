@@ -19,17 +19,10 @@ VALUES_END = 18
 WIDTH = 100
 
 
-def c_type(block: Block) -> str:
-    """Return the type of a word in C."""
-    return {"f": {4: "float", 8: "double"}, "i": {2: "int16_t"}}[block.words.dtype.kind][
-        block.words.dtype.itemsize
-    ]
-
-
 def definition(name: str, words: str, block: Block, names: Names, schedule: Quantity | None) -> str:
     """Return the definition of ``NAME_parameters``; `words` is the number of words in C."""
     rows = parameters_source(block, names, schedule)
-    return f"const {c_type(block)} {name}_parameters[{words}] = {{\n{rows}\n}};"
+    return f"const {block.c_type} {name}_parameters[{words}] = {{\n{rows}\n}};"
 
 
 def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> str:

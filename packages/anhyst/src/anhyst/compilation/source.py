@@ -12,7 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.controller import ControllerPlan, controller_values
 from anhyst.compilation.manifest import controller_bytes, state_bytes
-from anhyst.compilation.parameters import c_type, definition, literal, scales_source
+from anhyst.compilation.parameters import definition, literal, scales_source
 from anhyst.compilation.toolchain import (
     AROUND,
     AROUND_SINGLE,
@@ -82,7 +82,8 @@ def example_values(
         "io": io,
         "real": not block.is_fixed,
         "port": block.is_fixed,
-        "word": c_type(block),
+        "word": block.c_type,
+        "parameters_bytes": block.size,
         "memories": block.memories,
         "input": model.input.name.replace("_", " "),
         "output": model.output.name.replace("_", " "),
@@ -157,7 +158,6 @@ def _guide(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
             f"{start.seconds:g} s"
         ),
         "remaining": f"{100.0 * start.remaining / plan.largest:.2g}",
-        "parameters_bytes": plan.block.size,
         "state_bytes": state_bytes(plan.block),
     }
 

@@ -15,7 +15,6 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compilation.parameters import (
     WIDTH,
-    c_type,
     definition,
     listed,
     literal,
@@ -298,7 +297,7 @@ def _words(magnet: ForceController) -> int:
 
 def _type(parameters: object, law: str) -> str:
     if isinstance(parameters, HysteresisInverse):
-        return c_type(parameters.block)
+        return parameters.block.c_type
     if isinstance(parameters, PlayMap):
         return "int16_t" if law == "q31" else "float"
     return f"anhyst_map_{law}"
