@@ -19,6 +19,7 @@ from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.measuring import HeldBearing
 from anhyst_rigs.rig.plant import current_gains
+from anhyst_rigs.rig.sensor_table import FluxSensorTable
 from anhyst_rigs.study.bearing import linear
 
 _CURRENTS = 1200
@@ -47,13 +48,17 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     gap, high = settings.gap_m, settings.amplifier.current_high_A
     up = np.linspace(0.0, high, _CURRENTS)
     path = np.concatenate([up, up[::-1]])
+    load, ends = rig.load, np.array([settings.body.stop_low_m, settings.body.stop_high_m])
+    narrowest = float(np.min(rig.gaps_at(ends)))
     force, psi, _ = rig.static_map(path, np.full(path.size, gap))
     check_load(rig, float(force[_CURRENTS - 1]))
-    _check_rest(rig)
-    _check_probe(rig)
+    _check_rest(rig, float(rig.static_map(up, np.full(up.size, ends[1]))[0][-1]))
+    if settings.hall_probe is not None:
+        density = float(rig.static_map(up, np.full(up.size, narrowest))[2][-1])
+        _check_probe(rig, settings.hall_probe, density, narrowest)
     bias = settings.bias_N
     key = ("load", "force_N") if bias is None else ("control", "bias_N")
-    wanted = rig.load if bias is None else bias
+    wanted = load if bias is None else bias
     least, most = float(force[0]), float(force[_CURRENTS - 1])
     if not least < wanted < most:
         text = f"{wanted:g} N is not within what the magnet pulls at {gap:g} m"
@@ -69,13 +74,13 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
         text = f"at {wanted:g} N {error}; raise or lower it"
         raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
     around = 0.05 * high
-    ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
+    linkage = np.interp([current - around, current + around], up, psi[:_CURRENTS])
     magnets = float(len(rig.settings.placed))
     point = linear.Point(
         mass=settings.body.mass_kg,
         k_i=magnets * slopes.static.k_i,
         k_s=magnets * slopes.static.k_s - settings.load.stiffness_N_per_m,
-        inductance=magnets * float(ends[1] - ends[0]) / (2.0 * around),
+        inductance=magnets * float(linkage[1] - linkage[0]) / (2.0 * around),
         resistance=magnets * settings.magnet.poles.resistance,
         damping=settings.body.damping_N_s_per_m + settings.load.damping_N_s_per_m,
         eddy_time=settings.magnet.eddy_time_s,
@@ -127,32 +132,22 @@ def check_rate(rig: BodyRig, pole_Hz: float) -> None:
         raise faults_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
-def _check_rest(rig: BodyRig) -> None:
+def _check_rest(rig: BodyRig, force_max: float) -> None:
     """Refuse a load that is carried at the operating gap and not lifted off its rest."""
-    gap, high = rig.settings.body.stop_high_m, rig.settings.amplifier.current_high_A
-    up = np.linspace(0.0, high, _CURRENTS)
-    force = float(rig.static_map(up, np.full(up.size, gap))[0][-1])
-    if not rig.load < force:
+    if not rig.load < force_max:
+        gap = rig.settings.body.stop_high_m
         text = f"no current lifts {rig.load:.4g} N off the rest at {gap:g} m, the magnet reaches "
-        text += f"{force:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
+        text += f"{force_max:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
         raise faults_error(rig.path, [FileFault(("load", "force_N"), text, code="load-too-large")])
 
 
-def _check_probe(rig: BodyRig) -> None:
-    """Refuse a Hall probe that ends below what the largest current makes at the smallest gap."""
-    settings = rig.settings
-    probe, body = settings.hall_probe, settings.body
-    if probe is None:
-        return
-    gap = float(np.min(rig.gaps_at(np.array([body.stop_low_m, body.stop_high_m]))))
-    up = np.linspace(0.0, settings.amplifier.current_high_A, _CURRENTS)
-    density = float(rig.static_map(up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
-    if density > probe.range_T:
-        text = f"the largest current makes {density:.4g} T at a gap of {gap:g} m; raise it"
-        raise faults_error(
-            rig.path,
-            [FileFault(rig.settings.place(probe, "range_T"), text, code="range-too-narrow")],
-        )
+def _check_probe(rig: BodyRig, probe: FluxSensorTable, density: float, gap: float) -> None:
+    """Refuse a Hall probe that ends below what the largest current makes at the smallest gap, T."""
+    seen = density * (1.0 + probe.gain_error)
+    if seen > probe.range_T:
+        text = f"the largest current makes {seen:.4g} T at a gap of {gap:g} m; raise it"
+        place = rig.settings.place(probe, "range_T")
+        raise faults_error(rig.path, [FileFault(place, text, code="range-too-narrow")])
 
 
 def linear_loop(setup: BearingSetup, at: OperatingPoint) -> linear.LinearLoop:

@@ -38,15 +38,16 @@ def files_of_bearing(rig_path: PathLike, controller_path: PathLike | None) -> li
 
 
 def _files(rig: BodyRig, controller: ControllerFile) -> list[Path]:
+    measured = rig.measured
     named = [
         rig.path,
         rig.model,
         rig.flux_table,
+        rig.calibration,
         controller.path,
         controller.model,
-        rig.calibration,
     ]
-    return [file for file in named if file is not None] + list(rig.measured.files)
+    return [file for file in named if file is not None] + list(measured.files)
 
 
 @dataclass(frozen=True)
