@@ -26,8 +26,9 @@ Made by tools/contract from contract/block.toml: do not edit.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 Format = Literal["q14", "q15", "q8", "weight", "integer", "unsigned", "single"]
 
@@ -52,6 +53,20 @@ class Word:
     factor: float = 1.0
     shift: str = ""
     unit: str = ""  # of a single, which is worth what it is: ``"output"``, ``"input"``, or the unit
+
+
+def _words(rows: str) -> tuple[Word, ...]:
+    """Return the words of a table with rows ``at name format low high | key=value | doc``."""
+    words = []
+    for row in re.split(r"\\n(?! )", rows.strip()):
+        fixed, *others, doc = " ".join(row.split()).split(" | ")
+        at, name, form, low, high = fixed.split()
+        given: dict[str, Any] = dict(other.split("=") for other in others)
+        kinds = {"size": int, "factor": float}
+        given |= {key: kind(given[key]) for key, kind in kinds.items() if key in given}
+        known: Any = form  # a Format, because contract/ has no others
+        words.append(Word(int(at), name, known, doc, int(low), int(high), **given))
+    return tuple(words)
 
 
 '''
@@ -118,31 +133,21 @@ def literal(value: object) -> str:
 
 
 def word_row(word: Entry) -> str:
-    """Return a word as a call of its class."""
+    """Return a word as a row of a table; a long description is on a line of its own."""
     low, high = word.get("low", 0), word.get("high", 65535)
-    shift = word.get("shift", "").upper()
+    fixed = f"{word['at']} {word['name'].upper()} {word['format']} {low} {high}"
     given = {key: word[key] for key in ("axis", "of", "factor", "unit") if key in word}
     given |= {"size": 2} if word_size(word) == 2 else {}
-    given |= {"shift": shift} if shift else {}
-    positional = [word["at"], word["name"].upper(), word["format"], word["doc"], low, high]
-    values = [literal(value) for value in positional]
-    values += [f"{key}={literal(value)}" for key, value in given.items()]
-    line = f"    Word({', '.join(values)}),"
-    if len(line) <= 100:
-        return line
-    body = f"        {', '.join(values)}"
-    if len(body) <= 100:
-        return f"    Word(\n{body}\n    ),"
-    return "    Word(\n" + "".join(f"        {value},\n" for value in values) + "    ),"
+    given |= {"shift": word["shift"].upper()} if "shift" in word else {}
+    line = " | ".join([fixed, *(f"{key}={value}" for key, value in given.items())])
+    whole = f"{line} | {word['doc']}"
+    return whole if len(whole) <= 100 else f"{line}\n   | {word['doc']}"
 
 
 def group_row(group: Entry) -> str:
-    """Return the words of a group as a tuple."""
+    """Return the words of a group as a table."""
     rows = "\n".join(word_row(word) for word in group["words"])
-    alone = f"{group['name'].upper()} = ({rows.strip()})"
-    if len(group["words"]) == 1 and "\n" not in alone and len(alone) <= 100:
-        return alone
-    return f"{group['name'].upper()} = (\n{rows}\n)"
+    return f'{group["name"].upper()} = _words("""\n{rows}\n""")'
 
 
 def layout_module(block: Entry) -> str:

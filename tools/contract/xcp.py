@@ -12,7 +12,8 @@ Made by tools/contract from contract/xcp.toml and signals.toml: do not edit.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import re
+from typing import Any, NamedTuple
 
 
 class XcpValue(NamedTuple):
@@ -25,6 +26,18 @@ class XcpValue(NamedTuple):
     low: int = -(1 << 31)
     high: int = (1 << 31) - 1
     body: str = ""
+
+
+def _values(rows: str) -> tuple[XcpValue, ...]:
+    """Return the values of a table with rows ``name format | key=value | doc``."""
+    values = []
+    for row in re.split(r"\\n(?! )", rows.strip()):
+        fixed, *others, doc = " ".join(row.split()).split(" | ")
+        name, form = fixed.split()
+        given: dict[str, Any] = dict(other.split("=") for other in others)
+        given |= {key: int(given[key]) for key in ("low", "high") if key in given}
+        values.append(XcpValue(name, form, doc, **given))
+    return tuple(values)
 
 
 '''
@@ -59,19 +72,11 @@ def map_header(xcp: Entry, signals: Entry) -> str:
 
 
 def row(value: Entry) -> str:
-    """Return a value as a call of its class."""
-    given = [f'"{value["name"]}"', f'"{value["format"]}"', f'"{value["doc"]}"']
-    for key in ("of", "low", "high", "body"):
-        if key in value:
-            text = f'"{value[key]}"' if isinstance(value[key], str) else str(value[key])
-            given.append(f"{key}={text}")
-    line = f"    XcpValue({', '.join(given)}),"
-    if len(line) <= 100:
-        return line
-    inner = f"        {', '.join(given)}"
-    if len(inner) <= 100:
-        return f"    XcpValue(\n{inner}\n    ),"
-    return "    XcpValue(\n" + "".join(f"        {one},\n" for one in given) + "    ),"
+    """Return a value as a row of a table; a long description is on a line of its own."""
+    given = [f"{key}={value[key]}" for key in ("of", "low", "high", "body") if key in value]
+    line = " | ".join([f"{value['name']} {value['format']}", *given])
+    whole = f"{line} | {value['doc']}"
+    return whole if len(whole) <= 100 else f"{line}\n   | {value['doc']}"
 
 
 def map_module(xcp: Entry, signals: Entry) -> str:
@@ -93,5 +98,5 @@ def map_module(xcp: Entry, signals: Entry) -> str:
         '"""Address of the first byte of each area."""',
     ]
     for name in ("signal", "setting", "input"):
-        rows += ["", f"{name.upper()}S = (", *(row(value) for value in signals[name]), ")"]
+        rows += ["", f'{name.upper()}S = _values("""', *map(row, signals[name]), '""")']
     return PREAMBLE + "\n".join(rows) + "\n"
