@@ -15,7 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, wraps
 from importlib import import_module
 from pathlib import Path
 
@@ -30,6 +30,8 @@ from anhyst.data.formats.channels import (
     Texts,
     Values,
     hash_of,
+    need_package,
+    one_line_if_damaged,
 )
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -309,17 +311,33 @@ class ChannelTable:
         return onto(self.source_name, channel, self._own_clock(channel), values, clock)
 
 
-def open_channels(file: ChannelFile, least: int) -> ChannelTable:
-    """Make a table of a file's channels; refuse fewer numeric channels than ``least``."""
-    table = ChannelTable(file)
-    count = sum(not channel.is_text for channel in file.channels) + len(table.clocks[:1])
-    if count < least:
-        raise InputError(
-            f"{file.path}: holds {count} channels of numbers with samples; at least {least} are "
-            "needed",
-            code="too-few-channels",
-        )
-    return table
+def opener(
+    *packages: str,
+) -> Callable[[Callable[[Path], ChannelFile]], Callable[[Path, int], ChannelTable]]:
+    """Make what opens a format out of what finds the channels of a file with these packages.
+
+    It reads the file in a process of its own first, and refuses fewer numeric channels than needed.
+    """
+
+    def with_find(find: Callable[[Path], ChannelFile]) -> Callable[[Path, int], ChannelTable]:
+        @wraps(find)
+        def open_file(path: Path, least: int) -> ChannelTable:
+            need_package(path, *packages)
+            try_first(path, open_file)
+            with one_line_if_damaged(path):
+                table = ChannelTable(find(path))
+            numeric = sum(not channel.is_text for channel in table.file.channels)
+            if (count := numeric + len(table.clocks[:1])) < least:
+                raise InputError(
+                    f"{path}: holds {count} channels of numbers with samples; at least {least} are "
+                    "needed",
+                    code="too-few-channels",
+                )
+            return table
+
+        return open_file
+
+    return with_find
 
 
 def _texts(values: Values) -> Texts:

@@ -48,8 +48,13 @@ class Channel:
         return f"{self.group}/{self.name}" if self.group else self.name
 
 
-ReadChannels = Callable[[Sequence[Channel], int | None], list[Values]]
-"""Read whole channels, or so many of their first samples: arrays of shape (samples,)."""
+ReadChannels = Callable[[Path, Sequence[Channel], int | None], list[Values]]
+"""Read whole channels of a file, or so many of their first samples: arrays of shape (samples,)."""
+
+
+def read_keys(_path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+    """Read channels whose keys are their samples."""
+    return [channel.key[:count] for channel in channels]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +70,7 @@ class ChannelFile:
     def read(self, wanted: Sequence[Channel], count: int | None = None) -> list[Values]:
         """Read channels whole, or only their first samples."""
         with one_line_if_damaged(self.path):
-            arrays = [plain(values) for values in self.samples(wanted, count)]
+            arrays = [plain(values) for values in self.samples(self.path, wanted, count)]
         for channel, values in zip(wanted, arrays, strict=True):
             expected = channel.length if count is None else min(count, channel.length)
             if values.shape != (expected,):

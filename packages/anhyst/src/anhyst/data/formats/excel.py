@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.channel_table import ChannelTable, open_channels, try_first
+from anhyst.data.formats.channel_table import opener
 from anhyst.data.formats.channels import (
     Channel,
     ChannelFile,
@@ -29,8 +29,7 @@ from anhyst.data.formats.channels import (
     clocks_by_name,
     is_mark,
     is_number,
-    need_package,
-    one_line_if_damaged,
+    read_keys,
     to_number,
 )
 from anhyst.data.formats.odd_rows import Thousands, is_statistics, refuse_factors
@@ -152,24 +151,22 @@ _VALUES = (int, float, datetime.datetime, datetime.date, datetime.time, datetime
 Rows = Sequence[Sequence[Any]]
 
 
-def open_excel(path: Path, least: int) -> ChannelTable:
+@opener("python_calamine")
+def open_excel(path: Path) -> ChannelFile:
     """Look at a workbook: the first sheet that holds a table with a header.
 
     Rows above the header are skipped; a row of units below it is understood, and so is a header
     merged with the cell above. Cells of dates become seconds since the first.
     """
-    need_package(path, "python_calamine")
-    try_first(path, open_excel)
-    with one_line_if_damaged(path):
-        check_workbook(path)
-        from python_calamine import CalamineWorkbook
+    check_workbook(path)
+    from python_calamine import CalamineWorkbook
 
-        workbook = CalamineWorkbook.from_path(str(path))
-        tables = []
-        for name in workbook.sheet_names:
-            rows = workbook.get_sheet_by_name(name).to_python(skip_empty_area=True)
-            if (start := _find_data(rows)) is not None:
-                tables.append((name, rows, start))
+    workbook = CalamineWorkbook.from_path(str(path))
+    tables = []
+    for name in workbook.sheet_names:
+        rows = workbook.get_sheet_by_name(name).to_python(skip_empty_area=True)
+        if (start := _find_data(rows)) is not None:
+            tables.append((name, rows, start))
     if not tables:
         raise InputError(
             f"{path}: no sheet holds a header and {_LEAST_ROWS} rows of numbers below it; put one "
@@ -186,12 +183,7 @@ def open_excel(path: Path, least: int) -> ChannelTable:
     for sheet in alike:
         breaks += [(first + row, texts) for row, texts in sheet.breaks]
         first += len(sheet.cells)
-    file = ChannelFile(path, clocks_by_name(channels), _read, tuple(notes), tuple(breaks))
-    return open_channels(file, least)
-
-
-def _read(channels: Sequence[Channel], count: int | None) -> list[Values]:
-    return [channel.key[:count] for channel in channels]
+    return ChannelFile(path, clocks_by_name(channels), read_keys, tuple(notes), tuple(breaks))
 
 
 def _is_value(cell: Any) -> bool:

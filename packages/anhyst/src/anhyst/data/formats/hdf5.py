@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.channel_table import ChannelTable, open_channels, try_first
+from anhyst.data.formats.channel_table import opener
 from anhyst.data.formats.channels import (
     MOST_CHANNELS,
     Channel,
@@ -18,8 +18,6 @@ from anhyst.data.formats.channels import (
     Values,
     check_size,
     clocks_by_name,
-    need_package,
-    one_line_if_damaged,
 )
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
@@ -37,17 +35,16 @@ class _Key:
     column: int | None = None
 
 
-def open_hdf5(path: Path, least: int) -> ChannelTable:
+@opener("h5py")
+def open_hdf5(path: Path) -> ChannelFile:
     """Look at an HDF5 file.
 
     Clocks are dimension scales, or what is named a time beside channels of its length; units are
     attributes ``unit`` or ``units``. A table of fields is a group.
     """
-    need_package(path, "h5py")
-    try_first(path, open_hdf5)
     import h5py
 
-    with one_line_if_damaged(path), h5py.File(path, "r") as file:
+    with h5py.File(path, "r") as file:
         channels: list[Channel] = []
         scales: dict[str, Channel] = {}
         clocks: dict[int, str] = {}
@@ -65,8 +62,7 @@ def open_hdf5(path: Path, least: int) -> ChannelTable:
             for index, channel in enumerate(channels)
             if channel not in used
         ]
-    head = ((0, tuple(stated)),)
-    return open_channels(ChannelFile(path, clocks_by_name(own), _reader(path), (), head), least)
+    return ChannelFile(path, clocks_by_name(own), _read, (), ((0, tuple(stated)),))
 
 
 def datasets(path: Path, group: Any) -> Iterator[Any]:
@@ -172,14 +168,11 @@ def _scale(dataset: Any) -> str | None:
     return str(scale.name) if scale.shape == dataset.shape[:1] else None
 
 
-def _reader(path: Path) -> Any:
-    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
-        import h5py
+def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+    import h5py
 
-        with h5py.File(path, "r") as file:
-            return [_samples(file[channel.key.name], channel, count) for channel in channels]
-
-    return read
+    with h5py.File(path, "r") as file:
+        return [_samples(file[channel.key.name], channel, count) for channel in channels]
 
 
 def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:

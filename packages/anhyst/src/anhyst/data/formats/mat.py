@@ -14,16 +14,22 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.channel_table import ChannelTable, open_channels, try_first
+from anhyst.data.formats.channel_table import opener
 from anhyst.data.formats.channels import (
     MOST_BYTES,
     ChannelFile,
     ChannelGroup,
     Series,
+    clocks_by_name,
     need_package,
-    one_line_if_damaged,
 )
-from anhyst.data.formats.mat_layouts import ArrayInMemory, MatTree, channels_of, read_arrays
+from anhyst.data.formats.mat_layouts import (
+    ArrayInMemory,
+    MatTree,
+    find_channels,
+    read_arrays,
+    read_tree,
+)
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
@@ -178,26 +184,22 @@ class MatGuard:
         )
 
 
-def open_mat(path: Path, least: int) -> ChannelTable:
+@opener()
+def open_mat(path: Path) -> ChannelFile:
     """Look at a MAT file of version 5 or 7.3."""
-    with one_line_if_damaged(path):
-        with path.open("rb") as stream:
-            head = stream.read(520)
-        try_first(path, open_mat)
-        objects: list[tuple[str, str]] = []
-        if head[512:520] == b"\x89HDF\r\n\x1a\n" or head.startswith(b"\x89HDF"):
-            need_package(path, "h5py")
-            from anhyst.data.formats.mat_layouts import read_tree
-
-            tree, objects = read_tree(path)
-        elif head[126:128] in {b"IM", b"MI"} and 1 in head[124:126]:
-            tree, objects = _read_v5(path)
-        else:
-            raise InputError(
-                f"{path}: is no MAT file of version 5 or 7.3; save it in MATLAB with -v7 or -v7.3",
-                code="not-a-mat-file",
-            )
-        channels = channels_of(tree)
+    with path.open("rb") as stream:
+        head = stream.read(520)
+    if head[512:520] == b"\x89HDF\r\n\x1a\n" or head.startswith(b"\x89HDF"):
+        need_package(path, "h5py")
+        tree, objects = read_tree(path)
+    elif head[126:128] in {b"IM", b"MI"} and 1 in head[124:126]:
+        tree, objects = _read_v5(path)
+    else:
+        raise InputError(
+            f"{path}: is no MAT file of version 5 or 7.3; save it in MATLAB with -v7 or -v7.3",
+            code="not-a-mat-file",
+        )
+    channels = clocks_by_name(find_channels(tree))
     unread = [f"'{name}' is a {kind} object" for name, kind in objects]
     if unread and not channels:
         raise InputError(
@@ -206,7 +208,7 @@ def open_mat(path: Path, least: int) -> ChannelTable:
             code="matlab-objects",
         )
     notes = tuple(f"{text}, which only MATLAB reads: left out" for text in unread)
-    return open_channels(ChannelFile(path, channels, read_arrays, notes), least)
+    return ChannelFile(path, channels, read_arrays, notes)
 
 
 def _read_v5(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
