@@ -53,8 +53,12 @@ class Clock:
     whole: bool = True  # whether it holds all of them
 
 
+Seconds = Callable[[Channel], FloatArray]
+"""Returns the times of a clock in s."""
+
+
 def shared_clock(
-    source: str, channels: Sequence[Channel], seconds: Callable[[Channel], FloatArray]
+    source: str, channels: Sequence[Channel], seconds: Seconds
 ) -> tuple[Clock, tuple[str, ...]]:
     """Find the clock that channels are read on: the finest, as far as all of them reach."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
@@ -117,38 +121,43 @@ def _step(source: str, clock: Channel, times: FloatArray) -> float:
     return float(np.median(np.diff(times))) or float(np.mean(np.diff(times)))
 
 
-def onto(source: str, channel: Channel, own: Clock, values: FloatArray, clock: Clock) -> FloatArray:
+def onto(
+    source: str, channel: Channel, values: FloatArray, clock: Clock, seconds: Seconds
+) -> FloatArray:
     """Bring a channel onto a clock; next to a sample without a value (NaN) there is none."""
-    stop = clock.start + clock.length
-    if own.times is None or clock.times is None or own.channel is clock.channel:
-        return values[clock.start : stop]
-    if clock.whole:  # clocks of the same times
+    if channel.clock is None:
+        return np.full(clock.length, values[0]) if channel.length == 1 else values
+    if clock.times is None or clock.whole:  # its own clock, or one of the same times
         return values
-    steps = np.diff(own.times)
-    inside = (own.times[1:] > clock.times[0]) & (own.times[:-1] < clock.times[-1])
+    if channel.clock is clock.channel:
+        return values[clock.start : clock.start + clock.length]
+    own = seconds(channel.clock)
+    steps = np.diff(own)
+    inside = (own[1:] > clock.times[0]) & (own[:-1] < clock.times[-1])
     usual = float(np.median(steps))
     long = inside & (steps > _LONGEST_GAP * usual)
     if long.any():
         row = int(np.argmax(long))
         raise InputError(
-            f"{source}: channel '{channel.full_name}' has no sample from {own.times[row]:g} to "
-            f"{own.times[row + 1]:g} s, {steps[row] / usual:.0f} of its usual steps: it cannot be "
+            f"{source}: channel '{channel.full_name}' has no sample from {own[row]:g} to "
+            f"{own[row + 1]:g} s, {steps[row] / usual:.0f} of its usual steps: it cannot be "
             "interpolated; leave it out, or give it as a constant",
             code="gap-in-channel",
             key=channel.full_name,
         )
-    return np.interp(clock.times, own.times, values)
+    return np.interp(clock.times, own, values)
 
 
-def held(own: Clock, values: Values, clock: Clock) -> Values:
+def held(channel: Channel, values: Values, clock: Clock, seconds: Seconds) -> Values:
     """Hold the last value of a channel at each time; what fits no clock is blank."""
-    if own.channel is clock.channel or (own.length == clock.length and clock.whole):
+    own = None if channel.clock is None else seconds(channel.clock)
+    if channel.clock is clock.channel or (channel.length == clock.length and clock.whole):
         return values[clock.start : clock.start + clock.length]
-    if own.length == 1:
+    if channel.length == 1:
         return np.repeat(values, clock.length)
-    if own.times is None or clock.times is None or not np.all(np.diff(own.times) >= 0.0):
+    if own is None or clock.times is None or not np.all(np.diff(own) >= 0.0):
         return np.full(clock.length, "")
-    last = np.searchsorted(own.times, clock.times, side="right") - 1
+    last = np.searchsorted(own, clock.times, side="right") - 1
     return np.asarray(values[np.maximum(last, 0)])
 
 
@@ -169,8 +178,9 @@ class ChannelTable:
 
     @cached_property
     def clocks(self) -> list[Channel]:
-        """Clocks of the file."""
-        return self.file.clocks()
+        """Clocks of all channels, in their order."""
+        clocks = (channel.clock for channel in self.file.channels if channel.clock is not None)
+        return list(dict.fromkeys(clocks))
 
     @cached_property
     def header(self) -> tuple[str, ...]:
@@ -215,12 +225,12 @@ class ChannelTable:
         clock, notes = shared_clock(self.source_name, clocked, self.seconds)
         columns: dict[int, FloatArray] = {}
         for index in wanted:
-            values = self._numbers(index, channels[index])
-            columns[index] = self._placed(channels[index], values, clock)
+            channel, values = channels[index], self._numbers(index, channels[index])
+            columns[index] = onto(self.source_name, channel, values, clock, self.seconds)
         if shift and 0 in numbers:
             columns[0] = self._times(clock, [channels[index] for index in wanted])
         named = {
-            index: _texts(held(self._own_clock(channel), self._values(channel), clock))
+            index: _texts(held(channel, self._values(channel), clock, self.seconds))
             for index, channel in channels.items()
             if index in labels
         }
@@ -298,18 +308,6 @@ class ChannelTable:
             return np.array(self._values(clock.channel), dtype=np.float64)
         return np.array(clock.times)
 
-    def _own_clock(self, channel: Channel) -> Clock:
-        if channel.clock is None:
-            return Clock(None, channel.length, None)
-        return Clock(channel.clock, channel.length, self.seconds(channel.clock))
-
-    def _placed(self, channel: Channel, values: FloatArray, clock: Clock) -> FloatArray:
-        if channel.length == 1 and channel.clock is None:
-            return np.full(clock.length, values[0])
-        if channel.clock is None or (channel.clock is clock.channel and clock.whole):
-            return values
-        return onto(self.source_name, channel, self._own_clock(channel), values, clock)
-
 
 def opener(
     *packages: str,
@@ -367,17 +365,15 @@ def try_first(path: Path, opener: Callable[[Path, int], OpenTable]) -> None:
         return
     about = path.stat()
     name = f"{opener.__module__}:{opener.__name__}"
-    if (refusal := _tried(path, name, about.st_mtime_ns, about.st_size, SECONDS)) is not None:
+    if (refusal := _tried(path, name, about.st_mtime_ns, about.st_size)) is not None:
         text, code, key = refusal
         raise InputError(text, code=code, key=key)
 
 
 @cache
-def _tried(
-    path: Path, opener: str, _changed: int, size: int, seconds: float
-) -> tuple[str, str, str] | None:
+def _tried(path: Path, opener: str, _changed: int, size: int) -> tuple[str, str, str] | None:
     """Return why a file is refused: the text, code and key of the error."""
-    limit = seconds + size / 4e6
+    limit = SECONDS + size / 4e6
     script = "from anhyst.data.formats.channel_table import read_here; read_here()"
     command = [sys.executable, "-P", "-c", script, str(path), opener, str(limit)]
     try:

@@ -82,11 +82,6 @@ class ChannelFile:
                 )
         return arrays
 
-    def clocks(self) -> list[Channel]:
-        """Return the clocks of all channels, in their order."""
-        clocks = (channel.clock for channel in self.channels if channel.clock is not None)
-        return list(dict.fromkeys(clocks))
-
 
 @dataclass(frozen=True, eq=False)
 class Series:

@@ -14,7 +14,6 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
@@ -101,11 +100,45 @@ class TextTable:
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
         """Read the wanted columns; the others are not even parsed."""
-        return read_raw(self.layout, numbers, texts, progress)
+        layout, columns = self.layout, self.layout.table.columns
+        fields = {
+            n: column.position for n, column in enumerate(columns) if column.position is not None
+        }
+        stamps = {layout.stamp} & {*numbers}
+        wanted = [n for n in numbers if n in fields and n not in stamps]
+        labels = [n for n in {*texts, *stamps} if n in fields and n is not None]
+        if not wanted and not labels:
+            labels = [next(iter(fields))]  # the rows are counted
+        reader = _Reader(layout, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels))
+        digest = hashlib.sha256()
+        done = layout.offset
+        with layout.open() as file:
+            digest.update(file.read(layout.offset))
+            for chunk in _chunks(file, layout):
+                digest.update(chunk)
+                done += len(chunk)
+                reader.feed(chunk)
+                if progress is not None:
+                    progress(done, layout.size)
+        sha256 = digest.hexdigest() if layout.content is None else hash_of(layout.path)
+        raw = reader.finish(sha256)
+        values: dict[int, FloatArray] = {n: raw.numbers[fields[n]] for n in wanted}
+        words = {n: raw.texts[fields[n]] for n in labels}
+        values |= {n: seconds_of(words[n]) for n in stamps if n is not None}
+        start, step = layout.table.clock
+        clock = start + step * np.arange(reader.rows)
+        values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
+        values |= {n: start + step * values[n] for n in wanted if columns[n].is_counter}
+        words |= {n: Texts.of(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
+        return RawColumns(sha256, values, words, raw.notes, raw.breaks)
 
     def where(self, row: int) -> str:
-        """Return the line of a row."""
-        return f"{self.layout.path}: line {row_line(self.layout, row)}"
+        """Return the line of a row, both counted from the beginning of the file, rows from 0."""
+        with self.layout.open() as file:
+            file.seek(self.layout.offset)
+            rows = sort_rows(split_lines(file, self.layout), self.layout)
+            samples = (found.line for found in rows if found.is_sample)
+            return f"{self.layout.path}: line {next(itertools.islice(samples, row, None))}"
 
 
 def open_text(path: Path, least: int) -> TextTable:
@@ -156,11 +189,7 @@ def _texts_of(column: Column, start: int, stop: int) -> list[str]:
     if column.dtype == np.bool_:
         return [("0", "1")[value] for value in column[start:stop].tolist()]
     # Integral values are written without ".0": tables of counts and labels stay as they were.
-    return list(map(_number, column[start:stop].tolist()))
-
-
-def _number(value: float) -> str:
-    return repr(value).removesuffix(".0")
+    return [repr(value).removesuffix(".0") for value in column[start:stop].tolist()]
 
 
 def _quote(text: str) -> str:
@@ -179,55 +208,6 @@ _CHUNK = 1 << 22
 _SHOWN = 30
 _MAX_ODD_ROWS = 20
 """Rows of statistics and the like that may precede the first samples."""
-
-
-def read_raw(
-    layout: Layout,
-    numbers: Sequence[int],
-    texts: Sequence[int] = (),
-    progress: Progress | None = None,
-) -> RawColumns:
-    """Read the wanted columns of a table; the others are not even parsed."""
-    columns = layout.table.columns
-    fields = {
-        n: position for n, column in enumerate(columns) if (position := column.position) is not None
-    }
-    stamps = {layout.stamp} & {*numbers}
-    wanted = [n for n in numbers if n in fields and n not in stamps]
-    labels = [n for n in {*texts, *stamps} if n in fields and n is not None]
-    if not wanted and not labels:
-        labels = [next(iter(fields))]  # the rows are counted
-    reader = _Reader(layout, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels))
-    digest = hashlib.sha256()
-    done = 0
-    with layout.open() as file:
-        digest.update(file.read(layout.offset))
-        for chunk in _chunks(file, layout):
-            digest.update(chunk)
-            done += len(chunk)
-            reader.feed(chunk)
-            if progress is not None:
-                progress(layout.offset + done, layout.size)
-    sha256 = digest.hexdigest() if layout.content is None else hash_of(layout.path)
-    raw = reader.finish(sha256)
-    values: dict[int, FloatArray] = {n: raw.numbers[fields[n]] for n in wanted}
-    words = {n: raw.texts[fields[n]] for n in labels}
-    values |= {n: seconds_of(words[n]) for n in stamps if n is not None}
-    start, step = layout.table.clock
-    clock = start + step * np.arange(reader.rows)
-    values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
-    values |= {n: start + step * values[n] for n in wanted if columns[n].is_counter}
-    words |= {n: Texts.of(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
-    return RawColumns(sha256, values, words, raw.notes, raw.breaks)
-
-
-def row_line(layout: Layout, row: int) -> int:
-    """Line number of a row of data (both counted from the file's beginning, rows from 0)."""
-    with layout.open() as file:
-        file.seek(layout.offset)
-        rows = sort_rows(split_lines(file, layout), layout)
-        samples = (found.line for found in rows if found.is_sample)
-        return next(islice(samples, row, None))
 
 
 def _chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
@@ -285,9 +265,12 @@ class _Reader:
     def feed(self, chunk: bytes) -> None:
         """Take a chunk of whole lines."""
         self.read += len(chunk)
+        layout = self.layout
         if self.thousands.may_occur(chunk):
-            self._refuse_thousands(chunk)
-        fast = None if has_odd_rows(chunk, self.layout) else self._fast(chunk)
+            for number, line in enumerate(chunk.split(layout.eol), start=self.line):
+                self.thousands.see(number, layout.split(line.decode(layout.encoding, "replace")))
+            self.thousands.refuse(layout.path, self.numbers)
+        fast = None if has_odd_rows(chunk, layout) else self._fast(chunk)
         values, labels, lines = fast or self._slow(chunk)
         if values.shape[0]:
             self._append(values)
@@ -345,10 +328,11 @@ class _Reader:
         if layout.delimiter is None:
             return self._fast_blanks(chunk)
         sign = layout.delimiter.encode()
-        fields = _find_fields(np.frombuffer(chunk, np.uint8), ord(sign), layout.width)
+        data = np.frombuffer(chunk, np.uint8)
+        fields = _find_fields(data, ord(sign), layout.width)
         if fields is None:
             return None
-        data, starts, stops = fields
+        starts, stops = fields
         labels: list[Labels] = [_cut(data, starts[:, n], stops[:, n]) for n in self.texts]
         order = sorted(self.numbers)
         if sign == b"," and len(order) == layout.width:
@@ -407,13 +391,6 @@ class _Reader:
         table = np.array(rows, dtype=np.float64).reshape(len(rows), len(self.numbers))
         return table, list[Labels](labels), len(lines)
 
-    def _refuse_thousands(self, chunk: bytes) -> None:
-        """Refuse numbers with separators of thousands among the columns that are read."""
-        layout = self.layout
-        for number, line in enumerate(chunk.split(layout.eol), start=self.line):
-            self.thousands.see(number, layout.split(line.decode(layout.encoding, "replace")))
-        self.thousands.refuse(layout.path, self.numbers)
-
     def _fit(self, fields: list[str], number: int) -> list[str]:
         width = self.layout.width
         if len(fields) > width and not any(fields[width:]):
@@ -465,7 +442,7 @@ class _Reader:
 
 def _find_fields(
     data: NDArray[np.uint8], sign: int, width: int
-) -> tuple[NDArray[np.uint8], NDArray[np.intp], NDArray[np.intp]] | None:
+) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
     """Where each field starts and stops, or ``None`` if not every row has ``width`` fields."""
     ends = np.flatnonzero(data == 10)
     signs = np.flatnonzero(data == sign)
@@ -476,7 +453,7 @@ def _find_fields(
     if np.any(stops[:, 0] < begin) or (width > 1 and np.any(stops[:, -2] > ends)):
         return None
     starts = np.concatenate((begin[:, None], stops[:, :-1] + 1), axis=1)
-    return data, starts, stops
+    return starts, stops
 
 
 def _cut(
@@ -488,8 +465,7 @@ def _cut(
     byte = starts[:, None] + np.arange(width)
     inside = np.arange(width) < length[:, None]
     padded = np.where(inside, data[np.minimum(byte, data.size - 1)], 0).astype(np.uint8)
-    texts: NDArray[np.bytes_] = padded.view(f"S{width}").reshape(-1)
-    return texts
+    return padded.view(f"S{width}").reshape(-1)
 
 
 def _convert(text: bytes, sep: str, count: int) -> FloatArray | None:
@@ -500,5 +476,5 @@ def _convert(text: bytes, sep: str, count: int) -> FloatArray | None:
             values: FloatArray = np.fromstring(text, np.float64, sep=sep)
         except ValueError:
             return None
-    is_good = values.size == count and bool((np.abs(values) < SCPI_MARKS[0]).all())
+    is_good = values.size == count and (np.abs(values) < SCPI_MARKS[0]).all()
     return values if is_good else None
