@@ -98,12 +98,10 @@ def _draft(path: PathLike) -> Iterator[Path]:
     """Yield a draft path to write to; move the draft to its final path when all went well."""
     target = Path(os.path.realpath(path))  # a link keeps pointing where it points
     try:
-        if target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        if target.exists() and not target.is_file():
+        beside = _beside(target)
+        if beside is None:
             yield target
             return
-        beside = _beside(target)
         try:
             yield beside
             if target.exists():
@@ -132,18 +130,19 @@ def check_writable(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
             f"{path}: is read by this command; write to another file", code="writes-over-input"
         )
     try:
-        if target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        if target.exists() and not target.is_file():
-            return
-        beside = _beside(target)
-        beside.open("x").close()
-        beside.unlink()
+        if (beside := _beside(target)) is not None:
+            beside.open("x").close()
+            beside.unlink()
     except OSError as error:
         raise write_error(path, error) from error
 
 
-def _beside(target: Path) -> Path:
+def _beside(target: Path) -> Path | None:
+    """Return the temporary name of a file; None for a device or a pipe, which are written directly."""
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if target.exists() and not target.is_file():
+        return None
     return target.with_name(f".{target.name}.{os.getpid()}.part")
 
 

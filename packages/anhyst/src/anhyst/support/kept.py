@@ -220,7 +220,7 @@ def _short(value: Any) -> str:
 
 
 MOST_OBJECTS = 4000
-"""Objects that are kept, of ten to a hundred kilobytes each; those not used for longest go."""
+"""Objects that are kept with their messages, of ten to a hundred kilobytes each."""
 
 Run = Callable[[Sequence[str]], str]
 """Runs a compiler, refuses what it refuses, and returns what it complains about."""
@@ -272,6 +272,7 @@ def _compile(command: Sequence[str], key: str, run: Run, source: Path, target: P
         messages = kept.with_suffix(".txt").read_text(encoding="utf-8")
         shutil.copyfile(kept, target)
         kept.touch()
+        kept.with_suffix(".txt").touch()
         return messages
     messages = run([*command, "-c", str(source), "-o", str(target)])
     with suppress(OSError):  # without a cache it is compiled each time
@@ -286,13 +287,10 @@ def _keep(kept: Path, content: bytes, messages: str) -> None:
         for target, part in ((kept.with_suffix(".txt"), messages.encode()), (kept, content)):
             Path(draft, target.name).write_bytes(part)
             Path(draft, target.name).replace(target)
-    # Looking through all of them takes longer than most compilations.
-    if kept.name.startswith("00"):
-        for old in sorted(kept.parent.glob("*.o"), key=lambda path: path.stat().st_mtime)[
-            :-MOST_OBJECTS
-        ]:
-            old.unlink(missing_ok=True)
-            old.with_suffix(".txt").unlink(missing_ok=True)
+    if kept.name.startswith(
+        "00"
+    ):  # looking through all of them takes longer than most compilations
+        forget(kept.parent, 2 * MOST_OBJECTS)
 
 
 LONGEST = 31

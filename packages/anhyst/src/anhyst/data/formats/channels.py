@@ -377,11 +377,9 @@ class MemoryTable:
                 raise TextInNumbersError(
                     text, column=index, code="text-in-numbers", key=self.header[index]
                 ) from None
-        return RawColumns(self.sha256, columns, {index: self._text(index) for index in texts}, ())
+        words = {n: Texts.of([str(value) for value in self.columns[n]]) for n in texts}
+        return RawColumns(self.sha256, columns, words, ())
 
     def where(self, row: int) -> str:
         """Return the place of a row."""
         return f"{self.source_name}: row {row}"
-
-    def _text(self, index: int) -> Texts:
-        return Texts.of([str(value) for value in self.columns[index]])

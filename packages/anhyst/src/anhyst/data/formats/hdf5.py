@@ -23,7 +23,7 @@ from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
 _UNITS = ("unit", "units", "Unit", "Units")
-_DEEPEST = 40
+DEEPEST = 40
 
 
 @dataclass(frozen=True)
@@ -73,24 +73,15 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
     waiting = [(group, 0)]
     while waiting:
         folder, depth = waiting.pop(0)
-        if depth > _DEEPEST or len(seen) > MOST_CHANNELS:
+        if depth > DEEPEST or len(seen) > MOST_CHANNELS:
             raise InputError(
-                f"{path}: holds more than {MOST_CHANNELS} objects, or groups more than {_DEEPEST} "
+                f"{path}: holds more than {MOST_CHANNELS} objects, or groups more than {DEEPEST} "
                 "deep; export the channels you need",
                 code="nested-too-deep",
             )
         for name in folder:
-            link = folder.get(name, getlink=True)
-            member_path = f"{folder.name.rstrip('/')}/{name}"
-            if isinstance(link, h5py.ExternalLink):
-                raise InputError(
-                    f"{path}: '{member_path}' is a link to the file '{link.filename}', which is not "
-                    "followed; copy its data into this file",
-                    code="external-link",
-                    key=member_path,
-                )
-            if isinstance(link, h5py.SoftLink):
-                continue  # what it leads to is found in its own place
+            if is_link(path, folder, name, f"{folder.name.rstrip('/')}/{name}"):
+                continue
             member = folder[name]
             info = h5py.h5o.get_info(member.id)
             if info.addr in seen:
@@ -101,6 +92,21 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
             elif isinstance(member, h5py.Dataset):
                 check_dataset(path, member)
                 yield member
+
+
+def is_link(path: Path, group: Any, name: str, shown: str) -> bool:
+    """Whether a member of a group is a link; what it leads to is found in its own place."""
+    import h5py
+
+    link = group.get(name, getlink=True)
+    if isinstance(link, h5py.ExternalLink):
+        raise InputError(
+            f"{path}: '{shown}' is a link to the file '{link.filename}', which is not followed; copy "
+            "its data into this file",
+            code="external-link",
+            key=shown,
+        )
+    return isinstance(link, h5py.SoftLink)
 
 
 def check_dataset(path: Path, dataset: Any) -> None:

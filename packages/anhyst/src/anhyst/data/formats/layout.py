@@ -166,12 +166,12 @@ def _with_stamps(table: TextColumns, rows: list[list[str]]) -> tuple[TextColumns
     headers = [parse_header(column.name, column.unit) for column in table.columns]
     is_time = [header.quantity is not None and header.quantity.name == "time" for header in headers]
     for index, column in enumerate(table.columns):
+        if any(is_time[:index]) or any(is_time[index + 1 :]):
+            continue
         position = column.position
         fields = [row[position] for row in rows if position is not None and position < len(row)]
         matches = [STAMP.fullmatch(field) for field in fields]
         if fields and all(match is not None and match["h"] for match in matches):
-            if any(held and index != other for other, held in enumerate(is_time)):
-                continue
             known = is_time[index] and parse_header(column.name, "s").problem is None
             clock = Column(column.name if known else "t", "s", position)
             columns = (*table.columns[:index], clock, *table.columns[index + 1 :])

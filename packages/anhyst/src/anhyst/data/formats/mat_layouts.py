@@ -10,7 +10,7 @@ from typing import Any, ClassVar, TypeGuard
 import numpy as np
 
 from anhyst.data.formats.channels import MOST_CHANNELS, Channel, Values
-from anhyst.data.formats.hdf5 import check_dataset
+from anhyst.data.formats.hdf5 import DEEPEST, check_dataset, is_link
 from anhyst.support.errors import InputError
 
 MatTree = Mapping[str, Any]
@@ -240,7 +240,6 @@ _NUMBERS = {
     *("double", "single", "logical"),
     *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
 }
-_DEEPEST = 40
 
 
 class _Tree:
@@ -254,29 +253,19 @@ class _Tree:
 
     def group(self, group: Any, depth: int = 0) -> dict[str, Any]:
         """Return the members of a group; what belongs to MATLAB itself is left out."""
-        import h5py
-
-        tree = {}
-        for name in group:
-            link = group.get(name, getlink=True)
-            if isinstance(link, h5py.ExternalLink):
-                raise InputError(
-                    f"{self.path}: '{name}' is a link to the file '{link.filename}', which is not "
-                    "followed; copy its data into this file",
-                    code="external-link",
-                    key=name,
-                )
-            if isinstance(link, h5py.SoftLink) or (depth == 0 and name.startswith("#")):
-                continue
-            tree[name] = self.node(name, group[name], depth + 1)
-        return tree
+        return {
+            name: self.node(name, group[name], depth + 1)
+            for name in group
+            if not is_link(self.path, group, name, name)
+            and not (depth == 0 and name.startswith("#"))
+        }
 
     def node(self, name: str, item: Any, depth: int) -> Any:
         """Turn a dataset or a group into trees, texts and arrays."""
         import h5py
 
         self._count += 1
-        if depth > _DEEPEST or self._count > 10 * MOST_CHANNELS:
+        if depth > DEEPEST or self._count > 10 * MOST_CHANNELS:
             raise InputError(
                 f"{self.path}: is nested without end; export the channels you need",
                 code="nested-too-deep",
