@@ -31,6 +31,7 @@ from anhyst.data.formats.channels import (
     Values,
     hash_of,
     need_package,
+    numbered,
     one_line_if_damaged,
 )
 from anhyst.support.errors import InputError
@@ -260,21 +261,15 @@ class ChannelTable:
             return ()
         first = self.clocks[0]
         header = parse_header(first.name, first.unit)
-        plain = header.quantity is not None and header.quantity.name == "time"
-        if len(self.clocks) > 1 or not plain or header.problem:
+        if len(self.clocks) > 1 or not header.is_clock or header.problem:
             return ("t", "s")
         return (first.name, first.unit)
 
     @cached_property
     def _names(self) -> list[str]:
-        count = Counter([*self._time[:1], *(channel.name for channel in self.file.channels)])
-        names: list[str] = []
-        seen: Counter[str] = Counter()
-        for channel in self.file.channels:
-            name = channel.name if count[channel.name] == 1 else channel.full_name
-            seen[name] += 1
-            names.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
-        return names
+        channels = self.file.channels
+        count = Counter([*self._time[:1], *(channel.name for channel in channels)])
+        return numbered([c.name if count[c.name] == 1 else c.full_name for c in channels])
 
     def _values(self, channel: Channel) -> Values:
         return self.file.read([channel])[0]

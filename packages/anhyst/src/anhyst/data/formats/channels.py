@@ -8,6 +8,7 @@ import itertools
 import logging
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -120,6 +121,16 @@ def sections(file: ChannelFile) -> list[ChannelGroup]:
     return read
 
 
+def numbered(names: Sequence[str]) -> list[str]:
+    """Return names, those that come again with a number: ``x``, ``x#2``, ..."""
+    seen = Counter[str]()
+    own = []
+    for name in names:
+        seen[name] += 1
+        own.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return own
+
+
 def _free(group: str, name: str, used: Container[tuple[str, str]]) -> str:
     """Return a name that is not used in a group: ``x``, ``x#2``, ..."""
     names = (name if n == 1 else f"{name}#{n}" for n in itertools.count(1))
@@ -134,8 +145,8 @@ def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
     times: dict[tuple[str, int], list[Channel]] = {}
     for channel in channels:
         header = parse_header(channel.name, channel.unit)
-        is_time = header.quantity is not None and header.quantity.name == "time"
-        if channel.clock is None and not channel.is_text and is_time and header.problem is None:
+        is_time = header.is_clock and header.problem is None
+        if channel.clock is None and not channel.is_text and is_time:
             times.setdefault((channel.group, channel.length), []).append(channel)
     clocks = {index: unique[0] for index, unique in times.items() if len(unique) == 1}
     clocked = []

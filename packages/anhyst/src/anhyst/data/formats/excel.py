@@ -45,6 +45,7 @@ _TAIL = 256
 _CELL = re.compile(rb'<c\b[^>]{0,200}?\br="([A-Z]{1,4})([0-9]{1,8})"')
 _ROW = re.compile(rb'<row\b[^>]{0,200}?\br="([0-9]{1,8})"')
 _SHARED = re.compile(rb't="s"')
+_DAMAGE = (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError)
 
 
 def is_workbook(path: Path) -> bool:
@@ -56,22 +57,6 @@ def is_workbook(path: Path) -> bool:
         return False
 
 
-def check_workbook(path: Path) -> None:
-    """Refuse a workbook that would not fit into memory."""
-    guard = _Guard(path)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            for member in archive.infolist():
-                with archive.open(member) as stream:
-                    guard.member(member.filename, iter(lambda: stream.read(_BLOCK), b""))
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError) as error:
-        raise InputError(
-            f"{path}: is no whole workbook ({error}); save it again, or export it as CSV",
-            code="damaged-file",
-        ) from None
-    guard.texts()
-
-
 class _Guard:
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -79,7 +64,26 @@ class _Guard:
         self.longest = 0
         self.references = 0
 
-    def member(self, name: str, blocks: Iterator[bytes]) -> None:
+    def check(self) -> None:
+        """Refuse a workbook that would not fit into memory."""
+        try:
+            with zipfile.ZipFile(self.path) as archive:
+                for member in archive.infolist():
+                    with archive.open(member) as stream:
+                        self._count(member.filename, iter(lambda: stream.read(_BLOCK), b""))
+        except _DAMAGE as error:
+            raise InputError(
+                f"{self.path}: is no whole workbook ({error}); save it again, or export it as CSV",
+                code="damaged-file",
+            ) from None
+        if self.longest * self.references > 4 * _MOST_BYTES:
+            raise InputError(
+                f"{self.path}: repeats texts of {self.longest} bytes {self.references} times; "
+                "export the sheet as CSV",
+                code="too-large",
+            )
+
+    def _count(self, name: str, blocks: Iterator[bytes]) -> None:
         """Count one file of the archive."""
         is_sheet, is_texts = "worksheets/" in name, name.lower().endswith("sharedstrings.xml")
         corners, tail, running = _Corners(), b"", 0
@@ -104,15 +108,6 @@ class _Guard:
             raise InputError(
                 f"{self.path}: {name} says that it holds {corners.cells} cells; delete what stands "
                 "far from the table, or export it as CSV",
-                code="too-large",
-            )
-
-    def texts(self) -> None:
-        """Refuse texts that are repeated too often."""
-        if self.longest * self.references > 4 * _MOST_BYTES:
-            raise InputError(
-                f"{self.path}: repeats texts of {self.longest} bytes {self.references} times; "
-                "export the sheet as CSV",
                 code="too-large",
             )
 
@@ -158,7 +153,7 @@ def open_excel(path: Path) -> ChannelFile:
     Rows above the header are skipped; a row of units below it is understood, and so is a header
     merged with the cell above. Cells of dates become seconds since the first.
     """
-    check_workbook(path)
+    _Guard(path).check()
     from python_calamine import CalamineWorkbook
 
     workbook = CalamineWorkbook.from_path(str(path))

@@ -13,7 +13,6 @@ import math
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -44,26 +43,10 @@ Column = FloatArray | NDArray[np.bool_] | Texts
 _BLOCK = 1 << 16
 
 
-@dataclass(frozen=True, slots=True)
-class TextTable:
+class TextTable(Layout):
     """A text table whose layout is known."""
 
-    layout: Layout
-
-    @property
-    def source_name(self) -> str:
-        """The file."""
-        return str(self.layout.path)
-
-    @property
-    def header(self) -> tuple[str, ...]:
-        """Names of the columns."""
-        return self.layout.header
-
-    @property
-    def units(self) -> tuple[str, ...] | None:
-        """The unit row, if there is one."""
-        return self.layout.units
+    __slots__ = ()
 
     def find(self, name: str) -> int | None:
         """Return the index of a column by its header; blanks count once."""
@@ -72,14 +55,13 @@ class TextTable:
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the fields of the first rows of data."""
-        layout = self.layout
-        with layout.open() as file:
-            file.seek(layout.offset)
-            lines = itertools.islice(split_lines(file, layout), count + _MAX_ODD_ROWS)
-            found = sort_rows(lines, layout)
+        with self.open() as file:
+            file.seek(self.offset)
+            lines = itertools.islice(split_lines(file, self), count + _MAX_ODD_ROWS)
+            found = sort_rows(lines, self)
             rows = [row.fields for row in found if row.is_sample][:count]
-        positions = [column.position for column in layout.table.columns]
-        start, step = layout.table.clock
+        positions = [column.position for column in self.table.columns]
+        start, step = self.table.clock
         heads = [
             [
                 repr(start + n * step) if at is None else row[at] if at < len(row) else ""
@@ -87,45 +69,45 @@ class TextTable:
             ]
             for n, row in enumerate(rows)
         ]
-        for n, column in enumerate(layout.table.columns):
+        for n, column in enumerate(self.table.columns):
             for row in heads if column.is_counter else []:
                 row[n] = repr(start + step * float(row[n])) if is_number(row[n]) else row[n]
-        if layout.stamp is not None:
-            seconds = seconds_of(Texts.of([row[layout.stamp] for row in heads])).tolist()
+        if self.stamp is not None:
+            seconds = seconds_of(Texts.of([row[self.stamp] for row in heads])).tolist()
             for row, time in zip(heads, seconds, strict=True):
-                row[layout.stamp] = repr(time)
+                row[self.stamp] = repr(time)
         return heads
 
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
         """Read the wanted columns; the others are not even parsed."""
-        layout, columns = self.layout, self.layout.table.columns
+        columns = self.table.columns
         fields = {
             n: column.position for n, column in enumerate(columns) if column.position is not None
         }
-        stamps = {layout.stamp} & {*numbers}
+        stamps = {self.stamp} & {*numbers}
         wanted = [n for n in numbers if n in fields and n not in stamps]
         labels = [n for n in {*texts, *stamps} if n in fields and n is not None]
         if not wanted and not labels:
             labels = [next(iter(fields))]  # the rows are counted
-        reader = _Reader(layout, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels))
+        reader = _Reader(self, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels))
         digest = hashlib.sha256()
-        done = layout.offset
-        with layout.open() as file:
-            digest.update(file.read(layout.offset))
-            for chunk in _chunks(file, layout):
+        done = self.offset
+        with self.open() as file:
+            digest.update(file.read(self.offset))
+            for chunk in _chunks(file, self):
                 digest.update(chunk)
                 done += len(chunk)
                 reader.feed(chunk)
                 if progress is not None:
-                    progress(done, layout.size)
-        sha256 = digest.hexdigest() if layout.content is None else hash_of(layout.path)
+                    progress(done, self.size)
+        sha256 = digest.hexdigest() if self.content is None else hash_of(self.path)
         raw = reader.finish(sha256)
         values: dict[int, FloatArray] = {n: raw.numbers[fields[n]] for n in wanted}
         words = {n: raw.texts[fields[n]] for n in labels}
         values |= {n: seconds_of(words[n]) for n in stamps if n is not None}
-        start, step = layout.table.clock
+        start, step = self.table.clock
         clock = start + step * np.arange(reader.rows)
         values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
         values |= {n: start + step * values[n] for n in wanted if columns[n].is_counter}
@@ -134,16 +116,16 @@ class TextTable:
 
     def where(self, row: int) -> str:
         """Return the line of a row, both counted from the beginning of the file, rows from 0."""
-        with self.layout.open() as file:
-            file.seek(self.layout.offset)
-            rows = sort_rows(split_lines(file, self.layout), self.layout)
+        with self.open() as file:
+            file.seek(self.offset)
+            rows = sort_rows(split_lines(file, self), self)
             samples = (found.line for found in rows if found.is_sample)
-            return f"{self.layout.path}: line {next(itertools.islice(samples, row, None))}"
+            return f"{self.path}: line {next(itertools.islice(samples, row, None))}"
 
 
 def open_text(path: Path, least: int) -> TextTable:
     """Open a text table of at least ``least`` columns."""
-    return TextTable(read_layout(path, least))
+    return read_layout(path, least, TextTable)
 
 
 def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
