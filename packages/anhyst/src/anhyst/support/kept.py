@@ -239,9 +239,11 @@ def compile_and_link(
     `search` are macros and folders: they count by the text that they make. `ending` stands behind
     the objects, when they are linked.
     """
-    identity = _identity(compiler[0])
-    if identity is None:
+    program = shutil.which(compiler[0])
+    if program is None or compiler[0] == sys.executable:  # zig's, which keeps objects itself
         return [run([*compiler, *options, *search, *map(str, sources), *ending])]
+    about = Path(program).stat()
+    identity = f"{Path(program).resolve()} {about.st_size} {about.st_mtime_ns}"
     own = [*compiler, *(option for option in options if not option.startswith("-Wl,"))]
     command, key = [*own, *search], "\0".join([identity, *own])
     with (
@@ -251,15 +253,6 @@ def compile_and_link(
         objects = [Path(scratch, f"{number}.o") for number in range(len(sources))]
         messages = list(pool.map(partial(_compile, command, key, run), sources, objects))
         return [*messages, run([*compiler, *options, *map(str, objects), *ending])]
-
-
-def _identity(compiler: str) -> str | None:
-    """Return what tells a compiler from others; None for zig's, which keeps objects itself."""
-    program = None if compiler == sys.executable else shutil.which(compiler)
-    if program is None:
-        return None
-    about = Path(program).stat()
-    return f"{Path(program).resolve()} {about.st_size} {about.st_mtime_ns}"
 
 
 def _compile(command: Sequence[str], key: str, run: Run, source: Path, target: Path) -> str:

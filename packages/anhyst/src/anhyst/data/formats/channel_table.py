@@ -24,7 +24,6 @@ import numpy as np
 from anhyst.data.formats.channels import (
     Channel,
     ChannelFile,
-    OpenTable,
     RawColumns,
     TextInNumbersError,
     Texts,
@@ -351,7 +350,7 @@ class _Here:
     tries = False
 
 
-def try_first(path: Path, opener: Callable[[Path, int], OpenTable]) -> None:
+def try_first(path: Path, opener: Callable[[Path, int], ChannelTable]) -> None:
     """Read a file once in a process of its own; the same file is not tried twice.
 
     The opener is a function of a module: the process imports it by its name.
@@ -400,9 +399,21 @@ def read_here() -> None:
     stay_in_bounds(seconds, path.stat().st_size)
     pipe = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print what they do not understand
-    # Without the end of an interpreter, in which what a library left behind may crash.
-    code, text = _read(path, opener)
+    code, text = 0, ""
+    module, _, name = opener.partition(":")
+    try:
+        table = getattr(import_module(module), name)(path, 1)
+        for channel in [*table.clocks, *table.file.channels]:
+            table.file.read([channel])
+        gc.collect()  # where a library has written beyond what is its own, this finds it
+    except MemoryError:
+        code = _FULL
+    except InputError as error:
+        code, text = _REFUSED, json.dumps([str(error), error.code, error.key])
+    except Exception:
+        text = ""  # a fault of this package, to be seen where it is used
     os.write(pipe, text.encode())
+    # Without the end of an interpreter, in which what a library left behind may crash.
     os._exit(code)
 
 
@@ -419,20 +430,3 @@ def stay_in_bounds(seconds: float, size: int) -> None:
             (resource.RLIMIT_AS, memory),
         ):
             resource.setrlimit(what, (limit, resource.getrlimit(what)[1]))
-
-
-def _read(path: Path, opener: str) -> tuple[int, str]:
-    module, _, name = opener.partition(":")
-    try:
-        table = getattr(import_module(module), name)(path, 1)
-        if isinstance(table, ChannelTable):
-            for channel in [*table.clocks, *table.file.channels]:
-                table.file.read([channel])
-        gc.collect()  # where a library has written beyond what is its own, this finds it
-    except MemoryError:
-        return _FULL, ""
-    except InputError as error:
-        return _REFUSED, json.dumps([str(error), error.code, error.key])
-    except Exception:
-        return 0, ""  # a fault of this package, to be seen where it is used
-    return 0, ""

@@ -6,12 +6,10 @@ UTF-16 is recoded to UTF-8 in memory, so that all readers see bytes that contain
 from __future__ import annotations
 
 import codecs
-import io
 import os
 import re
 import stat
 from pathlib import Path
-from typing import BinaryIO
 
 from anhyst.data.formats.channels import MOST_BYTES
 from anhyst.support.errors import InputError
@@ -120,8 +118,3 @@ def recode(path: Path, head: bytes) -> bytes | None:
             code="too-large",
         )
     return path.read_bytes().decode(encoding, "replace").encode()
-
-
-def open_bytes(path: Path, content: bytes | None) -> BinaryIO:
-    """Open a file, or its recoded content."""
-    return path.open("rb") if content is None else io.BytesIO(content)

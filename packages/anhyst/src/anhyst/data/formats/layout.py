@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, TypeVar
@@ -10,7 +11,6 @@ from anhyst.data.formats.channels import numbered
 from anhyst.data.formats.encoding import (
     HEADER_ADVICE,
     encoding_of,
-    open_bytes,
     read_head,
     recode,
     refuse_binary,
@@ -88,7 +88,7 @@ class Layout:
 
     def open(self) -> BinaryIO:
         """Open the bytes of the table."""
-        return open_bytes(self.path, self.content)
+        return self.path.open("rb") if self.content is None else io.BytesIO(self.content)
 
 
 Kind = TypeVar("Kind", bound=Layout)

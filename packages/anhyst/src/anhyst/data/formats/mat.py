@@ -57,20 +57,22 @@ class MatGuard:
     def check(self, content: bytes) -> None:
         """Check a whole file."""
         self._order = "<" if content[126:128] == b"IM" else ">"
-        offset, expanded = _HEADER, 0
-        view = memoryview(content)
-        while offset + 8 <= len(view):
-            kind, size = struct.unpack_from(f"{self._order}2I", view, offset)
-            offset += 8
-            if size > len(view) - offset:
-                raise self._fault(f"is cut off after {len(view)} bytes")
-            body = view[offset : offset + size]
-            offset += size
+        expanded = 0
+        rest = memoryview(content)[_HEADER:]
+        while len(rest) >= 8:
+            kind, size = struct.unpack_from(f"{self._order}2I", rest)
+            if size > len(rest) - 8:
+                raise self._fault(f"is cut off after {len(content)} bytes")
+            body, rest = rest[8 : 8 + size], rest[8 + size :]
             if kind == _COMPRESSED:
-                body = memoryview(self._expand(body, MOST_BYTES - expanded))
-                expanded += len(body)
-                kind, inner = self._tag(body)
-                body = body[8 : 8 + inner]
+                part = memoryview(self._expand(body, MOST_BYTES - expanded))
+                expanded += len(part)
+                if len(part) < 8:
+                    raise self._fault("ends within a variable")
+                kind, size = struct.unpack_from(f"{self._order}2I", part)
+                if size > len(part) - 8:
+                    raise self._fault("has a variable that is larger than what holds it")
+                body = part[8 : 8 + size]
             if kind == _MATRIX:
                 self._matrix(body, 0, is_variable=True)
 
@@ -87,14 +89,6 @@ class MatGuard:
                 code="too-large",
             )
         return content
-
-    def _tag(self, body: memoryview) -> tuple[int, int]:
-        if len(body) < 8:
-            raise self._fault("ends within a variable")
-        kind, size = struct.unpack_from(f"{self._order}2I", body)
-        if size > len(body) - 8:
-            raise self._fault("has a variable that is larger than what holds it")
-        return kind, size
 
     def _elements(self, body: memoryview) -> Iterator[tuple[int, memoryview]]:
         """Yield the parts of a variable, one after the other: type and content."""
