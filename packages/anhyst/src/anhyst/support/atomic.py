@@ -170,6 +170,11 @@ def core_folder() -> Path:
     return shipped_folder("anhyst", "core", "_core/c", marked)
 
 
+def contract_folder() -> Path:
+    """Return the folder of the tables that C and Python share."""
+    return shipped_folder("anhyst", "contract", "_contract", "block.toml")
+
+
 def shipped_folder(name: str, edited: str, shipped: str, marked: str) -> Path:
     """Return a folder of the repository that a package ships, or the copy in that package.
 

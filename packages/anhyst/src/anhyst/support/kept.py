@@ -33,7 +33,14 @@ import scipy
 from pydantic import BaseModel
 
 from anhyst._core import _native
-from anhyst.support.atomic import PathLike, atomic_writer, cache_folder, write_bytes, write_error
+from anhyst.support.atomic import (
+    PathLike,
+    atomic_writer,
+    cache_folder,
+    contract_folder,
+    write_bytes,
+    write_error,
+)
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import cores
 from anhyst.support.registry import packages_that_add
@@ -94,7 +101,7 @@ def computed_with() -> bytes:
     """Return a hash of what computes here."""
     about = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
     digest = hashlib.sha256(about.encode())
-    places = {Path(__file__).resolve().parents[1], *packages_that_add()}
+    places = {Path(__file__).resolve().parents[1], contract_folder(), *packages_that_add()}
     every = (
         path for place in places for path in (place.rglob("*.*") if place.is_dir() else [place])
     )
