@@ -163,6 +163,14 @@ def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
     return (*alone, *clocked)
 
 
+def decoded(values: Values, encoding: str = "utf-8") -> Values:
+    """Return texts, some of them as bytes, as an array of texts."""
+    texts = [
+        value.decode(encoding, "replace") if isinstance(value, bytes) else value for value in values
+    ]
+    return np.array(texts, dtype=str)
+
+
 def check_size(path: Path, name: str, samples: int, size: int) -> None:
     """Refuse a channel that says it is larger than any that can be read."""
     if samples < 0 or samples * max(size, 8) > MOST_BYTES:

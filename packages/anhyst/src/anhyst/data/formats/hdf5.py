@@ -18,6 +18,7 @@ from anhyst.data.formats.channels import (
     Values,
     check_size,
     clocks_by_name,
+    decoded,
 )
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
@@ -192,10 +193,7 @@ def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:
     else:
         values = np.ravel(dataset[()])[:count] if dataset.ndim > 1 else dataset[:count]
     if channel.is_text:
-        texts = [
-            text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in values
-        ]
-        return np.array(texts, dtype=str)
+        return decoded(values)
     return np.asarray(values)
 
 

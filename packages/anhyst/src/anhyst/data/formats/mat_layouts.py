@@ -119,9 +119,9 @@ def _control_desk(node: MatTree) -> list[Channel]:
     clocks, rasters = [], {}
     for axis in _several(node["X"]):
         times: Any = axis.get("Data")
-        (clock,) = _columns(_text(axis.get("Name")) or "t", times) if _is_array(times) else (None,)
-        if clock is not None:
-            clock = replace(clock, unit=_text(axis.get("Unit")) or "s")
+        name, unit, clock = _text(axis.get("Name")) or "t", _text(axis.get("Unit")) or "s", None
+        if _is_array(times):
+            (clock,) = _columns(name, times, unit=unit)
             rasters[_text(axis.get("Raster"))] = clock
         clocks.append(clock)
     channels: list[Channel] = []

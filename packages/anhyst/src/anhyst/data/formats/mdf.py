@@ -17,6 +17,7 @@ from anhyst.data.formats.channels import (
     ChannelGroup,
     Values,
     check_size,
+    decoded,
 )
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
@@ -106,14 +107,7 @@ def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Va
 def _values(signal: Any, channel: Channel) -> Values:
     values = np.asarray(signal.samples)
     if channel.is_text:
-        encoding = signal.encoding or "utf-8"
-        texts = [
-            value.decode(encoding, "replace").rstrip("\0")
-            if isinstance(value, bytes)
-            else str(value)
-            for value in values.tolist()
-        ]
-        return np.array(texts, dtype=str)
+        return decoded(values.tolist(), signal.encoding or "utf-8")
     invalid = signal.invalidation_bits
     if invalid is not None and np.any(invalid):
         values = np.where(invalid, np.nan, values)

@@ -57,6 +57,8 @@ class _Section:
     label: str
     columns: list[Column]
     rows: dict[int, list[str]] = field(default_factory=dict)
+    start: float = 0.0  # time of the first sample, s
+    step: float = 0.0
 
 
 def _joined(
@@ -142,8 +144,6 @@ class _Segments:
     def __init__(self, path: Path, sign: str, kind: str) -> None:
         self.path, self.sign, self.kind = path, sign, kind
         self.found: list[_Section] = []
-        self.starts: list[float] = []  # time of the first sample of each segment, s
-        self.steps: list[float] = []
         self.settings: dict[str, list[str]] = {}
         self.is_header = True
         self.wants_names = False
@@ -169,7 +169,7 @@ class _Segments:
 
     def finish(self) -> list[_Section]:
         """Return the segments; those that continue one another in time are one."""
-        found = [n for n, section in enumerate(self.found) if section.rows]
+        found = [section for section in self.found if section.rows]
         if not found:
             raise InputError(
                 f"{self.path}: has no samples below '***End_of_Header***'; export it again",
@@ -177,16 +177,15 @@ class _Segments:
             )
         sections: list[_Section] = []
         end = float("-inf")
-        for n in found:
-            section = self.found[n]
-            times = self._times(n, section)
-            continues = sections and abs(times[0] - end) <= 0.5 * self.steps[n]
+        for section in found:
+            times = self._times(section)
+            continues = sections and abs(times[0] - end) <= 0.5 * section.step
             if continues and section.columns == sections[-1].columns:
                 sections[-1].rows |= section.rows
             else:
                 section.label = str(len(sections) + 1)
                 sections.append(section)
-            end = times[-1] + self.steps[n]
+            end = times[-1] + section.step
         if any(section.columns != sections[0].columns for section in sections):
             raise InputError(
                 f"{self.path}: its segments have different channels; export them as files",
@@ -209,10 +208,9 @@ class _Segments:
             Column(name, unit_text(unit), position)
             for position, (name, unit) in enumerate(zip(channels, units, strict=True), start=1)
         ]
-        self.found.append(_Section("", columns))
-        start = second_of_day(next(iter(self.settings.get("time", [])), ""))
-        self.starts.append(self._shared("x0") + (0.0 if math.isnan(start) else start))
-        self.steps.append(self._shared("delta_x"))
+        time = second_of_day(next(iter(self.settings.get("time", [])), ""))
+        start = self._shared("x0") + (0.0 if math.isnan(time) else time)
+        self.found.append(_Section("", columns, start=start, step=self._shared("delta_x")))
 
     def _shared(self, key: str) -> float:
         """Return a setting that all channels must share; 0 if there is none."""
@@ -246,9 +244,9 @@ class _Segments:
             _fitting(self.path, number, values, count)
         section.rows[number] = [*times[:1], *values]
 
-    def _times(self, index: int, section: _Section) -> list[float]:
+    def _times(self, section: _Section) -> list[float]:
         """Return the first and last time of a segment, and write its times where there are none."""
-        start, step = self.starts[index] - self.starts[0], self.steps[index]
+        start, step = section.start - self.found[0].start, section.step
         if self.kind == "no":
             if step <= 0.0:
                 raise InputError(

@@ -73,10 +73,8 @@ def _channel(
 ) -> Channel:
     count, width, group = len(item), max(1, item.dtype.itemsize), str(item.group_name)
     check_size(path, f"{group}/{item.name}", count, width)
-    if (
-        count * (1 if item.dtype.kind in "bO" else width // (2 if item.dtype.kind == "M" else 1))
-        > size
-    ):
+    stored = {"b": 1, "O": 1, "M": width // 2}.get(item.dtype.kind, width)
+    if count * stored > size:
         raise InputError(
             f"{path}: channel '{group}/{item.name}' says that it holds {count} samples, more than "
             "the file; it is damaged, record or export it again",

@@ -103,16 +103,18 @@ class TextTable(Layout):
                 if progress is not None:
                     progress(done, self.size)
         sha256 = digest.hexdigest() if self.content is None else hash_of(self.path)
-        raw = reader.finish(sha256)
-        values: dict[int, FloatArray] = {n: raw.numbers[fields[n]] for n in wanted}
-        words = {n: raw.texts[fields[n]] for n in labels}
+        found = reader.finish()
+        values = {n: reader.store[fields[n]] for n in wanted}
+        words = {n: found[fields[n]] for n in labels}
         values |= {n: seconds_of(words[n]) for n in stamps if n is not None}
         start, step = self.table.clock
         clock = start + step * np.arange(reader.rows)
         values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
         values |= {n: start + step * values[n] for n in wanted if columns[n].is_counter}
         words |= {n: Texts.of(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
-        return RawColumns(sha256, values, words, raw.notes, raw.breaks)
+        breaks = ((0, self.notes), *(block for block in reader.breaks if block[0]))
+        breaks = breaks[:1] if self.table.is_joined else breaks
+        return RawColumns(sha256, values, words, (*self.notes, *reader.notes), breaks)
 
     def where(self, row: int) -> str:
         """Return the line of a row, both counted from the beginning of the file, rows from 0."""
@@ -260,22 +262,18 @@ class _Reader:
                 self.codes[index].append(self._encode(index, texts))
         self.line += lines
 
-    def finish(self, sha256: str) -> RawColumns:
-        """Trim and hand over what was collected."""
+    def finish(self) -> dict[int, Texts]:
+        """Trim the columns of numbers, and return those of text."""
         if self.rows == 0:
             raise InputError(
                 f"{self.layout.path}: has a header but no data; nothing to read", code="no-data"
             )
         for column in self.store.values():
             column.resize(self.rows, refcheck=False)
-        texts = {
+        return {
             index: Texts(tuple(self.labels[index]), np.concatenate(self.codes[index]))
             for index in self.texts
         }
-        notes = (*self.layout.notes, *self.notes)
-        breaks = ((0, self.layout.notes), *(found for found in self.breaks if found[0]))
-        breaks = breaks[:1] if self.layout.table.is_joined else breaks
-        return RawColumns(sha256, self.store, texts, notes, breaks)
 
     def _append(self, values: FloatArray) -> None:
         needed = self.rows + values.shape[0]
