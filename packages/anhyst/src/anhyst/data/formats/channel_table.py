@@ -148,9 +148,8 @@ def onto(
     return np.interp(clock.times, own, values)
 
 
-def held(channel: Channel, values: Values, clock: Clock, seconds: Seconds) -> Values:
+def held(channel: Channel, own: FloatArray | None, values: Values, clock: Clock) -> Values:
     """Hold the last value of a channel at each time; what fits no clock is blank."""
-    own = None if channel.clock is None else seconds(channel.clock)
     if channel.clock is clock.channel or (channel.length == clock.length and clock.whole):
         return values[clock.start : clock.start + clock.length]
     if channel.length == 1:
@@ -229,11 +228,11 @@ class ChannelTable:
             columns[index] = onto(self.source_name, channel, values, clock, self.seconds)
         if shift and 0 in numbers:
             columns[0] = self._times(clock, [channels[index] for index in wanted])
-        named = {
-            index: _texts(held(channel, self._values(channel), clock, self.seconds))
-            for index, channel in channels.items()
-            if index in labels
-        }
+        named = {}
+        for index, channel in channels.items():
+            if index in labels:
+                own = self.seconds(channel.clock) if channel.clock else None
+                named[index] = _texts(held(channel, own, self._values(channel), clock))
         if shift and 0 in texts:
             named[0] = _texts(self._times(clock, []))
         found = (*self.file.notes, *notes)
