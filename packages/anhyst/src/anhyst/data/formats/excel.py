@@ -1,10 +1,8 @@
 """Excel workbooks, by python-calamine: the sheet that holds a table of numbers; read only.
 
-What an Excel workbook would take in memory, counted before a library expands it.
-
-Sizes in the directory of a zip file may lie, so each member is expanded in blocks and counted. Two
-cells in opposite corners of a sheet are a sheet of 17,000 million; one long text may be repeated by
-each cell.
+What a workbook would take in memory is counted before a library expands it. Sizes in the directory
+of a zip file may lie, so each member is expanded in blocks. Two cells in opposite corners of a sheet
+are a sheet of 17,000 million; one long text may be repeated by each cell.
 """
 
 from __future__ import annotations
