@@ -268,29 +268,25 @@ def _compile(command: Sequence[str], key: str, run: Run, source: Path, target: P
     run([*command, "-E", "-P", str(source), "-o", str(text)])
     digest = hashlib.sha256(key.encode() + b"\0" + text.read_bytes()).hexdigest()
     kept = cache_folder("objects") / f"{digest}.o"
+    messages_at = kept.with_suffix(".txt")
     with suppress(OSError):
-        messages = kept.with_suffix(".txt").read_text(encoding="utf-8")
+        messages = messages_at.read_text(encoding="utf-8")
         shutil.copyfile(kept, target)
         kept.touch()
-        kept.with_suffix(".txt").touch()
+        messages_at.touch()
         return messages
     messages = run([*command, "-c", str(source), "-o", str(target)])
     with suppress(OSError):  # without a cache it is compiled each time
-        _keep(kept, target.read_bytes(), messages)
+        kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".", dir=kept.parent) as draft:
+            # Each whole or not at all; the compiler's messages first.
+            for place, part in ((messages_at, messages.encode()), (kept, target.read_bytes())):
+                Path(draft, place.name).write_bytes(part)
+                Path(draft, place.name).replace(place)
+        # Looking through all of them takes longer than most compilations.
+        if kept.name.startswith("00"):
+            forget(kept.parent, 2 * MOST_OBJECTS)
     return messages
-
-
-def _keep(kept: Path, content: bytes, messages: str) -> None:
-    """Put an object into the cache, whole or not at all; the compiler's messages first."""
-    kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".", dir=kept.parent) as draft:
-        for target, part in ((kept.with_suffix(".txt"), messages.encode()), (kept, content)):
-            Path(draft, target.name).write_bytes(part)
-            Path(draft, target.name).replace(target)
-    if kept.name.startswith(
-        "00"
-    ):  # looking through all of them takes longer than most compilations
-        forget(kept.parent, 2 * MOST_OBJECTS)
 
 
 LONGEST = 31

@@ -220,8 +220,6 @@ _NEEDS_QUANTITY = frozenset({"in", "g", "h", "min", "ft"})
 _CHANNELS = frozenset({"channel", "chan", "ch", "kanal", "kanaal", "canal", "canale", "voie",
                        "input", "eingang", "port", "analog", "sensor"})  # fmt: skip
 """Names before a letter that counts and is not a unit, such as ``Channel A``."""
-_CLOCKS = MappingProxyType({"tout": "s"})
-"""Names of clocks whose unit the recorder fixes: Simulink counts in s."""
 _ABSCISSAS = frozenset({"x", "t", "x-axis", "x_axis", "xaxis"})
 """Names of a clock where the unit is one of time."""
 _NO_UNIT = "-"
@@ -367,9 +365,9 @@ def _parse_header(text: str, unit: str | None) -> Header:
 
 def _clock(name: str) -> tuple[str, str]:
     """Name a column that can only be a clock by its name ``t`` and its unit, if that is known."""
-    folded, unit = name.lower(), find_unit(name)
-    if folded in _CLOCKS:
-        return "t", _CLOCKS[folded]
+    unit = find_unit(name)
+    if name.lower() == "tout":  # of Simulink, which counts in s
+        return "t", "s"
     if unit is not None and unit.dimension == "time" and len(name) > len(unit.symbol):
         return "t", unit.symbol  # a column called 'Seconds'
     words = set(words_of(name))

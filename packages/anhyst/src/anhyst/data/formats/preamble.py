@@ -270,10 +270,9 @@ def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> Num
         if not text.strip() or is_comment(text):
             continue
         fields = split_line(text, delimiter)
+        # Behind a word, a date is a setting.
         stamps = [STAMP.fullmatch(field) is not None for field in fields]
-        is_row = bool(fields) and (
-            stamps[0] or is_value(fields[0])
-        )  # after a word, a date is a setting
+        is_row = bool(fields) and (stamps[0] or is_value(fields[0]))
         numbers = {n for n, field in enumerate(fields) if is_value(field) or (is_row and stamps[n])}
         common = numbers & run.numbers if len(fields) == run.width else set()
         if not _are_enough(common, run.used, least):
