@@ -409,8 +409,8 @@ def read_here() -> None:
         code = _FULL
     except InputError as error:
         code, text = _REFUSED, json.dumps([str(error), error.code, error.key])
-    except Exception:
-        text = ""  # a fault of this package, to be seen where it is used
+    except Exception:  # a fault of this package, to be seen where it is used
+        pass
     os.write(pipe, text.encode())
     # Without the end of an interpreter, in which what a library left behind may crash.
     os._exit(code)
