@@ -313,8 +313,7 @@ def json_text(content: Mapping[str, Any]) -> str:
 
 def write_json(path: PathLike, content: Mapping[str, Any]) -> None:
     """Write a JSON file, whole or not at all."""
-    with atomic_writer(path) as stream:
-        stream.write(json_text(content))
+    write_bytes(path, json_text(content).encode())
 
 
 def plain(value: Any) -> Any:

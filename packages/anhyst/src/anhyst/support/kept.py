@@ -35,7 +35,6 @@ from pydantic import BaseModel
 from anhyst._core import _native
 from anhyst.support.atomic import (
     PathLike,
-    atomic_writer,
     cache_folder,
     contract_folder,
     write_bytes,
@@ -150,8 +149,7 @@ class ResultsFile:
         self._key, self._fault = key, fault
         self.done: dict[int, dict[str, Any]] = {}
         if not self.path.exists():
-            with atomic_writer(self.path) as stream:
-                stream.write(_line(header))
+            write_bytes(self.path, _line(header).encode())
         try:
             content = self.path.read_bytes()
             whole = content.rfind(b"\n") + 1

@@ -72,19 +72,9 @@ class Layout:
         """Line at which the data start; the first is 1."""
         return self.table.first + 1
 
-    @property
-    def delimiter(self) -> str | None:
-        """Sign between fields; ``None`` stands for blanks of any number."""
-        return self.table.delimiter
-
-    @property
-    def width(self) -> int:
-        """Number of fields of a line."""
-        return self.table.width
-
     def split(self, text: str) -> list[str]:
         """Split one line into its fields, quotes and surrounding blanks removed."""
-        return split_line(text, self.delimiter)
+        return split_line(text, self.table.delimiter)
 
     def open(self) -> BinaryIO:
         """Open the bytes of the table."""

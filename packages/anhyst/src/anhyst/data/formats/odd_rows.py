@@ -127,7 +127,7 @@ def _sort(text: str, layout: Layout, line: int) -> TextRow:
             remark = f"line {line} is left out, because it repeats the header"
             return TextRow(line, fields, is_sample=False, remark=remark)
         _refuse_other_header(fields, layout, line)
-    is_cut = len(held) < min(layout.width, len(layout.header))
+    is_cut = len(held) < min(layout.table.width, len(layout.header))
     is_text = _is_plain(text) and re.match(r"[^\W\d]{2}", held[0]) and not is_mark(held[0])
     is_line = len(fields) == 1 and re.fullmatch(r"[-=_*~]{3,}", held[0]) is not None
     if is_cut and (is_text or is_line):

@@ -40,7 +40,7 @@ class TextColumns:
     """Where the columns of a text file are."""
 
     first: int  # index of the first line of data
-    delimiter: str | None
+    delimiter: str | None  # between fields; None stands for blanks of any number
     width: int  # fields of a line
     columns: tuple[Column, ...]
     clock: tuple[float, float] = (0.0, 0.0)  # time of the first sample, and its step

@@ -243,7 +243,7 @@ class _Reader:
         self.notes: list[str] = []
         self.between: list[str] = []  # remarks since the last row; empty texts for blank lines
         self.breaks: list[tuple[int, tuple[str, ...]]] = []
-        self.thousands = Thousands(layout.delimiter)
+        self.thousands = Thousands(layout.table.delimiter)
         self.read = 0
 
     def feed(self, chunk: bytes) -> None:
@@ -305,17 +305,17 @@ class _Reader:
         chunk = chunk.replace(b'"', b"").replace(b"\r", b"")
         if not chunk.endswith(b"\n"):
             chunk += b"\n"
-        if layout.delimiter is None:
+        if layout.table.delimiter is None:
             return self._fast_blanks(chunk)
-        sign = layout.delimiter.encode()
+        sign = layout.table.delimiter.encode()
         data = np.frombuffer(chunk, np.uint8)
-        fields = _find_fields(data, ord(sign), layout.width)
+        fields = _find_fields(data, ord(sign), layout.table.width)
         if fields is None:
             return None
         starts, stops = fields
         labels: list[Labels] = [_cut(data, starts[:, n], stops[:, n]) for n in self.texts]
         order = sorted(self.numbers)
-        if sign == b"," and len(order) == layout.width:
+        if sign == b"," and len(order) == layout.table.width:
             text = chunk.replace(b"\n", b",")
         else:
             step = np.zeros(data.size + 1, np.int8)
@@ -341,7 +341,7 @@ class _Reader:
         begins = ~blank & np.concatenate(([True], blank[:-1]))
         ends = np.flatnonzero(data == 10)
         tokens = np.diff(np.concatenate(([0], np.cumsum(begins)[ends])))
-        width = self.layout.width
+        width = self.layout.table.width
         if np.any(tokens != width):
             return None
         values = _convert(chunk.replace(b",", b"."), " ", ends.size * width)
@@ -372,7 +372,7 @@ class _Reader:
         return table, list[Labels](labels), len(lines)
 
     def _fit(self, fields: list[str], number: int) -> list[str]:
-        width = self.layout.width
+        width = self.layout.table.width
         if len(fields) > width and not any(fields[width:]):
             return fields[:width]
         if len(fields) < width and len(fields) >= self.needed:
@@ -382,7 +382,7 @@ class _Reader:
             has = f"{count} field{'s' if count != 1 else ''}"
             advice = ""
             has_points = any("." in field for field in fields)
-            if self.layout.delimiter == "," and count > width and not has_points:
+            if self.layout.table.delimiter == "," and count > width and not has_points:
                 advice = (
                     "if the decimal sign is a comma as well, export with semicolons between the "
                     "columns; else "
