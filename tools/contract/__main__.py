@@ -9,12 +9,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from block import layout_header, layout_module
+from block import layout_header
 from c_code import bus_header, flags_header, frames_header, states_header
 from link_page import page, page_with_tables
 from python_code import frames_module, states_module
 from tables import ROOT, read
-from xcp import map_header, map_module
+from xcp import map_header
 
 CORE = ROOT / "core" / "include" / "anhyst"
 PLANT = ROOT / "plant" / "include" / "anhyst_plant"
@@ -33,12 +33,10 @@ def wanted() -> dict[Path, str]:
         RIGS / "link" / "frames.py": frames_module(frames, signals),
         PLANT / "bus_words.h": bus_header(frames["plant"]),
         ROOT / "firmware" / "xcp" / "map.h": map_header(xcp, signals),
-        SOURCE / "support" / "xcp_map.py": map_module(xcp, signals),
         CORE / "control" / "states.h": states_header(controller),
         CORE / "compensator" / "flags.h": flags_header(controller),
         SOURCE / "support" / "states.py": states_module(controller),
         CORE / "compensator" / "layout.h": layout_header(block),
-        SOURCE / "support" / "block_layout.py": layout_module(block),
         PAGE: page_with_tables(PAGE.read_text(encoding="utf-8"), tables),
     }
 

@@ -1,4 +1,4 @@
-"""C and Python of the layout of a parameter block."""
+"""C of the layout of a parameter block."""
 
 from __future__ import annotations
 
@@ -19,49 +19,7 @@ ABOUT = """\
 #define ANHYST_LAYOUT_H
 """
 
-PREAMBLE = '''"""The layout of a parameter block: its words, kinds and units.
-
-Made by tools/contract from contract/block.toml: do not edit.
-"""
-
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Literal
-
-Format = Literal["q14", "q15", "q8", "weight", "integer", "unsigned", "single"]
-
-
-@dataclass(frozen=True, slots=True)
-class Word:
-    """One word of the block."""
-
-    at: int  # its number in the block
-    name: str  # as in ``layout.h``, without ``ANHYST_WORD_``
-    format: Format  # of the word; of the entries, if it names a table
-    doc: str  # what it is
-    low: int  # range that the controller accepts; of the entries, if it names a table
-    high: int
-    size: int = 1  # how many words it takes; a table is named by one
-    # for a table: what it runs over, ``"gap"``, ``"field"``, ``"field, both signs"``,
-    # ``"magnetisation"`` or ``"distance"``
-    axis: str = ""
-    # signal whose full scale 1.0 is worth, times `factor` and 2 to the word `shift`: ``"demand"``,
-    # ``"current"``; none for a pure number
-    of: Literal["", "demand", "current"] = ""
-    factor: float = 1.0
-    shift: str = ""
-    unit: str = ""  # of a single, which is worth what it is: ``"output"``, ``"input"``, or the unit
-
-
-'''
-
 UNIT_NAMES = {"1": "NUMBER"}
-
-
-def words_of(block: Entry, kind: str) -> list[Entry]:
-    """Return the words of a kind behind the head, in the order of the block."""
-    return [word for group in block["group"] if kind in group["kinds"] for word in group["words"]]
 
 
 def scale_words(block: Entry) -> list[Entry]:
@@ -110,75 +68,3 @@ def layout_header(block: Entry) -> str:
         lines.append("")
     lines.append(f"  ANHYST_BLOCK_LEAST_WORDS = {block['least_words']}\n}};\n\n#endif\n")
     return "\n".join(lines)
-
-
-def literal(value: object) -> str:
-    """Return a value of a table as Python."""
-    return f'"{value}"' if isinstance(value, str) else repr(value)
-
-
-def word_row(word: Entry) -> str:
-    """Return a word as a call of its class."""
-    low, high = word.get("low", 0), word.get("high", 65535)
-    shift = word.get("shift", "").upper()
-    given = {key: word[key] for key in ("axis", "of", "factor", "unit") if key in word}
-    given |= {"size": 2} if word_size(word) == 2 else {}
-    given |= {"shift": shift} if shift else {}
-    positional = [word["at"], word["name"].upper(), word["format"], word["doc"], low, high]
-    values = [literal(value) for value in positional]
-    values += [f"{key}={literal(value)}" for key, value in given.items()]
-    line = f"    Word({', '.join(values)}),"
-    if len(line) <= 100:
-        return line
-    body = f"        {', '.join(values)}"
-    if len(body) <= 100:
-        return f"    Word(\n{body}\n    ),"
-    return "    Word(\n" + "".join(f"        {value},\n" for value in values) + "    ),"
-
-
-def group_row(group: Entry) -> str:
-    """Return the words of a group as a tuple."""
-    rows = "\n".join(word_row(word) for word in group["words"])
-    alone = f"{group['name'].upper()} = ({rows.strip()})"
-    if len(group["words"]) == 1 and "\n" not in alone and len(alone) <= 100:
-        return alone
-    return f"{group['name'].upper()} = (\n{rows}\n)"
-
-
-def layout_module(block: Entry) -> str:
-    """Return layout.py."""
-    low, high = block["magic"]
-    kinds = ", ".join(f'"{kind}": {n}' for n, kind in enumerate(block["kinds"], 1))
-    units = ", ".join(literal(unit) for unit in ["", *block["units"]])
-    parts = [
-        f"KINDS = {{{kinds}}}\n"
-        f"MAGIC = (0x{low:X}, 0x{high:X})\n"
-        f"LAYOUT = {block['layout']}\n"
-        f"LEAST_WORDS = {block['least_words']}\n"
-        f"MOST_WORDS = {block['most_words']}\n"
-        f"MOST_REAL_WORDS = {block['most_real_words']}\n"
-        f"SCALE_WORDS = {sum(map(word_size, scale_words(block)))}\n"
-        f"UNITS = ({units})\n"
-        '"""Units of the signals, by their numbers in ``SCALE_UNITS``."""'
-    ]
-    parts += [group_row(group) for group in block["group"]]
-    bodies = [
-        f'    "{kind}": '
-        + " + ".join(g["name"].upper() for g in block["group"] if kind in g["kinds"])
-        + ","
-        for kind in block["kinds"]
-    ]
-    parts.append(
-        "BODY: dict[str, tuple[Word, ...]] = {\n"
-        + "\n".join(bodies)
-        + '\n}\n"""Every word of a kind behind the head, in the order of the block."""'
-    )
-    parts.append(
-        "PLACES = {word.name: word.at for body in (HEAD, *BODY.values()) for word in body}\n"
-        '"""Number of every word in the block, by its name."""'
-    )
-    parts.append(
-        "WORDS = {kind: {word.name: word.at for word in body} for kind, body in BODY.items()}\n"
-        '"""Number of a word of a kind, by its name."""'
-    )
-    return PREAMBLE + "\n\n".join(parts) + "\n"

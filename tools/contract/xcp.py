@@ -1,33 +1,9 @@
-"""C and Python of what a master of XCP sees."""
+"""C of what a master of XCP sees."""
 
 from __future__ import annotations
 
 from c_code import enum, guarded
 from tables import Entry, numbers
-
-PREAMBLE = '''"""What a master of XCP sees of a controller: areas of addresses, values, sizes.
-
-Made by tools/contract from contract/xcp.toml and signals.toml: do not edit.
-"""
-
-from __future__ import annotations
-
-from typing import NamedTuple
-
-
-class XcpValue(NamedTuple):
-    """A value of four bytes; `of` names the signal whose full scale 1.0 is."""
-
-    name: str
-    format: str
-    doc: str
-    of: str = ""
-    low: int = -(1 << 31)
-    high: int = (1 << 31) - 1
-    body: str = ""
-
-
-'''
 
 
 def map_header(xcp: Entry, signals: Entry) -> str:
@@ -56,42 +32,3 @@ def map_header(xcp: Entry, signals: Entry) -> str:
         enum("XCP_INPUT", inputs, numbers(inputs)),
     ]
     return guarded("ANHYST_XCP_MAP_H", about, parts)
-
-
-def row(value: Entry) -> str:
-    """Return a value as a call of its class."""
-    given = [f'"{value["name"]}"', f'"{value["format"]}"', f'"{value["doc"]}"']
-    for key in ("of", "low", "high", "body"):
-        if key in value:
-            text = f'"{value[key]}"' if isinstance(value[key], str) else str(value[key])
-            given.append(f"{key}={text}")
-    line = f"    XcpValue({', '.join(given)}),"
-    if len(line) <= 100:
-        return line
-    inner = f"        {', '.join(given)}"
-    if len(inner) <= 100:
-        return f"    XcpValue(\n{inner}\n    ),"
-    return "    XcpValue(\n" + "".join(f"        {one},\n" for one in given) + "    ),"
-
-
-def map_module(xcp: Entry, signals: Entry) -> str:
-    """Return xcp_map.py."""
-    rows = [
-        f"PACKET = {xcp['packet']}",
-        f"LISTS = {xcp['lists']}",
-        f"ODTS = {xcp['odts']}",
-        f"ENTRIES = {xcp['entries']}",
-        f"SECRET = 0x{xcp['secret']:08X}",
-        f'EVENT = "{xcp["event"]}"',
-        "",
-        f"HEARTBEAT_MS = {signals['heartbeat_ms']}",
-        '"""Ceiling of the boards for settings in ticks."""',
-        "",
-        "AREAS = {",
-        *(f'    "{area["name"]}": 0x{area["number"] << 16:08X},' for area in xcp["area"]),
-        "}",
-        '"""Address of the first byte of each area."""',
-    ]
-    for name in ("signal", "setting", "input"):
-        rows += ["", f"{name.upper()}S = (", *(row(value) for value in signals[name]), ")"]
-    return PREAMBLE + "\n".join(rows) + "\n"

@@ -10,7 +10,7 @@ import pytest
 
 from anhyst.data import read_columns, write_csv
 from anhyst.data.formats.channels import Texts
-from anhyst.data.formats.layout import read_layout
+from anhyst.data.formats.text import open_text
 from anhyst.support.atomic import atomic_writer
 from tests.refusals import refused
 
@@ -121,7 +121,7 @@ def test_a_drive_may_be_all_there_is(tmp_path: Path) -> None:
     path = file_of(tmp_path, "I [A]\n0\n1.5\n2,5\n")
     assert read_columns(path).need("current", "").tolist() == [0.0, 1.5, 2.5]
     with refused("single-column: line 1; 'I [A]'"):
-        read_layout(path)
+        open_text(path, 2)
 
 
 def test_a_header_may_stand_behind_many_comments(tmp_path: Path) -> None:

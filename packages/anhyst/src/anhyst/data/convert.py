@@ -16,8 +16,8 @@ from anhyst.data.formats.channels import (
     ChannelGroup,
     Series,
     Texts,
-    Values,
     clocks_by_name,
+    read_keys,
     sections,
 )
 from anhyst.data.table import check_recording, read_columns, write_sections
@@ -52,11 +52,7 @@ def _file_of(source: Path, progress: Progress | None) -> ChannelFile:
         values = np.array(column.rows()) if isinstance(column, Texts) else column
         written = written.replace("_per_", "/")
         channels.append(Channel(name, len(column), values, written, "", None, is_text))
-
-    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
-        return [channel.key[:count] for channel in channels]
-
-    return ChannelFile(source, clocks_by_name(channels), read, tuple(table.notes))
+    return ChannelFile(source, clocks_by_name(channels), read_keys, tuple(table.notes))
 
 
 def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]]:

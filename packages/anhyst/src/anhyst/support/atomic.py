@@ -98,12 +98,10 @@ def _draft(path: PathLike) -> Iterator[Path]:
     """Yield a draft path to write to; move the draft to its final path when all went well."""
     target = Path(os.path.realpath(path))  # a link keeps pointing where it points
     try:
-        if target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        if target.exists() and not target.is_file():
+        beside = _beside(target)
+        if beside is None:
             yield target
             return
-        beside = _beside(target)
         try:
             yield beside
             if target.exists():
@@ -132,18 +130,19 @@ def check_writable(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
             f"{path}: is read by this command; write to another file", code="writes-over-input"
         )
     try:
-        if target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        if target.exists() and not target.is_file():
-            return
-        beside = _beside(target)
-        beside.open("x").close()
-        beside.unlink()
+        if (beside := _beside(target)) is not None:
+            beside.open("x").close()
+            beside.unlink()
     except OSError as error:
         raise write_error(path, error) from error
 
 
-def _beside(target: Path) -> Path:
+def _beside(target: Path) -> Path | None:
+    """Return the temporary name of a file; None for a device or a pipe, which are written directly."""
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if target.exists() and not target.is_file():
+        return None
     return target.with_name(f".{target.name}.{os.getpid()}.part")
 
 
@@ -169,6 +168,11 @@ def core_folder() -> Path:
     """Return the folder with ``include/``, ``src/`` and ``port/`` of the core."""
     marked = "include/anhyst/compensator/compensator.h"
     return shipped_folder("anhyst", "core", "_core/c", marked)
+
+
+def contract_folder() -> Path:
+    """Return the folder of the tables that C and Python share."""
+    return shipped_folder("anhyst", "contract", "_contract", "block.toml")
 
 
 def shipped_folder(name: str, edited: str, shipped: str, marked: str) -> Path:
@@ -309,8 +313,7 @@ def json_text(content: Mapping[str, Any]) -> str:
 
 def write_json(path: PathLike, content: Mapping[str, Any]) -> None:
     """Write a JSON file, whole or not at all."""
-    with atomic_writer(path) as stream:
-        stream.write(json_text(content))
+    write_bytes(path, json_text(content).encode())
 
 
 def plain(value: Any) -> Any:

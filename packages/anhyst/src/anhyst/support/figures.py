@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from functools import wraps
 from types import MappingProxyType
 from typing import Any, ParamSpec, TypeVar, cast
@@ -60,18 +59,12 @@ STYLE: Mapping[str, Any] = MappingProxyType(
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 
-@contextmanager
-def _styled() -> Iterator[None]:
-    with mpl.rc_context(cast("Any", dict(STYLE))):
-        yield
-
-
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
     """Make a function draw in the style of the report, whatever the user has set up."""
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
-        with _styled():
+        with mpl.rc_context(cast("Any", dict(STYLE))):
             return draw(*args, **kwargs)
 
     return drawn

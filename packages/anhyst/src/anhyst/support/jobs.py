@@ -52,31 +52,17 @@ def each(
     jobs: int | None = None,
 ) -> Iterator[tuple[int, B]]:
     """Do some work on every input; results come as they are ready, with the place of their input."""
-    if _cluster.get() is not None:
-        yield from _on_cluster(work, inputs, progress)
-        return
     count = min(jobs or cores(), len(inputs))
-    done = 0
-    if count <= 1:
-        for index, item in enumerate(inputs):
-            result = work(item)
-            done += 1
-            if progress is not None:
-                progress(done, len(inputs))
-            yield index, result
-        return
-    from concurrent.futures import ProcessPoolExecutor, as_completed  # of many processes alone
-
-    with ProcessPoolExecutor(count, initializer=_leave_interrupts) as pool:
-        order: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
-        try:
-            for ready in as_completed(order):
-                done += 1
-                if progress is not None:
-                    progress(done, len(inputs))
-                yield order[ready], ready.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    if _cluster.get() is not None:
+        results = _on_cluster(work, inputs)
+    elif count > 1:
+        results = _in_processes(work, inputs, count)
+    else:
+        results = ((index, work(item)) for index, item in enumerate(inputs))
+    for done, result in enumerate(results, start=1):
+        if progress is not None:
+            progress(done, len(inputs))
+        yield result
 
 
 def all_of(
@@ -113,9 +99,21 @@ def workers_of(scheduler: str | None) -> Iterator[None]:
         client.close()
 
 
-def _on_cluster(
-    work: Callable[[A], B], inputs: Sequence[A], progress: Progress | None
+def _in_processes(
+    work: Callable[[A], B], inputs: Sequence[A], count: int
 ) -> Iterator[tuple[int, B]]:
+    from concurrent.futures import ProcessPoolExecutor, as_completed  # of many processes alone
+
+    with ProcessPoolExecutor(count, initializer=_leave_interrupts) as pool:
+        order: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
+        try:
+            for ready in as_completed(order):
+                yield order[ready], ready.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _on_cluster(work: Callable[[A], B], inputs: Sequence[A]) -> Iterator[tuple[int, B]]:
     client = _cluster.get()
     # What all tasks share goes to each worker once, and is made again where it was lost.
     shared = client.submit(partial, work, pure=False)
@@ -123,9 +121,7 @@ def _on_cluster(
     order = {future: index for index, future in enumerate(futures)}
     # Results that are ready come together: asking for each alone costs a message there and back.
     waiting = _library().as_completed(futures, loop=client.loop, with_results=True)
-    for done, (ready, result) in enumerate(waiting, start=1):
-        if progress is not None:
-            progress(done, len(inputs))
+    for ready, result in waiting:
         yield order[ready], result
 
 

@@ -33,7 +33,13 @@ import scipy
 from pydantic import BaseModel
 
 from anhyst._core import _native
-from anhyst.support.atomic import PathLike, atomic_writer, cache_folder, write_bytes, write_error
+from anhyst.support.atomic import (
+    PathLike,
+    cache_folder,
+    contract_folder,
+    write_bytes,
+    write_error,
+)
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import cores
 from anhyst.support.registry import packages_that_add
@@ -94,7 +100,7 @@ def computed_with() -> bytes:
     """Return a hash of what computes here."""
     about = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
     digest = hashlib.sha256(about.encode())
-    places = {Path(__file__).resolve().parents[1], *packages_that_add()}
+    places = {Path(__file__).resolve().parents[1], contract_folder(), *packages_that_add()}
     every = (
         path for place in places for path in (place.rglob("*.*") if place.is_dir() else [place])
     )
@@ -143,8 +149,7 @@ class ResultsFile:
         self._key, self._fault = key, fault
         self.done: dict[int, dict[str, Any]] = {}
         if not self.path.exists():
-            with atomic_writer(self.path) as stream:
-                stream.write(_line(header))
+            write_bytes(self.path, _line(header).encode())
         try:
             content = self.path.read_bytes()
             whole = content.rfind(b"\n") + 1
@@ -220,7 +225,7 @@ def _short(value: Any) -> str:
 
 
 MOST_OBJECTS = 4000
-"""Objects that are kept, of ten to a hundred kilobytes each; those not used for longest go."""
+"""Objects that are kept with their messages, of ten to a hundred kilobytes each."""
 
 Run = Callable[[Sequence[str]], str]
 """Runs a compiler, refuses what it refuses, and returns what it complains about."""
@@ -239,9 +244,11 @@ def compile_and_link(
     `search` are macros and folders: they count by the text that they make. `ending` stands behind
     the objects, when they are linked.
     """
-    identity = _identity(compiler[0])
-    if identity is None:
+    program = shutil.which(compiler[0])
+    if program is None or compiler[0] == sys.executable:  # zig's, which keeps objects itself
         return [run([*compiler, *options, *search, *map(str, sources), *ending])]
+    about = Path(program).stat()
+    identity = f"{Path(program).resolve()} {about.st_size} {about.st_mtime_ns}"
     own = [*compiler, *(option for option in options if not option.startswith("-Wl,"))]
     command, key = [*own, *search], "\0".join([identity, *own])
     with (
@@ -253,46 +260,31 @@ def compile_and_link(
         return [*messages, run([*compiler, *options, *map(str, objects), *ending])]
 
 
-def _identity(compiler: str) -> str | None:
-    """Return what tells a compiler from others; None for zig's, which keeps objects itself."""
-    program = None if compiler == sys.executable else shutil.which(compiler)
-    if program is None:
-        return None
-    about = Path(program).stat()
-    return f"{Path(program).resolve()} {about.st_size} {about.st_mtime_ns}"
-
-
 def _compile(command: Sequence[str], key: str, run: Run, source: Path, target: Path) -> str:
     """Compile a source or take its object from the cache; return the compiler's messages."""
     text = target.with_suffix(".i")
     run([*command, "-E", "-P", str(source), "-o", str(text)])
     digest = hashlib.sha256(key.encode() + b"\0" + text.read_bytes()).hexdigest()
     kept = cache_folder("objects") / f"{digest}.o"
+    messages_at = kept.with_suffix(".txt")
     with suppress(OSError):
-        messages = kept.with_suffix(".txt").read_text(encoding="utf-8")
+        messages = messages_at.read_text(encoding="utf-8")
         shutil.copyfile(kept, target)
         kept.touch()
+        messages_at.touch()
         return messages
     messages = run([*command, "-c", str(source), "-o", str(target)])
     with suppress(OSError):  # without a cache it is compiled each time
-        _keep(kept, target.read_bytes(), messages)
+        kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".", dir=kept.parent) as draft:
+            # Each whole or not at all; the compiler's messages first.
+            for place, part in ((messages_at, messages.encode()), (kept, target.read_bytes())):
+                Path(draft, place.name).write_bytes(part)
+                Path(draft, place.name).replace(place)
+        # Looking through all of them takes longer than most compilations.
+        if kept.name.startswith("00"):
+            forget(kept.parent, 2 * MOST_OBJECTS)
     return messages
-
-
-def _keep(kept: Path, content: bytes, messages: str) -> None:
-    """Put an object into the cache, whole or not at all; the compiler's messages first."""
-    kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".", dir=kept.parent) as draft:
-        for target, part in ((kept.with_suffix(".txt"), messages.encode()), (kept, content)):
-            Path(draft, target.name).write_bytes(part)
-            Path(draft, target.name).replace(target)
-    # Looking through all of them takes longer than most compilations.
-    if kept.name.startswith("00"):
-        for old in sorted(kept.parent.glob("*.o"), key=lambda path: path.stat().st_mtime)[
-            :-MOST_OBJECTS
-        ]:
-            old.unlink(missing_ok=True)
-            old.with_suffix(".txt").unlink(missing_ok=True)
 
 
 LONGEST = 31

@@ -1,12 +1,8 @@
-"""The arrays that pass between rooms.
-
-Functions with the same last bits on every processor, for what a simulation is computed from.
+"""Functions with the same last bits on every processor, and numbers in the fixed point of the core.
 
 The C library and NumPy choose other code for theirs on other processors, and a closed loop
-amplifies what differs. Here are the core's own, and sums and products of single numbers or of
+amplifies the difference. Here are the core's own, and sums and products of single numbers or of
 arrays element by element, which are exact to their rounding everywhere.
-
-Numbers as the fixed point of the core takes them: a q31, and a gain as an ``anhyst_factor``.
 """
 
 from __future__ import annotations

@@ -128,9 +128,8 @@ class TomlFile:
         except tomllib.TOMLDecodeError as error:
             raise InputError(_damage(path, text, str(error)), code="damaged-toml") from error
         except (ValueError, RecursionError) as error:  # numbers without end, brackets without end
-            raise InputError(
-                f"{path}: damaged TOML: {error}; mend it", code="damaged-toml"
-            ) from error
+            text = f"{path}: damaged TOML: {error}; mend it"
+            raise InputError(text, code="damaged-toml") from error
         self.lines = key_lines(text)
         self.problems: list[FileProblem] = []
 
@@ -155,9 +154,8 @@ class TomlFile:
         """Note what a validation found, the first finding of each key."""
         seen = {problem.key for problem in self.problems}
         for finding in error.errors(include_url=False):
-            key = relocate(
-                tuple(part for part in finding["loc"] if not str(part).startswith(BRANCH))
-            )
+            path = (part for part in finding["loc"] if not str(part).startswith(BRANCH))
+            key = relocate(tuple(path))
             if dotted(key) not in seen:
                 seen.add(dotted(key))
                 self.add(key, *advice(key, finding))
@@ -167,11 +165,7 @@ class TomlFile:
         return TomlFileError(self.path, self.problems)
 
 
-def read_toml(
-    path: PathLike,
-    schema: type[T],
-    kinds: Collection[FileKind] = (),
-) -> T:
+def read_toml(path: PathLike, schema: type[T], kinds: Collection[FileKind] = ()) -> T:
     """Read a TOML file of one of the given kinds."""
     file = TomlFile(path)
     if kinds:
@@ -199,14 +193,12 @@ def check_kind(file: TomlFile, taken: Collection[FileKind]) -> FileKind:
     kind = refuse_other(file.path, taken, kind_in_file=kind_in(file.content))
     if kind is UNKNOWN:
         names = " or ".join(kind.title for kind in taken)
-        control, rigs = (
-            file.content.get("control"),
-            [one for one in taken if one.format == RIG_FORMAT],
-        )
+        control = file.content.get("control")
+        is_rig = file.content.get("format") == RIG_FORMAT
         why = why_unusable(control.get("kind")) if isinstance(control, dict) else ""
-        if file.content.get("format") == RIG_FORMAT and why:
+        if is_rig and why:
             file.add(("control", "kind"), why, code="not-installed")
-        elif file.content.get("format") == RIG_FORMAT and rigs:
+        elif is_rig and (rigs := [one for one in taken if one.format == RIG_FORMAT]):
             controls = " or ".join(f'"{kind.word}"' for kind in rigs)
             text = f"must be {controls}; is this {names}, or a kind whose package is not installed?"
             file.add(("control", "kind"), text, "wrong-format")

@@ -12,8 +12,14 @@ Path = tuple[str | int, ...]
 
 _KEY_PART = re.compile(r"""[ \t]*("(?:\\.|[^"\\])*"|'[^']*'|[A-Za-z0-9_-]+)[ \t]*""")
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
-_PLAIN = re.compile(r"[^\"'#\[\]{}\n]+")
-_QUOTES = ('"""', "'''", '"', "'")
+_BLANK = re.compile(r"(?:[\s\ufeff]|#[^\n]*)*")
+# Up to two quotes may be before the closing three.
+_TOKEN = re.compile(
+    r'''"""(?:\\.|[^\\])*?"""+|"(?:\\.|[^"\\])*"|#[^\n]*|[\[\]{}\n]|[^"'#\[\]{}\n]+'''
+    r"""|'''.*?'''+|'[^']*'""",
+    re.DOTALL,
+)
+"""A string, a comment, a bracket, a line end, or what is between them."""
 
 
 def toml_value(value: object) -> str:
@@ -98,7 +104,8 @@ class _Scanner:
 
     def scan(self) -> dict[Path, int]:
         table: Path = ()
-        while self._skip_to_key():
+        while (start := _BLANK.match(self.text, self.position)) and start.end() < len(self.text):
+            self.position = start.end()
             line = self.text.count("\n", 0, self.position) + 1
             if self.text[self.position] == "[":
                 table = self._header()
@@ -109,21 +116,6 @@ class _Scanner:
                 self._skip_value()
             self.lines.setdefault(path, line)
         return self.lines
-
-    def _skip_to_key(self) -> bool:
-        while self.position < len(self.text):
-            sign = self.text[self.position]
-            if sign == "#":
-                self._skip_line()
-            elif sign.isspace() or sign == "\ufeff":
-                self.position += 1
-            else:
-                return True
-        return False
-
-    def _skip_line(self) -> None:
-        end = self.text.find("\n", self.position)
-        self.position = len(self.text) if end < 0 else end
 
     def _header(self) -> Path:
         is_array = self.text.startswith("[[", self.position)
@@ -155,32 +147,9 @@ class _Scanner:
 
     def _skip_value(self) -> None:
         depth = 0
-        while self.position < len(self.text):
-            if plain := _PLAIN.match(self.text, self.position):
-                self.position = plain.end()
-                continue
-            quote = next((q for q in _QUOTES if self.text.startswith(q, self.position)), None)
-            if quote:
-                self._skip_string(quote)
-                continue
-            match self.text[self.position]:
-                case "#":
-                    self._skip_line()
-                    continue
-                case "[" | "{":
-                    depth += 1
-                case "]" | "}":
-                    depth -= 1
-                case "\n" if depth == 0:
-                    return
-            self.position += 1
-
-    def _skip_string(self, quote: str) -> None:
-        self.position += len(quote)
-        while not self.text.startswith(quote, self.position):
-            escaped = quote[0] == '"' and self.text[self.position] == "\\"
-            self.position += 2 if escaped else 1
-        self.position += len(quote)
-        if len(quote) == 3:  # up to two quotes may stand before the closing three
-            while self.text.startswith(quote[0], self.position):
-                self.position += 1
+        while token := _TOKEN.match(self.text, self.position):
+            if token[0] == "\n" and depth == 0:
+                return
+            depth += token[0] in {"[", "{"}
+            depth -= token[0] in {"]", "}"}
+            self.position = token.end()

@@ -67,59 +67,38 @@ class Unit:
         return float(self.to_si(np.array([value]))[0])
 
 
-_FAMILIES: tuple[tuple[str, str, tuple[tuple[str, float], ...]], ...] = (
-    ("current", "A", (("A", 1.0), ("uA", 1e-6), ("mA", 1e-3), ("kA", 1e3))),
-    (
-        "field",
+_PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "da": 10.0, "k": 1e3, "M": 1e6}
+
+
+def _prefixed(unit: str, prefixes: str = "") -> dict[str, float]:
+    """Return the scales of a unit alone and with each of some prefixes."""
+    return {unit: 1.0} | {prefix + unit: _PREFIXES[prefix] for prefix in prefixes.split()}
+
+
+_FAMILIES: dict[str, tuple[str, dict[str, float]]] = {
+    "current": ("A", _prefixed("A", "u m k")),
+    "field": (
         "A/m",
-        (
-            ("A/m", 1.0),
-            ("A/cm", 1e2),
-            ("A/mm", 1e3),
-            ("kA/m", 1e3),
-            ("MA/m", 1e6),
-            ("Oe", 1000.0 / (4.0 * math.pi)),
-            ("kOe", 1e6 / (4.0 * math.pi)),
-        ),
+        _prefixed("A/m", "k M")
+        | {"A/cm": 1e2, "A/mm": 1e3, "Oe": 1000.0 / (4.0 * math.pi), "kOe": 1e6 / (4.0 * math.pi)},
     ),
-    ("voltage", "V", (("V", 1.0), ("uV", 1e-6), ("mV", 1e-3), ("kV", 1e3))),
-    (
-        "force",
+    "voltage": ("V", _prefixed("V", "u m k")),
+    "force": (
         "N",
-        (
-            *(("N", 1.0), ("uN", 1e-6), ("mN", 1e-3), ("cN", 1e-2), ("daN", 10.0)),
-            *(("kN", 1e3), ("MN", 1e6)),
-            *(
-                (symbol, mass * STANDARD_GRAVITY_M_PER_S2)
-                for symbol, mass in (_FORCES_KG | _WEIGHTS_KG).items()
-            ),
-        ),
+        _prefixed("N", "u m c da k M")
+        | {unit: kg * STANDARD_GRAVITY_M_PER_S2 for unit, kg in (_FORCES_KG | _WEIGHTS_KG).items()},
     ),
-    ("flux_density", "T", (("T", 1.0), ("uT", 1e-6), ("mT", 1e-3), ("G", 1e-4), ("kG", 0.1))),
-    (
-        "flux_linkage",
-        "Wb",
-        (("Wb", 1.0), ("mWb", 1e-3), ("uWb", 1e-6), ("Vs", 1.0), ("mVs", 1e-3), ("uVs", 1e-6)),
-    ),
-    (
-        "length",
-        "m",
-        (
-            *(("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9)),
-            *(("in", 0.0254), ("ft", 0.3048), ("mil", 2.54e-5)),
-        ),
-    ),
-    (
-        "time",
-        "s",
-        (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("min", 60.0), ("h", 3600.0)),
-    ),
-    ("moment", "N_m", (("N_m", 1.0),)),
-    ("pressure", "Pa", (("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6), ("bar", 1e5))),
-    ("frequency", "Hz", (("Hz", 1.0), ("kHz", 1e3))),
-    ("angle", "rad", (("rad", 1.0), ("deg", math.pi / 180.0))),
-    ("number", "1", (("1", 1.0), ("-", 1.0), ("%", 0.01), ("ppm", 1e-6), ("um/m", 1e-6))),
-)
+    "flux_density": ("T", _prefixed("T", "u m") | {"G": 1e-4, "kG": 0.1}),
+    "flux_linkage": ("Wb", _prefixed("Wb", "m u") | _prefixed("Vs", "m u")),
+    "length": ("m", _prefixed("m", "c m u n") | {"in": 0.0254, "ft": 0.3048, "mil": 2.54e-5}),
+    "time": ("s", _prefixed("s", "m u n") | {"min": 60.0, "h": 3600.0}),
+    "moment": ("N_m", _prefixed("N_m")),
+    "pressure": ("Pa", _prefixed("Pa", "k M") | {"bar": 1e5}),
+    "frequency": ("Hz", _prefixed("Hz", "k")),
+    "angle": ("rad", {"rad": 1.0, "deg": math.pi / 180.0}),
+    "number": ("1", {"1": 1.0, "-": 1.0, "%": 0.01, "ppm": 1e-6, "um/m": 1e-6}),
+}
+"""By dimension: its SI unit, and the scales of its units."""
 
 _TEMPERATURES = (
     Unit("degC", "temperature", "degC", 1.0),
@@ -131,8 +110,8 @@ _TEMPERATURES = (
 UNITS = MappingProxyType(
     {
         symbol: Unit(symbol, dimension, si, scale)
-        for dimension, si, members in _FAMILIES
-        for symbol, scale in members
+        for dimension, (si, members) in _FAMILIES.items()
+        for symbol, scale in members.items()
     }
     | {unit.symbol: unit for unit in _TEMPERATURES}
 )
@@ -241,8 +220,6 @@ _NEEDS_QUANTITY = frozenset({"in", "g", "h", "min", "ft"})
 _CHANNELS = frozenset({"channel", "chan", "ch", "kanal", "kanaal", "canal", "canale", "voie",
                        "input", "eingang", "port", "analog", "sensor"})  # fmt: skip
 """Names before a letter that counts and is not a unit, such as ``Channel A``."""
-_CLOCKS = MappingProxyType({"tout": "s"})
-"""Names of clocks whose unit the recorder fixes: Simulink counts in s."""
 _ABSCISSAS = frozenset({"x", "t", "x-axis", "x_axis", "xaxis"})
 """Names of a clock where the unit is one of time."""
 _NO_UNIT = "-"
@@ -388,9 +365,9 @@ def _parse_header(text: str, unit: str | None) -> Header:
 
 def _clock(name: str) -> tuple[str, str]:
     """Name a column that can only be a clock by its name ``t`` and its unit, if that is known."""
-    folded, unit = name.lower(), find_unit(name)
-    if folded in _CLOCKS:
-        return "t", _CLOCKS[folded]
+    unit = find_unit(name)
+    if name.lower() == "tout":  # of Simulink, which counts in s
+        return "t", "s"
     if unit is not None and unit.dimension == "time" and len(name) > len(unit.symbol):
         return "t", unit.symbol  # a column called 'Seconds'
     words = set(words_of(name))
@@ -488,12 +465,9 @@ def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:
 
 
 def _same(first: Unit | None, other: Unit | None) -> bool:
-    return (
-        first is not None
-        and other is not None
-        and (first.dimension, first.scale, first.offset)
-        == (other.dimension, other.scale, other.offset)
-    )
+    if first is None or other is None:
+        return False
+    return replace(first, symbol="") == replace(other, symbol="")
 
 
 def _split(text: str) -> tuple[str, str]:

@@ -15,7 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, wraps
 from importlib import import_module
 from pathlib import Path
 
@@ -24,12 +24,14 @@ import numpy as np
 from anhyst.data.formats.channels import (
     Channel,
     ChannelFile,
-    OpenTable,
     RawColumns,
     TextInNumbersError,
     Texts,
     Values,
     hash_of,
+    need_package,
+    numbered,
+    one_line_if_damaged,
 )
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -51,8 +53,12 @@ class Clock:
     whole: bool = True  # whether it holds all of them
 
 
+Seconds = Callable[[Channel], FloatArray]
+"""Returns the times of a clock in s."""
+
+
 def shared_clock(
-    source: str, channels: Sequence[Channel], seconds: Callable[[Channel], FloatArray]
+    source: str, channels: Sequence[Channel], seconds: Seconds
 ) -> tuple[Clock, tuple[str, ...]]:
     """Find the clock that channels are read on: the finest, as far as all of them reach."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
@@ -115,38 +121,42 @@ def _step(source: str, clock: Channel, times: FloatArray) -> float:
     return float(np.median(np.diff(times))) or float(np.mean(np.diff(times)))
 
 
-def onto(source: str, channel: Channel, own: Clock, values: FloatArray, clock: Clock) -> FloatArray:
+def onto(
+    source: str, channel: Channel, values: FloatArray, clock: Clock, seconds: Seconds
+) -> FloatArray:
     """Bring a channel onto a clock; next to a sample without a value (NaN) there is none."""
-    stop = clock.start + clock.length
-    if own.times is None or clock.times is None or own.channel is clock.channel:
-        return values[clock.start : stop]
-    if clock.whole:  # clocks of the same times
+    if channel.clock is None:
+        return np.full(clock.length, values[0]) if channel.length == 1 else values
+    if clock.times is None or clock.whole:  # its own clock, or one of the same times
         return values
-    steps = np.diff(own.times)
-    inside = (own.times[1:] > clock.times[0]) & (own.times[:-1] < clock.times[-1])
+    if channel.clock is clock.channel:
+        return values[clock.start : clock.start + clock.length]
+    own = seconds(channel.clock)
+    steps = np.diff(own)
+    inside = (own[1:] > clock.times[0]) & (own[:-1] < clock.times[-1])
     usual = float(np.median(steps))
     long = inside & (steps > _LONGEST_GAP * usual)
     if long.any():
         row = int(np.argmax(long))
         raise InputError(
-            f"{source}: channel '{channel.full_name}' has no sample from {own.times[row]:g} to "
-            f"{own.times[row + 1]:g} s, {steps[row] / usual:.0f} of its usual steps: it cannot be "
+            f"{source}: channel '{channel.full_name}' has no sample from {own[row]:g} to "
+            f"{own[row + 1]:g} s, {steps[row] / usual:.0f} of its usual steps: it cannot be "
             "interpolated; leave it out, or give it as a constant",
             code="gap-in-channel",
             key=channel.full_name,
         )
-    return np.interp(clock.times, own.times, values)
+    return np.interp(clock.times, own, values)
 
 
-def held(own: Clock, values: Values, clock: Clock) -> Values:
+def held(channel: Channel, own: FloatArray | None, values: Values, clock: Clock) -> Values:
     """Hold the last value of a channel at each time; what fits no clock is blank."""
-    if own.channel is clock.channel or (own.length == clock.length and clock.whole):
+    if channel.clock is clock.channel or (channel.length == clock.length and clock.whole):
         return values[clock.start : clock.start + clock.length]
-    if own.length == 1:
+    if channel.length == 1:
         return np.repeat(values, clock.length)
-    if own.times is None or clock.times is None or not np.all(np.diff(own.times) >= 0.0):
+    if own is None or clock.times is None or not np.all(np.diff(own) >= 0.0):
         return np.full(clock.length, "")
-    last = np.searchsorted(own.times, clock.times, side="right") - 1
+    last = np.searchsorted(own, clock.times, side="right") - 1
     return np.asarray(values[np.maximum(last, 0)])
 
 
@@ -167,8 +177,9 @@ class ChannelTable:
 
     @cached_property
     def clocks(self) -> list[Channel]:
-        """Clocks of the file."""
-        return self.file.clocks()
+        """Clocks of all channels, in their order."""
+        clocks = (channel.clock for channel in self.file.channels if channel.clock is not None)
+        return list(dict.fromkeys(clocks))
 
     @cached_property
     def header(self) -> tuple[str, ...]:
@@ -213,15 +224,15 @@ class ChannelTable:
         clock, notes = shared_clock(self.source_name, clocked, self.seconds)
         columns: dict[int, FloatArray] = {}
         for index in wanted:
-            values = self._numbers(index, channels[index])
-            columns[index] = self._placed(channels[index], values, clock)
+            channel, values = channels[index], self._numbers(index, channels[index])
+            columns[index] = onto(self.source_name, channel, values, clock, self.seconds)
         if shift and 0 in numbers:
             columns[0] = self._times(clock, [channels[index] for index in wanted])
-        named = {
-            index: _texts(held(self._own_clock(channel), self._values(channel), clock))
-            for index, channel in channels.items()
-            if index in labels
-        }
+        named = {}
+        for index, channel in channels.items():
+            if index in labels:
+                own = self.seconds(channel.clock) if channel.clock else None
+                named[index] = _texts(held(channel, own, self._values(channel), clock))
         if shift and 0 in texts:
             named[0] = _texts(self._times(clock, []))
         found = (*self.file.notes, *notes)
@@ -248,21 +259,15 @@ class ChannelTable:
             return ()
         first = self.clocks[0]
         header = parse_header(first.name, first.unit)
-        plain = header.quantity is not None and header.quantity.name == "time"
-        if len(self.clocks) > 1 or not plain or header.problem:
+        if len(self.clocks) > 1 or not header.is_clock or header.problem:
             return ("t", "s")
         return (first.name, first.unit)
 
     @cached_property
     def _names(self) -> list[str]:
-        count = Counter([*self._time[:1], *(channel.name for channel in self.file.channels)])
-        names: list[str] = []
-        seen: Counter[str] = Counter()
-        for channel in self.file.channels:
-            name = channel.name if count[channel.name] == 1 else channel.full_name
-            seen[name] += 1
-            names.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
-        return names
+        channels = self.file.channels
+        count = Counter([*self._time[:1], *(channel.name for channel in channels)])
+        return numbered([c.name if count[c.name] == 1 else c.full_name for c in channels])
 
     def _values(self, channel: Channel) -> Values:
         return self.file.read([channel])[0]
@@ -296,30 +301,34 @@ class ChannelTable:
             return np.array(self._values(clock.channel), dtype=np.float64)
         return np.array(clock.times)
 
-    def _own_clock(self, channel: Channel) -> Clock:
-        if channel.clock is None:
-            return Clock(None, channel.length, None)
-        return Clock(channel.clock, channel.length, self.seconds(channel.clock))
 
-    def _placed(self, channel: Channel, values: FloatArray, clock: Clock) -> FloatArray:
-        if channel.length == 1 and channel.clock is None:
-            return np.full(clock.length, values[0])
-        if channel.clock is None or (channel.clock is clock.channel and clock.whole):
-            return values
-        return onto(self.source_name, channel, self._own_clock(channel), values, clock)
+def opener(
+    *packages: str,
+) -> Callable[[Callable[[Path], ChannelFile]], Callable[[Path, int], ChannelTable]]:
+    """Make what opens a format out of what finds the channels of a file with these packages.
 
+    It reads the file in a process of its own first, and refuses fewer numeric channels than needed.
+    """
 
-def open_channels(file: ChannelFile, least: int) -> ChannelTable:
-    """Make a table of a file's channels; refuse fewer numeric channels than ``least``."""
-    table = ChannelTable(file)
-    count = sum(not channel.is_text for channel in file.channels) + len(table.clocks[:1])
-    if count < least:
-        raise InputError(
-            f"{file.path}: holds {count} channels of numbers with samples; at least {least} are "
-            "needed",
-            code="too-few-channels",
-        )
-    return table
+    def with_find(find: Callable[[Path], ChannelFile]) -> Callable[[Path, int], ChannelTable]:
+        @wraps(find)
+        def open_file(path: Path, least: int) -> ChannelTable:
+            need_package(path, *packages)
+            try_first(path, open_file)
+            with one_line_if_damaged(path):
+                table = ChannelTable(find(path))
+            numeric = sum(not channel.is_text for channel in table.file.channels)
+            if (count := numeric + len(table.clocks[:1])) < least:
+                raise InputError(
+                    f"{path}: holds {count} channels of numbers with samples; at least {least} are "
+                    "needed",
+                    code="too-few-channels",
+                )
+            return table
+
+        return open_file
+
+    return with_find
 
 
 def _texts(values: Values) -> Texts:
@@ -340,7 +349,7 @@ class _Here:
     tries = False
 
 
-def try_first(path: Path, opener: Callable[[Path, int], OpenTable]) -> None:
+def try_first(path: Path, opener: Callable[[Path, int], ChannelTable]) -> None:
     """Read a file once in a process of its own; the same file is not tried twice.
 
     The opener is a function of a module: the process imports it by its name.
@@ -349,17 +358,15 @@ def try_first(path: Path, opener: Callable[[Path, int], OpenTable]) -> None:
         return
     about = path.stat()
     name = f"{opener.__module__}:{opener.__name__}"
-    if (refusal := _tried(path, name, about.st_mtime_ns, about.st_size, SECONDS)) is not None:
+    if (refusal := _tried(path, name, about.st_mtime_ns, about.st_size)) is not None:
         text, code, key = refusal
         raise InputError(text, code=code, key=key)
 
 
 @cache
-def _tried(
-    path: Path, opener: str, _changed: int, size: int, seconds: float
-) -> tuple[str, str, str] | None:
+def _tried(path: Path, opener: str, _changed: int, size: int) -> tuple[str, str, str] | None:
     """Return why a file is refused: the text, code and key of the error."""
-    limit = seconds + size / 4e6
+    limit = SECONDS + size / 4e6
     script = "from anhyst.data.formats.channel_table import read_here; read_here()"
     command = [sys.executable, "-P", "-c", script, str(path), opener, str(limit)]
     try:
@@ -391,9 +398,21 @@ def read_here() -> None:
     stay_in_bounds(seconds, path.stat().st_size)
     pipe = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print what they do not understand
-    # Without the end of an interpreter, in which what a library left behind may crash.
-    code, text = _read(path, opener)
+    code, text = 0, ""
+    module, _, name = opener.partition(":")
+    try:
+        table = getattr(import_module(module), name)(path, 1)
+        for channel in [*table.clocks, *table.file.channels]:
+            table.file.read([channel])
+        gc.collect()  # where a library has written beyond what is its own, this finds it
+    except MemoryError:
+        code = _FULL
+    except InputError as error:
+        code, text = _REFUSED, json.dumps([str(error), error.code, error.key])
+    except Exception:  # a fault of this package, to be seen where it is used
+        pass
     os.write(pipe, text.encode())
+    # Without the end of an interpreter, in which what a library left behind may crash.
     os._exit(code)
 
 
@@ -410,20 +429,3 @@ def stay_in_bounds(seconds: float, size: int) -> None:
             (resource.RLIMIT_AS, memory),
         ):
             resource.setrlimit(what, (limit, resource.getrlimit(what)[1]))
-
-
-def _read(path: Path, opener: str) -> tuple[int, str]:
-    module, _, name = opener.partition(":")
-    try:
-        table = getattr(import_module(module), name)(path, 1)
-        if isinstance(table, ChannelTable):
-            for channel in [*table.clocks, *table.file.channels]:
-                table.file.read([channel])
-        gc.collect()  # where a library has written beyond what is its own, this finds it
-    except MemoryError:
-        return _FULL, ""
-    except InputError as error:
-        return _REFUSED, json.dumps([str(error), error.code, error.key])
-    except Exception:
-        return 0, ""  # a fault of this package, to be seen where it is used
-    return 0, ""

@@ -8,6 +8,7 @@ import itertools
 import logging
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -48,8 +49,13 @@ class Channel:
         return f"{self.group}/{self.name}" if self.group else self.name
 
 
-ReadChannels = Callable[[Sequence[Channel], int | None], list[Values]]
-"""Read whole channels, or so many of their first samples: arrays of shape (samples,)."""
+ReadChannels = Callable[[Path, Sequence[Channel], int | None], list[Values]]
+"""Read whole channels of a file, or so many of their first samples: arrays of shape (samples,)."""
+
+
+def read_keys(_path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+    """Read channels whose keys are their samples."""
+    return [channel.key[:count] for channel in channels]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +71,7 @@ class ChannelFile:
     def read(self, wanted: Sequence[Channel], count: int | None = None) -> list[Values]:
         """Read channels whole, or only their first samples."""
         with one_line_if_damaged(self.path):
-            arrays = [plain(values) for values in self.samples(wanted, count)]
+            arrays = [plain(values) for values in self.samples(self.path, wanted, count)]
         for channel, values in zip(wanted, arrays, strict=True):
             expected = channel.length if count is None else min(count, channel.length)
             if values.shape != (expected,):
@@ -76,11 +82,6 @@ class ChannelFile:
                     key=channel.full_name,
                 )
         return arrays
-
-    def clocks(self) -> list[Channel]:
-        """Return the clocks of all channels, in their order."""
-        clocks = (channel.clock for channel in self.channels if channel.clock is not None)
-        return list(dict.fromkeys(clocks))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +121,16 @@ def sections(file: ChannelFile) -> list[ChannelGroup]:
     return read
 
 
+def numbered(names: Sequence[str]) -> list[str]:
+    """Return names, those that come again with a number: ``x``, ``x#2``, ..."""
+    seen = Counter[str]()
+    own = []
+    for name in names:
+        seen[name] += 1
+        own.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return own
+
+
 def _free(group: str, name: str, used: Container[tuple[str, str]]) -> str:
     """Return a name that is not used in a group: ``x``, ``x#2``, ..."""
     names = (name if n == 1 else f"{name}#{n}" for n in itertools.count(1))
@@ -134,8 +145,8 @@ def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
     times: dict[tuple[str, int], list[Channel]] = {}
     for channel in channels:
         header = parse_header(channel.name, channel.unit)
-        is_time = header.quantity is not None and header.quantity.name == "time"
-        if channel.clock is None and not channel.is_text and is_time and header.problem is None:
+        is_time = header.is_clock and header.problem is None
+        if channel.clock is None and not channel.is_text and is_time:
             times.setdefault((channel.group, channel.length), []).append(channel)
     clocks = {index: unique[0] for index, unique in times.items() if len(unique) == 1}
     clocked = []
@@ -150,6 +161,14 @@ def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         clock for clock in clocks.values() if all(other.clock is not clock for other in clocked)
     ]
     return (*alone, *clocked)
+
+
+def decoded(values: Values, encoding: str = "utf-8") -> Values:
+    """Return texts, some of them as bytes, as an array of texts."""
+    texts = [
+        value.decode(encoding, "replace") if isinstance(value, bytes) else value for value in values
+    ]
+    return np.array(texts, dtype=str)
 
 
 def check_size(path: Path, name: str, samples: int, size: int) -> None:
@@ -377,11 +396,9 @@ class MemoryTable:
                 raise TextInNumbersError(
                     text, column=index, code="text-in-numbers", key=self.header[index]
                 ) from None
-        return RawColumns(self.sha256, columns, {index: self._text(index) for index in texts}, ())
+        words = {n: Texts.of([str(value) for value in self.columns[n]]) for n in texts}
+        return RawColumns(self.sha256, columns, words, ())
 
     def where(self, row: int) -> str:
         """Return the place of a row."""
         return f"{self.source_name}: row {row}"
-
-    def _text(self, index: int) -> Texts:
-        return Texts.of([str(value) for value in self.columns[index]])

@@ -6,17 +6,14 @@ UTF-16 is recoded to UTF-8 in memory, so that all readers see bytes that contain
 from __future__ import annotations
 
 import codecs
-import io
 import os
 import re
 import stat
 from pathlib import Path
-from typing import BinaryIO
 
 from anhyst.data.formats.channels import MOST_BYTES
 from anhyst.support.errors import InputError
 
-_READ_ADVICE = "check the path and its permissions"
 HEADER_ADVICE = "name the columns in the first line, such as 'I_A,F_N,gap_m'"
 _UNREAD = (
     (rb"PK", "is a zip archive", "unpack it, or export the table as CSV"),
@@ -32,15 +29,15 @@ _UNREAD = (
     (rb"[\s\S]{0,1500}:CURV", "is a binary Tektronix waveform", "save it as CSV or MAT"),
     (rb"[\s\S]{0,4}:WFM#", "is a binary Tektronix waveform", "save it as CSV or MAT"),
     (rb"AG(01|03|10|30)", "is a binary Keysight waveform", "save it as CSV"),
+    (rb"", "is a binary file of a format that is not read", "export it as CSV, MAT or MDF 4"),
 )
-"""Beginnings of known files that are not read, what they are, and what to do."""
-_UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+"""Beginnings of files that are not read, what they are, and what to do; the last fits them all."""
 
 
 def _utf16(head: bytes) -> str | None:
     """Return the encoding of UTF-16 text, with or without its byte order mark."""
     sample = head[:4096]
-    if head.startswith(_UTF16):
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     even, odd = sample[::2].count(0), sample[1::2].count(0)
     if even + odd > len(sample) // 4 and min(even, odd) <= len(sample) // 100:
@@ -61,14 +58,7 @@ def refuse_binary(path: Path, head: bytes) -> None:
     """Refuse a file that is no text, and say which kind of file it is."""
     if is_text(head):
         return
-    fault, remedy = (
-        "is a binary file of a format that is not read",
-        "export it as CSV, MAT or MDF 4",
-    )
-    for sign, kind, advice in _UNREAD:
-        if re.match(sign, head):
-            fault, remedy = kind, advice
-            break
+    _, fault, remedy = next(known for known in _UNREAD if re.match(known[0], head))
     raise InputError(f"{path}: {fault}; {remedy}", code="not-a-text")
 
 
@@ -104,7 +94,8 @@ def read_head(path: Path, most: int) -> tuple[bytes, int]:
         ) from None
     except OSError as error:
         raise InputError(
-            f"{path}: cannot be read: {error.strerror}; {_READ_ADVICE}", code="cannot-be-read"
+            f"{path}: cannot be read: {error.strerror}; check the path and its permissions",
+            code="cannot-be-read",
         ) from None
     if not head.strip():
         if size > len(head):
@@ -127,8 +118,3 @@ def recode(path: Path, head: bytes) -> bytes | None:
             code="too-large",
         )
     return path.read_bytes().decode(encoding, "replace").encode()
-
-
-def open_bytes(path: Path, content: bytes | None) -> BinaryIO:
-    """Open a file, or its recoded content."""
-    return path.open("rb") if content is None else io.BytesIO(content)

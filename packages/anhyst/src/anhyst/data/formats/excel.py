@@ -1,10 +1,8 @@
 """Excel workbooks, by python-calamine: the sheet that holds a table of numbers; read only.
 
-What an Excel workbook would take in memory, counted before a library expands it.
-
-Sizes in the directory of a zip file may lie, so each member is expanded in blocks and counted. Two
-cells in opposite corners of a sheet are a sheet of 17,000 million; one long text may be repeated by
-each cell.
+What a workbook would take in memory is counted before a library expands it. Sizes in the directory
+of a zip file may lie, so each member is expanded in blocks. Two cells in opposite corners of a sheet
+are a sheet of 17,000 million; one long text may be repeated by each cell.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.channel_table import ChannelTable, open_channels, try_first
+from anhyst.data.formats.channel_table import opener
 from anhyst.data.formats.channels import (
     Channel,
     ChannelFile,
@@ -29,8 +27,7 @@ from anhyst.data.formats.channels import (
     clocks_by_name,
     is_mark,
     is_number,
-    need_package,
-    one_line_if_damaged,
+    read_keys,
     to_number,
 )
 from anhyst.data.formats.odd_rows import Thousands, is_statistics, refuse_factors
@@ -46,6 +43,7 @@ _TAIL = 256
 _CELL = re.compile(rb'<c\b[^>]{0,200}?\br="([A-Z]{1,4})([0-9]{1,8})"')
 _ROW = re.compile(rb'<row\b[^>]{0,200}?\br="([0-9]{1,8})"')
 _SHARED = re.compile(rb't="s"')
+_DAMAGE = (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError)
 
 
 def is_workbook(path: Path) -> bool:
@@ -57,22 +55,6 @@ def is_workbook(path: Path) -> bool:
         return False
 
 
-def check_workbook(path: Path) -> None:
-    """Refuse a workbook that would not fit into memory."""
-    guard = _Guard(path)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            for member in archive.infolist():
-                with archive.open(member) as stream:
-                    guard.member(member.filename, iter(lambda: stream.read(_BLOCK), b""))
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError) as error:
-        raise InputError(
-            f"{path}: is no whole workbook ({error}); save it again, or export it as CSV",
-            code="damaged-file",
-        ) from None
-    guard.texts()
-
-
 class _Guard:
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -80,7 +62,26 @@ class _Guard:
         self.longest = 0
         self.references = 0
 
-    def member(self, name: str, blocks: Iterator[bytes]) -> None:
+    def check(self) -> None:
+        """Refuse a workbook that would not fit into memory."""
+        try:
+            with zipfile.ZipFile(self.path) as archive:
+                for member in archive.infolist():
+                    with archive.open(member) as stream:
+                        self._count(member.filename, iter(lambda: stream.read(_BLOCK), b""))
+        except _DAMAGE as error:
+            raise InputError(
+                f"{self.path}: is no whole workbook ({error}); save it again, or export it as CSV",
+                code="damaged-file",
+            ) from None
+        if self.longest * self.references > 4 * _MOST_BYTES:
+            raise InputError(
+                f"{self.path}: repeats texts of {self.longest} bytes {self.references} times; "
+                "export the sheet as CSV",
+                code="too-large",
+            )
+
+    def _count(self, name: str, blocks: Iterator[bytes]) -> None:
         """Count one file of the archive."""
         is_sheet, is_texts = "worksheets/" in name, name.lower().endswith("sharedstrings.xml")
         corners, tail, running = _Corners(), b"", 0
@@ -105,15 +106,6 @@ class _Guard:
             raise InputError(
                 f"{self.path}: {name} says that it holds {corners.cells} cells; delete what stands "
                 "far from the table, or export it as CSV",
-                code="too-large",
-            )
-
-    def texts(self) -> None:
-        """Refuse texts that are repeated too often."""
-        if self.longest * self.references > 4 * _MOST_BYTES:
-            raise InputError(
-                f"{self.path}: repeats texts of {self.longest} bytes {self.references} times; "
-                "export the sheet as CSV",
                 code="too-large",
             )
 
@@ -152,24 +144,22 @@ _VALUES = (int, float, datetime.datetime, datetime.date, datetime.time, datetime
 Rows = Sequence[Sequence[Any]]
 
 
-def open_excel(path: Path, least: int) -> ChannelTable:
+@opener("python_calamine")
+def open_excel(path: Path) -> ChannelFile:
     """Look at a workbook: the first sheet that holds a table with a header.
 
     Rows above the header are skipped; a row of units below it is understood, and so is a header
     merged with the cell above. Cells of dates become seconds since the first.
     """
-    need_package(path, "python_calamine")
-    try_first(path, open_excel)
-    with one_line_if_damaged(path):
-        check_workbook(path)
-        from python_calamine import CalamineWorkbook
+    _Guard(path).check()
+    from python_calamine import CalamineWorkbook
 
-        workbook = CalamineWorkbook.from_path(str(path))
-        tables = []
-        for name in workbook.sheet_names:
-            rows = workbook.get_sheet_by_name(name).to_python(skip_empty_area=True)
-            if (start := _find_data(rows)) is not None:
-                tables.append((name, rows, start))
+    workbook = CalamineWorkbook.from_path(str(path))
+    tables = []
+    for name in workbook.sheet_names:
+        rows = workbook.get_sheet_by_name(name).to_python(skip_empty_area=True)
+        if (start := _find_data(rows)) is not None:
+            tables.append((name, rows, start))
     if not tables:
         raise InputError(
             f"{path}: no sheet holds a header and {_LEAST_ROWS} rows of numbers below it; put one "
@@ -186,12 +176,7 @@ def open_excel(path: Path, least: int) -> ChannelTable:
     for sheet in alike:
         breaks += [(first + row, texts) for row, texts in sheet.breaks]
         first += len(sheet.cells)
-    file = ChannelFile(path, clocks_by_name(channels), _read, tuple(notes), tuple(breaks))
-    return open_channels(file, least)
-
-
-def _read(channels: Sequence[Channel], count: int | None) -> list[Values]:
-    return [channel.key[:count] for channel in channels]
+    return ChannelFile(path, clocks_by_name(channels), read_keys, tuple(notes), tuple(breaks))
 
 
 def _is_value(cell: Any) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.channel_table import ChannelTable, open_channels, try_first
+from anhyst.data.formats.channel_table import opener
 from anhyst.data.formats.channels import (
     MOST_CHANNELS,
     Channel,
@@ -18,14 +18,13 @@ from anhyst.data.formats.channels import (
     Values,
     check_size,
     clocks_by_name,
-    need_package,
-    one_line_if_damaged,
+    decoded,
 )
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
 _UNITS = ("unit", "units", "Unit", "Units")
-_DEEPEST = 40
+DEEPEST = 40
 
 
 @dataclass(frozen=True)
@@ -37,17 +36,16 @@ class _Key:
     column: int | None = None
 
 
-def open_hdf5(path: Path, least: int) -> ChannelTable:
+@opener("h5py")
+def open_hdf5(path: Path) -> ChannelFile:
     """Look at an HDF5 file.
 
     Clocks are dimension scales, or what is named a time beside channels of its length; units are
     attributes ``unit`` or ``units``. A table of fields is a group.
     """
-    need_package(path, "h5py")
-    try_first(path, open_hdf5)
     import h5py
 
-    with one_line_if_damaged(path), h5py.File(path, "r") as file:
+    with h5py.File(path, "r") as file:
         channels: list[Channel] = []
         scales: dict[str, Channel] = {}
         clocks: dict[int, str] = {}
@@ -65,8 +63,7 @@ def open_hdf5(path: Path, least: int) -> ChannelTable:
             for index, channel in enumerate(channels)
             if channel not in used
         ]
-    head = ((0, tuple(stated)),)
-    return open_channels(ChannelFile(path, clocks_by_name(own), _reader(path), (), head), least)
+    return ChannelFile(path, clocks_by_name(own), _read, (), ((0, tuple(stated)),))
 
 
 def datasets(path: Path, group: Any) -> Iterator[Any]:
@@ -77,24 +74,15 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
     waiting = [(group, 0)]
     while waiting:
         folder, depth = waiting.pop(0)
-        if depth > _DEEPEST or len(seen) > MOST_CHANNELS:
+        if depth > DEEPEST or len(seen) > MOST_CHANNELS:
             raise InputError(
-                f"{path}: holds more than {MOST_CHANNELS} objects, or groups more than {_DEEPEST} "
+                f"{path}: holds more than {MOST_CHANNELS} objects, or groups more than {DEEPEST} "
                 "deep; export the channels you need",
                 code="nested-too-deep",
             )
         for name in folder:
-            link = folder.get(name, getlink=True)
-            member_path = f"{folder.name.rstrip('/')}/{name}"
-            if isinstance(link, h5py.ExternalLink):
-                raise InputError(
-                    f"{path}: '{member_path}' is a link to the file '{link.filename}', which is not "
-                    "followed; copy its data into this file",
-                    code="external-link",
-                    key=member_path,
-                )
-            if isinstance(link, h5py.SoftLink):
-                continue  # what it leads to is found in its own place
+            if is_link(path, folder, name, f"{folder.name.rstrip('/')}/{name}"):
+                continue
             member = folder[name]
             info = h5py.h5o.get_info(member.id)
             if info.addr in seen:
@@ -105,6 +93,21 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
             elif isinstance(member, h5py.Dataset):
                 check_dataset(path, member)
                 yield member
+
+
+def is_link(path: Path, group: Any, name: str, shown: str) -> bool:
+    """Whether a member of a group is a link; what it leads to is found in its own place."""
+    import h5py
+
+    link = group.get(name, getlink=True)
+    if isinstance(link, h5py.ExternalLink):
+        raise InputError(
+            f"{path}: '{shown}' is a link to the file '{link.filename}', which is not followed; copy "
+            "its data into this file",
+            code="external-link",
+            key=shown,
+        )
+    return isinstance(link, h5py.SoftLink)
 
 
 def check_dataset(path: Path, dataset: Any) -> None:
@@ -172,14 +175,11 @@ def _scale(dataset: Any) -> str | None:
     return str(scale.name) if scale.shape == dataset.shape[:1] else None
 
 
-def _reader(path: Path) -> Any:
-    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
-        import h5py
+def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+    import h5py
 
-        with h5py.File(path, "r") as file:
-            return [_samples(file[channel.key.name], channel, count) for channel in channels]
-
-    return read
+    with h5py.File(path, "r") as file:
+        return [_samples(file[channel.key.name], channel, count) for channel in channels]
 
 
 def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:
@@ -193,10 +193,7 @@ def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:
     else:
         values = np.ravel(dataset[()])[:count] if dataset.ndim > 1 else dataset[:count]
     if channel.is_text:
-        texts = [
-            text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in values
-        ]
-        return np.array(texts, dtype=str)
+        return decoded(values)
     return np.asarray(values)
 
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import io
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
+from anhyst.data.formats.channels import numbered
 from anhyst.data.formats.encoding import (
     HEADER_ADVICE,
     encoding_of,
-    open_bytes,
     read_head,
     recode,
     refuse_binary,
@@ -52,6 +52,11 @@ class Layout:
     content: bytes | None  # the file as recoded; None if its bytes are read as they are
 
     @property
+    def source_name(self) -> str:
+        """The file."""
+        return str(self.path)
+
+    @property
     def header(self) -> tuple[str, ...]:
         """Names of the columns."""
         return tuple(column.name for column in self.table.columns)
@@ -67,27 +72,20 @@ class Layout:
         """Line at which the data start; the first is 1."""
         return self.table.first + 1
 
-    @property
-    def delimiter(self) -> str | None:
-        """Sign between fields; ``None`` stands for blanks of any number."""
-        return self.table.delimiter
-
-    @property
-    def width(self) -> int:
-        """Number of fields of a line."""
-        return self.table.width
-
     def split(self, text: str) -> list[str]:
         """Split one line into its fields, quotes and surrounding blanks removed."""
-        return split_line(text, self.delimiter)
+        return split_line(text, self.table.delimiter)
 
     def open(self) -> BinaryIO:
         """Open the bytes of the table."""
-        return open_bytes(self.path, self.content)
+        return self.path.open("rb") if self.content is None else io.BytesIO(self.content)
 
 
-def read_layout(path: PathLike, least: int = 2) -> Layout:
-    """Look at the beginning of a text table."""
+Kind = TypeVar("Kind", bound=Layout)
+
+
+def read_layout(path: PathLike, least: int, kind: type[Kind]) -> Kind:
+    """Look at the beginning of a text table, which becomes a layout of some kind."""
     path = Path(path)
     for most in _HEAD_BYTES:
         head, size = read_head(path, most)
@@ -97,7 +95,7 @@ def read_layout(path: PathLike, least: int = 2) -> Layout:
             head, size = content[:most], len(content)
         last = size <= len(head) or most == _HEAD_BYTES[-1]
         try:
-            return _find_layout(path, head, size, content, table, least, last=last)
+            return _find_layout(kind, path, head, size, content, table, least, last=last)
         except HeadTooShortError:
             continue
     raise InputError(
@@ -107,6 +105,7 @@ def read_layout(path: PathLike, least: int = 2) -> Layout:
 
 
 def _find_layout(
+    kind: type[Kind],
     path: Path,
     head: bytes,
     size: int,
@@ -115,7 +114,7 @@ def _find_layout(
     least: int,
     *,
     last: bool,
-) -> Layout:
+) -> Kind:
     encoding = encoding_of(head)
     start = 3 if encoding == "utf-8-sig" else 0
     eol = b"\n" if b"\n" in head or b"\r" not in head else b"\r"
@@ -143,35 +142,27 @@ def _find_layout(
     table = replace(table, first=data, width=max(table.width, needed))
     rows = [split_line(text, table.delimiter) for text, _ in lines[table.first :][:_ROWS_SEEN]]
     table, stamp = _with_stamps(table, rows)
-    table = replace(table, columns=_with_own_names(table.columns))
+    names = numbered([column.name for column in table.columns])
+    columns = [
+        replace(column, name=name) if column.name else column
+        for column, name in zip(table.columns, names, strict=True)
+    ]
+    table = replace(table, columns=tuple(columns))
     offset = start + lines[table.first][1]
-    return Layout(path, size, encoding, eol, table, stamp, (*notes, *table.notes), offset, content)
-
-
-def _with_own_names(columns: tuple[Column, ...]) -> tuple[Column, ...]:
-    """Give each column a name of its own: ``I``, ``I#2``, ..."""
-    seen = Counter[str]()
-    named = []
-    for column in columns:
-        seen[column.name] += 1
-        count = seen[column.name]
-        name = column.name if count == 1 or not column.name else f"{column.name}#{count}"
-        named.append(replace(column, name=name))
-    return tuple(named)
+    return kind(path, size, encoding, eol, table, stamp, (*notes, *table.notes), offset, content)
 
 
 def _with_stamps(table: TextColumns, rows: list[list[str]]) -> tuple[TextColumns, int | None]:
     """Find a column of times of day in a table without another time; its unit is then s."""
     rows = [row for row in rows if any(row)]
-    headers = [parse_header(column.name, column.unit) for column in table.columns]
-    is_time = [header.quantity is not None and header.quantity.name == "time" for header in headers]
+    is_time = [parse_header(column.name, column.unit).is_clock for column in table.columns]
     for index, column in enumerate(table.columns):
+        if any(is_time[:index]) or any(is_time[index + 1 :]):
+            continue
         position = column.position
         fields = [row[position] for row in rows if position is not None and position < len(row)]
         matches = [STAMP.fullmatch(field) for field in fields]
         if fields and all(match is not None and match["h"] for match in matches):
-            if any(held and index != other for other, held in enumerate(is_time)):
-                continue
             known = is_time[index] and parse_header(column.name, "s").problem is None
             clock = Column(column.name if known else "t", "s", position)
             columns = (*table.columns[:index], clock, *table.columns[index + 1 :])

@@ -24,13 +24,12 @@ _SETTINGS = re.compile(
 
 def find_logger(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Return the columns of the first recogniser that knows a file; ``first`` is no comment."""
-    found = (recognise(path, lines, first) for recognise in _RECOGNISERS)
-    return next((table for table in found if table is not None and _has_channel(table)), None)
-
-
-def _has_channel(table: TextColumns) -> bool:
-    columns = table.columns
-    return any(column.position is not None and not column.is_counter for column in columns)
+    for recognise in _RECOGNISERS:
+        table = recognise(path, lines, first)
+        columns = table.columns if table else ()
+        if any(column.position is not None and not column.is_counter for column in columns):
+            return table
+    return None
 
 
 def _plain(field: str) -> str:
@@ -137,7 +136,7 @@ def _settings(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
     found = next((row[1:] for row in rows if row and _plain(row[0]) in keys), [])
     while found and not found[-1]:
         found = found[:-1]
-    return [field.strip() for field in found]
+    return found
 
 
 def _yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | None:
@@ -147,9 +146,7 @@ def _yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | None:
     if not names or not steps or not all(map(is_number, steps)):
         return None
     run = find_run(lines, first, ",", 1)
-    while (
-        run is not None and (key := split_line(lines[run.start][0], ",")[0]) and not is_value(key)
-    ):
+    while run and (key := split_line(lines[run.start][0], ",")[0]) and not is_value(key):
         run = find_run(lines, run.start + 1, ",", 1)
     if run is None:
         return None

@@ -14,16 +14,22 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.channel_table import ChannelTable, open_channels, try_first
+from anhyst.data.formats.channel_table import opener
 from anhyst.data.formats.channels import (
     MOST_BYTES,
     ChannelFile,
     ChannelGroup,
     Series,
+    clocks_by_name,
     need_package,
-    one_line_if_damaged,
 )
-from anhyst.data.formats.mat_layouts import ArrayInMemory, MatTree, channels_of, read_arrays
+from anhyst.data.formats.mat_layouts import (
+    ArrayInMemory,
+    MatTree,
+    find_channels,
+    read_arrays,
+    read_tree,
+)
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
@@ -51,20 +57,22 @@ class MatGuard:
     def check(self, content: bytes) -> None:
         """Check a whole file."""
         self._order = "<" if content[126:128] == b"IM" else ">"
-        offset, expanded = _HEADER, 0
-        view = memoryview(content)
-        while offset + 8 <= len(view):
-            kind, size = struct.unpack_from(f"{self._order}2I", view, offset)
-            offset += 8
-            if size > len(view) - offset:
-                raise self._fault(f"is cut off after {len(view)} bytes")
-            body = view[offset : offset + size]
-            offset += size
+        expanded = 0
+        rest = memoryview(content)[_HEADER:]
+        while len(rest) >= 8:
+            kind, size = struct.unpack_from(f"{self._order}2I", rest)
+            if size > len(rest) - 8:
+                raise self._fault(f"is cut off after {len(content)} bytes")
+            body, rest = rest[8 : 8 + size], rest[8 + size :]
             if kind == _COMPRESSED:
-                body = memoryview(self._expand(body, MOST_BYTES - expanded))
-                expanded += len(body)
-                kind, inner = self._tag(body)
-                body = body[8 : 8 + inner]
+                part = memoryview(self._expand(body, MOST_BYTES - expanded))
+                expanded += len(part)
+                if len(part) < 8:
+                    raise self._fault("ends within a variable")
+                kind, size = struct.unpack_from(f"{self._order}2I", part)
+                if size > len(part) - 8:
+                    raise self._fault("has a variable that is larger than what holds it")
+                body = part[8 : 8 + size]
             if kind == _MATRIX:
                 self._matrix(body, 0, is_variable=True)
 
@@ -81,14 +89,6 @@ class MatGuard:
                 code="too-large",
             )
         return content
-
-    def _tag(self, body: memoryview) -> tuple[int, int]:
-        if len(body) < 8:
-            raise self._fault("ends within a variable")
-        kind, size = struct.unpack_from(f"{self._order}2I", body)
-        if size > len(body) - 8:
-            raise self._fault("has a variable that is larger than what holds it")
-        return kind, size
 
     def _elements(self, body: memoryview) -> Iterator[tuple[int, memoryview]]:
         """Yield the parts of a variable, one after the other: type and content."""
@@ -178,26 +178,22 @@ class MatGuard:
         )
 
 
-def open_mat(path: Path, least: int) -> ChannelTable:
+@opener()
+def open_mat(path: Path) -> ChannelFile:
     """Look at a MAT file of version 5 or 7.3."""
-    with one_line_if_damaged(path):
-        with path.open("rb") as stream:
-            head = stream.read(520)
-        try_first(path, open_mat)
-        objects: list[tuple[str, str]] = []
-        if head[512:520] == b"\x89HDF\r\n\x1a\n" or head.startswith(b"\x89HDF"):
-            need_package(path, "h5py")
-            from anhyst.data.formats.mat_layouts import read_tree
-
-            tree, objects = read_tree(path)
-        elif head[126:128] in {b"IM", b"MI"} and 1 in head[124:126]:
-            tree, objects = _read_v5(path)
-        else:
-            raise InputError(
-                f"{path}: is no MAT file of version 5 or 7.3; save it in MATLAB with -v7 or -v7.3",
-                code="not-a-mat-file",
-            )
-        channels = channels_of(tree)
+    with path.open("rb") as stream:
+        head = stream.read(520)
+    if head[512:520] == b"\x89HDF\r\n\x1a\n" or head.startswith(b"\x89HDF"):
+        need_package(path, "h5py")
+        tree, objects = read_tree(path)
+    elif head[126:128] in {b"IM", b"MI"} and 1 in head[124:126]:
+        tree, objects = _read_v5(path)
+    else:
+        raise InputError(
+            f"{path}: is no MAT file of version 5 or 7.3; save it in MATLAB with -v7 or -v7.3",
+            code="not-a-mat-file",
+        )
+    channels = clocks_by_name(find_channels(tree))
     unread = [f"'{name}' is a {kind} object" for name, kind in objects]
     if unread and not channels:
         raise InputError(
@@ -206,7 +202,7 @@ def open_mat(path: Path, least: int) -> ChannelTable:
             code="matlab-objects",
         )
     notes = tuple(f"{text}, which only MATLAB reads: left out" for text in unread)
-    return open_channels(ChannelFile(path, channels, read_arrays, notes), least)
+    return ChannelFile(path, channels, read_arrays, notes)
 
 
 def _read_v5(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:

@@ -5,31 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, TypeGuard
 
 import numpy as np
 
-from anhyst.data.formats.channels import MOST_CHANNELS, Channel, Values, clocks_by_name
-from anhyst.data.formats.hdf5 import check_dataset
+from anhyst.data.formats.channels import MOST_CHANNELS, Channel, Values
+from anhyst.data.formats.hdf5 import DEEPEST, check_dataset, is_link
 from anhyst.support.errors import InputError
 
 MatTree = Mapping[str, Any]
 """Variables and fields by name: further trees, lists of them, texts, and `MatArray`."""
-
-
-class MatArray(Protocol):
-    """An array of a MAT file in MATLAB's order of axes; `read` gives all of it."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Lengths of its axes."""
-
-    @property
-    def is_text(self) -> bool:
-        """Whether it holds texts."""
-
-    def read(self) -> Values:
-        """Return its values in that shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +38,29 @@ class ArrayInMemory:
         return self.values
 
 
+@dataclass(frozen=True, eq=False)
+class ArrayInFile:
+    """An array of numbers in HDF5 that is read when it is asked for."""
+
+    path: Path
+    name: str
+    shape: tuple[int, ...]
+    is_text: ClassVar[bool] = False
+
+    def read(self) -> Values:
+        """Return its values in MATLAB's order of axes."""
+        import h5py
+
+        with h5py.File(self.path, "r") as file:
+            values = np.asarray(file[self.name][()])
+        if values.dtype.names == ("real", "imag"):
+            values = values["real"] + 1j * values["imag"]
+        return values.T
+
+
+MatArray = ArrayInMemory | ArrayInFile
+
+
 @dataclass(frozen=True)
 class _Column:
     """A column of an array: samples along an axis of its squeezed shape."""
@@ -62,7 +70,7 @@ class _Column:
     place: int
 
 
-def read_arrays(channels: Sequence[Channel], count: int | None) -> list[Values]:
+def read_arrays(_path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     """Read channels; an array that holds several is read once."""
     read: dict[int, Values] = {}
     arrays = []
@@ -77,12 +85,8 @@ def read_arrays(channels: Sequence[Channel], count: int | None) -> list[Values]:
     return arrays
 
 
-def channels_of(tree: MatTree) -> tuple[Channel, ...]:
-    """Find the channels of a file, whatever their layout."""
-    return clocks_by_name(_group(tree, ""))
-
-
-def _group(tree: MatTree, group: str) -> list[Channel]:
+def find_channels(tree: MatTree, group: str = "") -> list[Channel]:
+    """Find the channels of a file or of a group in it, whatever their layout."""
     channels: list[Channel] = []
     for name, node in tree.items():
         path = f"{group}/{name}" if group else name
@@ -107,7 +111,7 @@ def _structure(name: str, node: MatTree, group: str, path: str) -> list[Channel]
     by_case = {key.lower(): key for key in node}
     if "time" in by_case and "data" in by_case and _is_array(node[by_case["data"]]):
         return _time_series(name, node, by_case, group)
-    return _group(node, path)
+    return find_channels(node, path)
 
 
 def _control_desk(node: MatTree) -> list[Channel]:
@@ -115,9 +119,9 @@ def _control_desk(node: MatTree) -> list[Channel]:
     clocks, rasters = [], {}
     for axis in _several(node["X"]):
         times: Any = axis.get("Data")
-        (clock,) = _columns(_text(axis.get("Name")) or "t", times) if _is_array(times) else (None,)
-        if clock is not None:
-            clock = replace(clock, unit=_text(axis.get("Unit")) or "s")
+        name, unit, clock = _text(axis.get("Name")) or "t", _text(axis.get("Unit")) or "s", None
+        if _is_array(times):
+            (clock,) = _columns(name, times, unit=unit)
             rasters[_text(axis.get("Raster"))] = clock
         clocks.append(clock)
     channels: list[Channel] = []
@@ -217,8 +221,8 @@ def _several(node: Any) -> list[MatTree]:
     return [member for member in nodes if isinstance(member, Mapping)]
 
 
-def _is_array(node: Any) -> bool:
-    return hasattr(node, "is_text")
+def _is_array(node: Any) -> TypeGuard[MatArray]:
+    return isinstance(node, MatArray)
 
 
 def _text(node: Any) -> str:
@@ -236,27 +240,6 @@ _NUMBERS = {
     *("double", "single", "logical"),
     *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
 }
-_DEEPEST = 40
-
-
-@dataclass(frozen=True, eq=False)
-class _ArrayInFile:
-    """An array that is read when it is asked for."""
-
-    path: Path
-    name: str
-    shape: tuple[int, ...]
-    is_text: bool = False
-
-    def read(self) -> Values:
-        """Return its values in MATLAB's order of axes."""
-        import h5py
-
-        with h5py.File(self.path, "r") as file:
-            values = np.asarray(file[self.name][()])
-        if values.dtype.names == ("real", "imag"):
-            values = values["real"] + 1j * values["imag"]
-        return values.T
 
 
 class _Tree:
@@ -270,29 +253,19 @@ class _Tree:
 
     def group(self, group: Any, depth: int = 0) -> dict[str, Any]:
         """Return the members of a group; what belongs to MATLAB itself is left out."""
-        import h5py
-
-        tree = {}
-        for name in group:
-            link = group.get(name, getlink=True)
-            if isinstance(link, h5py.ExternalLink):
-                raise InputError(
-                    f"{self.path}: '{name}' is a link to the file '{link.filename}', which is not "
-                    "followed; copy its data into this file",
-                    code="external-link",
-                    key=name,
-                )
-            if isinstance(link, h5py.SoftLink) or (depth == 0 and name.startswith("#")):
-                continue
-            tree[name] = self.node(name, group[name], depth + 1)
-        return tree
+        return {
+            name: self.node(name, group[name], depth + 1)
+            for name in group
+            if not is_link(self.path, group, name, name)
+            and not (depth == 0 and name.startswith("#"))
+        }
 
     def node(self, name: str, item: Any, depth: int) -> Any:
         """Turn a dataset or a group into trees, texts and arrays."""
         import h5py
 
         self._count += 1
-        if depth > _DEEPEST or self._count > 10 * MOST_CHANNELS:
+        if depth > DEEPEST or self._count > 10 * MOST_CHANNELS:
             raise InputError(
                 f"{self.path}: is nested without end; export the channels you need",
                 code="nested-too-deep",
@@ -320,7 +293,7 @@ class _Tree:
         if kind == "char":
             return _utf16_text(item)
         if item.dtype.kind in "biuf" or item.dtype.names == ("real", "imag"):
-            return _ArrayInFile(self.path, item.name, tuple(item.shape[::-1]))
+            return ArrayInFile(self.path, item.name, tuple(item.shape[::-1]))
         return None
 
     def _references(self, name: str, item: Any, depth: int) -> Any:

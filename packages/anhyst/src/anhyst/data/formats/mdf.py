@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.channel_table import ChannelTable, open_channels, try_first
+from anhyst.data.formats.channel_table import opener
 from anhyst.data.formats.channels import (
     Channel,
     ChannelFile,
     ChannelGroup,
     Values,
     check_size,
-    need_package,
-    one_line_if_damaged,
+    decoded,
 )
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
@@ -26,20 +26,19 @@ _MASTERS = (2, 3)
 """Types of a channel that is the clock of its group: stored, and computed."""
 _OF_TIME = 1
 _TEXTS = (6, 7, 8, 9)
+_TO_TEXT = (7, 8, 9, 10)
+"""Types of a conversion that turns raw numbers into texts."""
 
 
-def open_mdf(path: Path, least: int) -> ChannelTable:
+@opener("asammdf")
+def open_mdf(path: Path) -> ChannelFile:
     """Look at an MDF file: each group of channels runs on a clock of its own."""
-    need_package(path, "asammdf")
-    try_first(path, open_mdf)
-    with one_line_if_damaged(path):
-        with path.open("rb") as stream:
-            head = stream.read(16)
-        if not head.startswith((b"MDF     ", b"UnFinMF ")):
-            raise InputError(f"{path}: is not an MDF file; export it again", code="not-an-mdf-file")
-        with _open(path) as file:
-            channels = _channels(path, file)
-    return open_channels(ChannelFile(path, tuple(channels), _reader(path)), least)
+    with path.open("rb") as stream:
+        head = stream.read(16)
+    if not head.startswith((b"MDF     ", b"UnFinMF ")):
+        raise InputError(f"{path}: is not an MDF file; export it again", code="not-an-mdf-file")
+    with _open(path) as file:
+        return ChannelFile(path, tuple(_channels(path, file)), _read)
 
 
 @contextmanager
@@ -74,56 +73,41 @@ def _channels(path: Path, file: Any) -> list[Channel]:
             )
         own, clock = [], None
         for index, raw in enumerate(group.channels):
-            unit = raw.unit or (raw.conversion.unit if raw.conversion else "") or ""
-            is_text = raw.data_type in _TEXTS or _gives_text(raw.conversion)
+            conversion = raw.conversion
+            unit = raw.unit or (conversion.unit if conversion else "") or ""
+            is_worded = conversion is not None and conversion.conversion_type in _TO_TEXT
+            is_text = raw.data_type in _TEXTS or is_worded
             if not is_text and raw.data_type > 5:
                 continue  # bytes, pictures, structures
             channel = Channel(raw.name, count, (group_index, index), str(unit), name, None, is_text)
             if raw.channel_type in _MASTERS and raw.sync_type == _OF_TIME:
-                clock = Channel(raw.name, count, (group_index, index), str(unit) or "s", name)
+                clock = replace(channel, unit=channel.unit or "s", is_text=False)
             else:
                 own.append(channel)
-        channels += [
-            Channel(c.name, c.length, c.key, c.unit, c.group, clock, c.is_text) for c in own
-        ]
+        channels += [replace(channel, clock=clock) for channel in own]
     return channels
 
 
-def _gives_text(conversion: Any) -> bool:
-    """Whether a conversion turns raw numbers into texts."""
-    return conversion is not None and conversion.conversion_type in {7, 8, 9, 10}
-
-
-def _reader(path: Path) -> Any:
-    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
-        values = []
-        with _open(path) as file:
-            for channel in channels:
-                group, index = channel.key
-                signal = file.get(
-                    group=group,
-                    index=index,
-                    record_offset=0,
-                    record_count=count,
-                    ignore_invalidation_bits=True,
-                )
-                values.append(_values(signal, channel))
-        return values
-
-    return read
+def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+    values = []
+    with _open(path) as file:
+        for channel in channels:
+            group, index = channel.key
+            signal = file.get(
+                group=group,
+                index=index,
+                record_offset=0,
+                record_count=count,
+                ignore_invalidation_bits=True,
+            )
+            values.append(_values(signal, channel))
+    return values
 
 
 def _values(signal: Any, channel: Channel) -> Values:
     values = np.asarray(signal.samples)
     if channel.is_text:
-        encoding = signal.encoding or "utf-8"
-        texts = [
-            value.decode(encoding, "replace").rstrip("\0")
-            if isinstance(value, bytes)
-            else str(value)
-            for value in values.tolist()
-        ]
-        return np.array(texts, dtype=str)
+        return decoded(values.tolist(), signal.encoding or "utf-8")
     invalid = signal.invalidation_bits
     if invalid is not None and np.any(invalid):
         values = np.where(invalid, np.nan, values)

@@ -22,42 +22,26 @@ from anhyst.support.units import find_unit, parse_header
 
 _DIGITS = b'0123456789+-.,;eE \t\r\n"'
 _STATISTIC_WORDS = (
-    *(
-        "mean",
-        "average",
-        "avg",
-        "aver",
-        "mittel(wert)?",
-        "moyenne",
-        "media",
-        "min",
-        "minimum",
-        "max",
-    ),
-    *("maximum", r"std\.?", r"st\.?[ -]?dev", r"std[ ._-]?dev(iation)?", "stddev"),
-    *(
-        "standard[ -]?(deviation|abweichung)",
-        "stabw",
-        "sum",
-        "summe",
-        "total",
-        "median",
-        "variance",
-    ),
-    *("varianz", "range", "spannweite", "rms", "count", "anzahl", "peak", "ø", "σ", "x̄"),
+    r"mean|average|avg|aver|mittel(wert)?|moyenne|media|min|minimum|max|maximum|std\.?|st\.?[ -]?dev"
+    r"|std[ ._-]?dev(iation)?|stddev|standard[ -]?deviation|standard[ -]?abweichung|stabw|sum|summe"
+    "|total|median|variance|varianz|range|spannweite|rms|count|anzahl|peak|ø|σ|x̄"
 )
 _FACTOR_WORDS = (
-    *("scale", "scaling", "scal(e|ing)?[ -]?factor", "factor", "faktor", "skalierung", "gain"),
-    *("verst(ä|ae)rkung", "offset", "slope", "multiplier", "sensitivity", "conversion"),
+    "scale|scaling|scal[ -]?factor|scale[ -]?factor|scaling[ -]?factor|factor|faktor|skalierung|gain"
+    "|verstärkung|verstaerkung|offset|slope|multiplier|sensitivity|conversion"
 )
-_STATISTICS = re.compile(rf"({'|'.join(_STATISTIC_WORDS)})[.:]?", re.IGNORECASE)
-_FACTORS = re.compile(rf"({'|'.join(_FACTOR_WORDS)})[.:]?", re.IGNORECASE)
+_STATISTICS = re.compile(rf"({_STATISTIC_WORDS})[.:]?", re.IGNORECASE)
+_FACTORS = re.compile(rf"({_FACTOR_WORDS})[.:]?", re.IGNORECASE)
 _MAX_WORD = 30
 _ODD_LINE = re.compile(
     rf"^[ \t\";,]*({_STATISTICS.pattern}|{_FACTORS.pattern})[\s\";,]",
     re.IGNORECASE | re.MULTILINE,
 )
-_STARTS = {word[:2].encode() for word in (*_STATISTIC_WORDS, *_FACTOR_WORDS) if word[:2].isascii()}
+_STARTS = {
+    word[:2].encode()
+    for word in f"{_STATISTIC_WORDS}|{_FACTOR_WORDS}".split("|")
+    if word[:2].isascii()
+}
 """First two letters of the words, which are quick to look for."""
 _MAX_ASCII = 127
 _MIN_ASCII_SHARE = 0.8
@@ -143,7 +127,7 @@ def _sort(text: str, layout: Layout, line: int) -> TextRow:
             remark = f"line {line} is left out, because it repeats the header"
             return TextRow(line, fields, is_sample=False, remark=remark)
         _refuse_other_header(fields, layout, line)
-    is_cut = len(held) < min(layout.width, len(layout.header))
+    is_cut = len(held) < min(layout.table.width, len(layout.header))
     is_text = _is_plain(text) and re.match(r"[^\W\d]{2}", held[0]) and not is_mark(held[0])
     is_line = len(fields) == 1 and re.fullmatch(r"[-=_*~]{3,}", held[0]) is not None
     if is_cut and (is_text or is_line):

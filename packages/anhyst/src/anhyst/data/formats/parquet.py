@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.channel_table import ChannelTable, open_channels, try_first
+from anhyst.data.formats.channel_table import opener
 from anhyst.data.formats.channels import (
     Channel,
     ChannelFile,
@@ -16,8 +16,6 @@ from anhyst.data.formats.channels import (
     Values,
     check_size,
     clocks_by_name,
-    need_package,
-    one_line_if_damaged,
 )
 from anhyst.support.atomic import binary_writer
 
@@ -25,20 +23,19 @@ _UNITS = (b"unit", b"units", b"Unit", b"Units")
 _GROUP = b"group"
 
 
-def open_parquet(path: Path, least: int) -> ChannelTable:
+@opener("pyarrow")
+def open_parquet(path: Path) -> ChannelFile:
     """Look at a Parquet file."""
-    need_package(path, "pyarrow")
-    try_first(path, open_parquet)
     from pyarrow import parquet
 
-    with one_line_if_damaged(path), parquet.ParquetFile(path) as file:
+    with parquet.ParquetFile(path) as file:
         rows = int(file.metadata.num_rows)
         channels = [
             channel
             for index, field in enumerate(file.schema_arrow)
             if rows > 0 and (channel := _channel(path, index, field, rows)) is not None
         ]
-    return open_channels(ChannelFile(path, clocks_by_name(channels), _reader(path)), least)
+    return ChannelFile(path, clocks_by_name(channels), _read)
 
 
 def _channel(path: Path, index: int, field: Any, rows: int) -> Channel | None:
@@ -60,22 +57,19 @@ def _channel(path: Path, index: int, field: Any, rows: int) -> Channel | None:
     return Channel(field.name, rows, index, "s" if is_date else unit, group, None, is_text)
 
 
-def _reader(path: Path) -> Any:
-    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
-        import pyarrow
-        from pyarrow import parquet
+def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+    import pyarrow
+    from pyarrow import parquet
 
-        columns = sorted({channel.key for channel in channels})
-        with parquet.ParquetFile(path) as file:
-            names = [file.schema_arrow.field(column).name for column in columns]
-            if count is None:
-                table = file.read(columns=names, use_threads=False)
-            else:
-                batches = file.iter_batches(batch_size=count, columns=names, use_threads=False)
-                table = pyarrow.Table.from_batches([next(batches)])
-        return [_samples(table.column(columns.index(channel.key)), channel) for channel in channels]
-
-    return read
+    columns = sorted({channel.key for channel in channels})
+    with parquet.ParquetFile(path) as file:
+        names = [file.schema_arrow.field(column).name for column in columns]
+        if count is None:
+            table = file.read(columns=names, use_threads=False)
+        else:
+            batches = file.iter_batches(batch_size=count, columns=names, use_threads=False)
+            table = pyarrow.Table.from_batches([next(batches)])
+    return [_samples(table.column(columns.index(channel.key)), channel) for channel in channels]
 
 
 def _samples(column: Any, channel: Channel) -> Values:

@@ -40,7 +40,7 @@ class TextColumns:
     """Where the columns of a text file are."""
 
     first: int  # index of the first line of data
-    delimiter: str | None
+    delimiter: str | None  # between fields; None stands for blanks of any number
     width: int  # fields of a line
     columns: tuple[Column, ...]
     clock: tuple[float, float] = (0.0, 0.0)  # time of the first sample, and its step
@@ -87,10 +87,9 @@ def skip_comments(lines: Lines, start: int) -> tuple[list[str], int]:
 
 def is_header(lines: Lines, index: int, least: int) -> bool:
     """Whether a line names what is measured, so that nothing need be looked for below it."""
-    text = lines[index][0]
-    delimiter = delimiter_of(text)
-    fields = drop_empty_tail(header_fields(text, delimiter))
-    if len(fields) < least or any(is_number(field) for field in fields):
+    delimiter = delimiter_of(lines[index][0])
+    fields = _name_fields(lines[index][0], delimiter)
+    if fields is None or len(fields) < least:
         return False
     _, below = skip_comments(lines, index + 1)
     units = unit_row(lines[below][0], delimiter, fields) if below < len(lines) else None
@@ -158,7 +157,9 @@ def _rows_below(
         if FACTOR.fullmatch(fields[0]):
             return remarks, begin, units
         found = unit_row(lines[begin][0], delimiter, names) if units is None else None
-        if not found and (any(is_value(field) for field in fields) or _is_stamped(fields)):
+        stamp = STAMP.fullmatch(fields[0])
+        is_dated = stamp is not None and stamp["date"] is not None
+        if not found and (is_dated or any(is_value(field) for field in fields)):
             return remarks, begin, units
         remarks += [] if found else [lines[begin][0].strip()]
         units = units or found
@@ -167,12 +168,6 @@ def _rows_below(
         if found:
             comments, data = list(remarks), begin
     return comments, data, units
-
-
-def _is_stamped(fields: list[str]) -> bool:
-    """Whether a row begins with a date and time of a sample."""
-    match = STAMP.fullmatch(fields[0]) if fields else None
-    return match is not None and match["date"] is not None
 
 
 def _skip_preamble(
@@ -275,7 +270,10 @@ def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> Num
         if not text.strip() or is_comment(text):
             continue
         fields = split_line(text, delimiter)
-        numbers = _value_fields(fields)
+        # Behind a word, a date is a setting.
+        stamps = [STAMP.fullmatch(field) is not None for field in fields]
+        is_row = bool(fields) and (stamps[0] or is_value(fields[0]))
+        numbers = {n for n, field in enumerate(fields) if is_value(field) or (is_row and stamps[n])}
         common = numbers & run.numbers if len(fields) == run.width else set()
         if not _are_enough(common, run.used, least):
             run, common = NumberRun(line, len(fields), numbers), numbers
@@ -291,13 +289,6 @@ def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> Num
     return best
 
 
-def _value_fields(fields: list[str]) -> set[int]:
-    """Return the fields of a row that hold values; behind a word, a date is a setting."""
-    stamps = [STAMP.fullmatch(field) is not None for field in fields]
-    is_row = bool(fields) and (stamps[0] or is_value(fields[0]))
-    return {n for n, field in enumerate(fields) if is_value(field) or (is_row and stamps[n])}
-
-
 def _are_enough(numbers: set[int], columns: int, least: int) -> bool:
     """Whether this number of numeric columns makes a table rather than a list of settings."""
     return len(numbers) >= least and 2 * len(numbers) > columns
@@ -306,10 +297,7 @@ def _are_enough(numbers: set[int], columns: int, least: int) -> bool:
 def delimiter_of(line: str) -> str | None:
     """Return the delimiter of a line; ``None`` stands for blanks."""
     outside = re.sub(r'"[^"]*"', "", line)
-    for candidate in (";", "\t", ","):
-        if candidate in outside:
-            return candidate
-    return None
+    return next((sign for sign in (";", "\t", ",") if sign in outside), None)
 
 
 def header_fields(line: str, delimiter: str | None) -> list[str]:

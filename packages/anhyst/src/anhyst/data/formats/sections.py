@@ -14,7 +14,13 @@ from pathlib import Path
 
 from anhyst.data.formats.channels import MOST_BYTES, is_number, is_value, to_number
 from anhyst.data.formats.encoding import encoding_of
-from anhyst.data.formats.preamble import Column, TextColumns, split_line, unit_text
+from anhyst.data.formats.preamble import (
+    Column,
+    TextColumns,
+    drop_empty_tail,
+    split_line,
+    unit_text,
+)
 from anhyst.data.formats.stamps import second_of_day
 from anhyst.support.errors import InputError
 
@@ -36,11 +42,7 @@ def join_sections(
         raise InputError(f"{path}: is larger than {MOST_BYTES >> 30} GiB; cut it", code="too-large")
     whole = path.read_bytes() if content is None else content
     lines = re.split(r"\r?\n", whole.decode(encoding_of(whole), "replace"))
-    left: list[_Section] = []
-    if is_labview:
-        sections = _labview_sections(path, lines)
-    else:
-        sections, left = _tables(path, lines)
+    sections, left = (_labview_sections(path, lines), []) if is_labview else _tables(path, lines)
     if not sections:
         return content, None
     notes = [f"table {section.label} has other columns and is left out" for section in left]
@@ -55,6 +57,8 @@ class _Section:
     label: str
     columns: list[Column]
     rows: dict[int, list[str]] = field(default_factory=dict)
+    start: float = 0.0  # time of the first sample, s
+    step: float = 0.0
 
 
 def _joined(
@@ -85,9 +89,7 @@ def _tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Section
     found: list[_Section] = []
     label = ""
     for number, text in enumerate(lines):
-        fields = split_line(text, "\t")
-        while len(fields) > 1 and not fields[-1]:
-            fields.pop()
+        fields = drop_empty_tail(split_line(text, "\t"))
         if match := _TABLE.fullmatch(text):
             label = match[2]
         elif len(fields) > 1 and is_value(fields[0]):
@@ -129,10 +131,8 @@ def _labview_sections(path: Path, lines: list[str]) -> list[_Section]:
             begin = number + 1
             break
         head[key.strip().lower()] = value.strip()
-    signs = {"tab": "\t", "comma": ",", "semicolon": ";"}
-    sign = signs.get(head.get("separator", "tab").lower(), "\t")
-    kind = head.get("x_columns", "one").lower()
-    reader = _Segments(path, sign, kind)
+    sign = {"comma": ",", "semicolon": ";"}.get(head.get("separator", "tab").lower(), "\t")
+    reader = _Segments(path, sign, kind=head.get("x_columns", "one").lower())
     for number in range(begin, len(lines)):
         reader.feed(number, lines[number])
     return reader.finish()
@@ -144,8 +144,6 @@ class _Segments:
     def __init__(self, path: Path, sign: str, kind: str) -> None:
         self.path, self.sign, self.kind = path, sign, kind
         self.found: list[_Section] = []
-        self.starts: list[float] = []  # time of the first sample of each segment, s
-        self.steps: list[float] = []
         self.settings: dict[str, list[str]] = {}
         self.is_header = True
         self.wants_names = False
@@ -171,7 +169,7 @@ class _Segments:
 
     def finish(self) -> list[_Section]:
         """Return the segments; those that continue one another in time are one."""
-        found = [n for n, section in enumerate(self.found) if section.rows]
+        found = [section for section in self.found if section.rows]
         if not found:
             raise InputError(
                 f"{self.path}: has no samples below '***End_of_Header***'; export it again",
@@ -179,16 +177,15 @@ class _Segments:
             )
         sections: list[_Section] = []
         end = float("-inf")
-        for n in found:
-            section = self.found[n]
-            times = self._times(n, section)
-            continues = sections and abs(times[0] - end) <= 0.5 * self.steps[n]
+        for section in found:
+            times = self._times(section)
+            continues = sections and abs(times[0] - end) <= 0.5 * section.step
             if continues and section.columns == sections[-1].columns:
                 sections[-1].rows |= section.rows
             else:
                 section.label = str(len(sections) + 1)
                 sections.append(section)
-            end = times[-1] + (self.steps[n] or 0.0)
+            end = times[-1] + section.step
         if any(section.columns != sections[0].columns for section in sections):
             raise InputError(
                 f"{self.path}: its segments have different channels; export them as files",
@@ -199,8 +196,7 @@ class _Segments:
     def _start(self, names: list[str]) -> None:
         if names and names[-1].lower() == "comment":
             names = names[:-1]
-        while len(names) > 1 and not names[-1]:
-            names.pop()
+        names = drop_empty_tail(names)
         step = 2 if self.kind == "multi" else 1
         channels = names[1::step]
         units = self.settings.get("y_unit_label", [])
@@ -212,12 +208,12 @@ class _Segments:
             Column(name, unit_text(unit), position)
             for position, (name, unit) in enumerate(zip(channels, units, strict=True), start=1)
         ]
-        self.found.append(_Section("", columns))
-        self.starts.append(self._shared("x0", 0.0) + self._time_of_day())
-        self.steps.append(self._shared("delta_x", 0.0))
+        time = second_of_day(next(iter(self.settings.get("time", [])), ""))
+        start = self._shared("x0") + (0.0 if math.isnan(time) else time)
+        self.found.append(_Section("", columns, start=start, step=self._shared("delta_x")))
 
-    def _shared(self, key: str, default: float) -> float:
-        """Return a setting that all channels must share."""
+    def _shared(self, key: str) -> float:
+        """Return a setting that all channels must share; 0 if there is none."""
         values = [text.replace(",", ".") for text in self.settings.get(key, []) if text]
         numbers = {float(text) for text in values if is_number(text)}
         if len(numbers) > 1 and self.kind == "no":
@@ -226,12 +222,7 @@ class _Segments:
                 "with one clock, or with X_Columns = One",
                 code="different-steps",
             )
-        return numbers.pop() if len(numbers) == 1 else default
-
-    def _time_of_day(self) -> float:
-        texts = self.settings.get("time", [])
-        seconds = second_of_day(texts[0]) if texts else math.nan
-        return 0.0 if math.isnan(seconds) else seconds
+        return numbers.pop() if len(numbers) == 1 else 0.0
 
     def _add(self, number: int, fields: list[str]) -> None:
         if not self.found:
@@ -253,9 +244,9 @@ class _Segments:
             _fitting(self.path, number, values, count)
         section.rows[number] = [*times[:1], *values]
 
-    def _times(self, index: int, section: _Section) -> list[float]:
+    def _times(self, section: _Section) -> list[float]:
         """Return the first and last time of a segment, and write its times where there are none."""
-        start, step = self.starts[index] - self.starts[0], self.steps[index]
+        start, step = section.start - self.found[0].start, section.step
         if self.kind == "no":
             if step <= 0.0:
                 raise InputError(
@@ -267,8 +258,5 @@ class _Segments:
                 fields[0] = repr(start + n * step)
             return [start, start + (len(section.rows) - 1) * step]
         rows = list(section.rows.values())
-        return [_value(rows[0][0]), _value(rows[-1][0])]
-
-
-def _value(text: str) -> float:
-    return to_number(text) if is_number(text) else 0.0
+        ends = (rows[0][0], rows[-1][0])
+        return [to_number(text) if is_number(text) else 0.0 for text in ends]

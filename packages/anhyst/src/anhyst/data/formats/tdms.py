@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats.channel_table import ChannelTable, open_channels, try_first
+from anhyst.data.formats.channel_table import opener
 from anhyst.data.formats.channels import (
     Channel,
     ChannelFile,
@@ -16,8 +16,6 @@ from anhyst.data.formats.channels import (
     Values,
     check_size,
     clocks_by_name,
-    need_package,
-    one_line_if_damaged,
 )
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
@@ -29,18 +27,17 @@ _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 _NO_GROUP = "channels"
 
 
-def open_tdms(path: Path, least: int) -> ChannelTable:
+@opener("nptdms")
+def open_tdms(path: Path) -> ChannelFile:
     """Look at a TDMS file.
 
     Clocks are waveform properties (``wf_start_time``, ``wf_start_offset``, ``wf_increment``), or a
     channel that is named as a time among channels of its length; units are ``unit_string``. Times
     count from the earliest ``wf_start_time``; a channel without one starts there.
     """
-    need_package(path, "nptdms")
-    try_first(path, open_tdms)
     from nptdms import TdmsFile
 
-    with one_line_if_damaged(path), TdmsFile.open(path) as file:
+    with TdmsFile.open(path) as file:
         status = file.file_status
         if status.incomplete_final_segment or status.channel_statuses:
             raise InputError(
@@ -60,8 +57,7 @@ def open_tdms(path: Path, least: int) -> ChannelTable:
         starts = [start for item in items if (start := _start_time(item)) is not None]
         origin = min(starts, default=None)
         channels = [_channel(path, size, item, clocks, origin) for item in items]
-    file_of = ChannelFile(path, clocks_by_name(channels), _reader(path), (), ((0, tuple(stated)),))
-    return open_channels(file_of, least)
+    return ChannelFile(path, clocks_by_name(channels), _read, (), ((0, tuple(stated)),))
 
 
 def _start_time(item: Any) -> Any:
@@ -77,10 +73,8 @@ def _channel(
 ) -> Channel:
     count, width, group = len(item), max(1, item.dtype.itemsize), str(item.group_name)
     check_size(path, f"{group}/{item.name}", count, width)
-    if (
-        count * (1 if item.dtype.kind in "bO" else width // (2 if item.dtype.kind == "M" else 1))
-        > size
-    ):
+    stored = {"b": 1, "O": 1, "M": width // 2}.get(item.dtype.kind, width)
+    if count * stored > size:
         raise InputError(
             f"{path}: channel '{group}/{item.name}' says that it holds {count} samples, more than "
             "the file; it is damaged, record or export it again",
@@ -107,14 +101,11 @@ def _number(value: Any) -> float | None:
         return None
 
 
-def _reader(path: Path) -> Any:
-    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
-        from nptdms import TdmsFile
+def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+    from nptdms import TdmsFile
 
-        with TdmsFile.open(path) as file:
-            return [_samples(file, channel, count) for channel in channels]
-
-    return read
+    with TdmsFile.open(path) as file:
+        return [_samples(file, channel, count) for channel in channels]
 
 
 def _samples(file: Any, channel: Channel, count: int | None) -> Values:

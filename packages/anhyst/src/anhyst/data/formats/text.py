@@ -13,8 +13,6 @@ import math
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
@@ -45,26 +43,10 @@ Column = FloatArray | NDArray[np.bool_] | Texts
 _BLOCK = 1 << 16
 
 
-@dataclass(frozen=True, slots=True)
-class TextTable:
+class TextTable(Layout):
     """A text table whose layout is known."""
 
-    layout: Layout
-
-    @property
-    def source_name(self) -> str:
-        """The file."""
-        return str(self.layout.path)
-
-    @property
-    def header(self) -> tuple[str, ...]:
-        """Names of the columns."""
-        return self.layout.header
-
-    @property
-    def units(self) -> tuple[str, ...] | None:
-        """The unit row, if there is one."""
-        return self.layout.units
+    __slots__ = ()
 
     def find(self, name: str) -> int | None:
         """Return the index of a column by its header; blanks count once."""
@@ -73,14 +55,13 @@ class TextTable:
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the fields of the first rows of data."""
-        layout = self.layout
-        with layout.open() as file:
-            file.seek(layout.offset)
-            lines = itertools.islice(split_lines(file, layout), count + _MAX_ODD_ROWS)
-            found = sort_rows(lines, layout)
+        with self.open() as file:
+            file.seek(self.offset)
+            lines = itertools.islice(split_lines(file, self), count + _MAX_ODD_ROWS)
+            found = sort_rows(lines, self)
             rows = [row.fields for row in found if row.is_sample][:count]
-        positions = [column.position for column in layout.table.columns]
-        start, step = layout.table.clock
+        positions = [column.position for column in self.table.columns]
+        start, step = self.table.clock
         heads = [
             [
                 repr(start + n * step) if at is None else row[at] if at < len(row) else ""
@@ -88,29 +69,65 @@ class TextTable:
             ]
             for n, row in enumerate(rows)
         ]
-        for n, column in enumerate(layout.table.columns):
+        for n, column in enumerate(self.table.columns):
             for row in heads if column.is_counter else []:
                 row[n] = repr(start + step * float(row[n])) if is_number(row[n]) else row[n]
-        if layout.stamp is not None:
-            seconds = seconds_of(Texts.of([row[layout.stamp] for row in heads])).tolist()
+        if self.stamp is not None:
+            seconds = seconds_of(Texts.of([row[self.stamp] for row in heads])).tolist()
             for row, time in zip(heads, seconds, strict=True):
-                row[layout.stamp] = repr(time)
+                row[self.stamp] = repr(time)
         return heads
 
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
         """Read the wanted columns; the others are not even parsed."""
-        return read_raw(self.layout, numbers, texts, progress)
+        columns = self.table.columns
+        fields = {
+            n: column.position for n, column in enumerate(columns) if column.position is not None
+        }
+        stamps = {self.stamp} & {*numbers}
+        wanted = [n for n in numbers if n in fields and n not in stamps]
+        labels = [n for n in {*texts, *stamps} if n in fields and n is not None]
+        if not wanted and not labels:
+            labels = [next(iter(fields))]  # the rows are counted
+        reader = _Reader(self, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels))
+        digest = hashlib.sha256()
+        done = self.offset
+        with self.open() as file:
+            digest.update(file.read(self.offset))
+            for chunk in _chunks(file, self):
+                digest.update(chunk)
+                done += len(chunk)
+                reader.feed(chunk)
+                if progress is not None:
+                    progress(done, self.size)
+        sha256 = digest.hexdigest() if self.content is None else hash_of(self.path)
+        found = reader.finish()
+        values = {n: reader.store[fields[n]] for n in wanted}
+        words = {n: found[fields[n]] for n in labels}
+        values |= {n: seconds_of(words[n]) for n in stamps if n is not None}
+        start, step = self.table.clock
+        clock = start + step * np.arange(reader.rows)
+        values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
+        values |= {n: start + step * values[n] for n in wanted if columns[n].is_counter}
+        words |= {n: Texts.of(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
+        breaks = ((0, self.notes), *(block for block in reader.breaks if block[0]))
+        breaks = breaks[:1] if self.table.is_joined else breaks
+        return RawColumns(sha256, values, words, (*self.notes, *reader.notes), breaks)
 
     def where(self, row: int) -> str:
-        """Return the line of a row."""
-        return f"{self.layout.path}: line {row_line(self.layout, row)}"
+        """Return the line of a row, both counted from the beginning of the file, rows from 0."""
+        with self.open() as file:
+            file.seek(self.offset)
+            rows = sort_rows(split_lines(file, self), self)
+            samples = (found.line for found in rows if found.is_sample)
+            return f"{self.path}: line {next(itertools.islice(samples, row, None))}"
 
 
 def open_text(path: Path, least: int) -> TextTable:
     """Open a text table of at least ``least`` columns."""
-    return TextTable(read_layout(path, least))
+    return read_layout(path, least, TextTable)
 
 
 def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
@@ -156,11 +173,7 @@ def _texts_of(column: Column, start: int, stop: int) -> list[str]:
     if column.dtype == np.bool_:
         return [("0", "1")[value] for value in column[start:stop].tolist()]
     # Integral values are written without ".0": tables of counts and labels stay as they were.
-    return list(map(_number, column[start:stop].tolist()))
-
-
-def _number(value: float) -> str:
-    return repr(value).removesuffix(".0")
+    return [repr(value).removesuffix(".0") for value in column[start:stop].tolist()]
 
 
 def _quote(text: str) -> str:
@@ -179,55 +192,6 @@ _CHUNK = 1 << 22
 _SHOWN = 30
 _MAX_ODD_ROWS = 20
 """Rows of statistics and the like that may precede the first samples."""
-
-
-def read_raw(
-    layout: Layout,
-    numbers: Sequence[int],
-    texts: Sequence[int] = (),
-    progress: Progress | None = None,
-) -> RawColumns:
-    """Read the wanted columns of a table; the others are not even parsed."""
-    columns = layout.table.columns
-    fields = {
-        n: position for n, column in enumerate(columns) if (position := column.position) is not None
-    }
-    stamps = {layout.stamp} & {*numbers}
-    wanted = [n for n in numbers if n in fields and n not in stamps]
-    labels = [n for n in {*texts, *stamps} if n in fields and n is not None]
-    if not wanted and not labels:
-        labels = [next(iter(fields))]  # the rows are counted
-    reader = _Reader(layout, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels))
-    digest = hashlib.sha256()
-    done = 0
-    with layout.open() as file:
-        digest.update(file.read(layout.offset))
-        for chunk in _chunks(file, layout):
-            digest.update(chunk)
-            done += len(chunk)
-            reader.feed(chunk)
-            if progress is not None:
-                progress(layout.offset + done, layout.size)
-    sha256 = digest.hexdigest() if layout.content is None else hash_of(layout.path)
-    raw = reader.finish(sha256)
-    values: dict[int, FloatArray] = {n: raw.numbers[fields[n]] for n in wanted}
-    words = {n: raw.texts[fields[n]] for n in labels}
-    values |= {n: seconds_of(words[n]) for n in stamps if n is not None}
-    start, step = layout.table.clock
-    clock = start + step * np.arange(reader.rows)
-    values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
-    values |= {n: start + step * values[n] for n in wanted if columns[n].is_counter}
-    words |= {n: Texts.of(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
-    return RawColumns(sha256, values, words, raw.notes, raw.breaks)
-
-
-def row_line(layout: Layout, row: int) -> int:
-    """Line number of a row of data (both counted from the file's beginning, rows from 0)."""
-    with layout.open() as file:
-        file.seek(layout.offset)
-        rows = sort_rows(split_lines(file, layout), layout)
-        samples = (found.line for found in rows if found.is_sample)
-        return next(islice(samples, row, None))
 
 
 def _chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
@@ -279,15 +243,18 @@ class _Reader:
         self.notes: list[str] = []
         self.between: list[str] = []  # remarks since the last row; empty texts for blank lines
         self.breaks: list[tuple[int, tuple[str, ...]]] = []
-        self.thousands = Thousands(layout.delimiter)
+        self.thousands = Thousands(layout.table.delimiter)
         self.read = 0
 
     def feed(self, chunk: bytes) -> None:
         """Take a chunk of whole lines."""
         self.read += len(chunk)
+        layout = self.layout
         if self.thousands.may_occur(chunk):
-            self._refuse_thousands(chunk)
-        fast = None if has_odd_rows(chunk, self.layout) else self._fast(chunk)
+            for number, line in enumerate(chunk.split(layout.eol), start=self.line):
+                self.thousands.see(number, layout.split(line.decode(layout.encoding, "replace")))
+            self.thousands.refuse(layout.path, self.numbers)
+        fast = None if has_odd_rows(chunk, layout) else self._fast(chunk)
         values, labels, lines = fast or self._slow(chunk)
         if values.shape[0]:
             self._append(values)
@@ -295,22 +262,18 @@ class _Reader:
                 self.codes[index].append(self._encode(index, texts))
         self.line += lines
 
-    def finish(self, sha256: str) -> RawColumns:
-        """Trim and hand over what was collected."""
+    def finish(self) -> dict[int, Texts]:
+        """Trim the columns of numbers, and return those of text."""
         if self.rows == 0:
             raise InputError(
                 f"{self.layout.path}: has a header but no data; nothing to read", code="no-data"
             )
         for column in self.store.values():
             column.resize(self.rows, refcheck=False)
-        texts = {
+        return {
             index: Texts(tuple(self.labels[index]), np.concatenate(self.codes[index]))
             for index in self.texts
         }
-        notes = (*self.layout.notes, *self.notes)
-        breaks = ((0, self.layout.notes), *(found for found in self.breaks if found[0]))
-        breaks = breaks[:1] if self.layout.table.is_joined else breaks
-        return RawColumns(sha256, self.store, texts, notes, breaks)
 
     def _append(self, values: FloatArray) -> None:
         needed = self.rows + values.shape[0]
@@ -342,16 +305,17 @@ class _Reader:
         chunk = chunk.replace(b'"', b"").replace(b"\r", b"")
         if not chunk.endswith(b"\n"):
             chunk += b"\n"
-        if layout.delimiter is None:
+        if layout.table.delimiter is None:
             return self._fast_blanks(chunk)
-        sign = layout.delimiter.encode()
-        fields = _find_fields(np.frombuffer(chunk, np.uint8), ord(sign), layout.width)
+        sign = layout.table.delimiter.encode()
+        data = np.frombuffer(chunk, np.uint8)
+        fields = _find_fields(data, ord(sign), layout.table.width)
         if fields is None:
             return None
-        data, starts, stops = fields
+        starts, stops = fields
         labels: list[Labels] = [_cut(data, starts[:, n], stops[:, n]) for n in self.texts]
         order = sorted(self.numbers)
-        if sign == b"," and len(order) == layout.width:
+        if sign == b"," and len(order) == layout.table.width:
             text = chunk.replace(b"\n", b",")
         else:
             step = np.zeros(data.size + 1, np.int8)
@@ -377,7 +341,7 @@ class _Reader:
         begins = ~blank & np.concatenate(([True], blank[:-1]))
         ends = np.flatnonzero(data == 10)
         tokens = np.diff(np.concatenate(([0], np.cumsum(begins)[ends])))
-        width = self.layout.width
+        width = self.layout.table.width
         if np.any(tokens != width):
             return None
         values = _convert(chunk.replace(b",", b"."), " ", ends.size * width)
@@ -407,15 +371,8 @@ class _Reader:
         table = np.array(rows, dtype=np.float64).reshape(len(rows), len(self.numbers))
         return table, list[Labels](labels), len(lines)
 
-    def _refuse_thousands(self, chunk: bytes) -> None:
-        """Refuse numbers with separators of thousands among the columns that are read."""
-        layout = self.layout
-        for number, line in enumerate(chunk.split(layout.eol), start=self.line):
-            self.thousands.see(number, layout.split(line.decode(layout.encoding, "replace")))
-        self.thousands.refuse(layout.path, self.numbers)
-
     def _fit(self, fields: list[str], number: int) -> list[str]:
-        width = self.layout.width
+        width = self.layout.table.width
         if len(fields) > width and not any(fields[width:]):
             return fields[:width]
         if len(fields) < width and len(fields) >= self.needed:
@@ -425,7 +382,7 @@ class _Reader:
             has = f"{count} field{'s' if count != 1 else ''}"
             advice = ""
             has_points = any("." in field for field in fields)
-            if self.layout.delimiter == "," and count > width and not has_points:
+            if self.layout.table.delimiter == "," and count > width and not has_points:
                 advice = (
                     "if the decimal sign is a comma as well, export with semicolons between the "
                     "columns; else "
@@ -465,7 +422,7 @@ class _Reader:
 
 def _find_fields(
     data: NDArray[np.uint8], sign: int, width: int
-) -> tuple[NDArray[np.uint8], NDArray[np.intp], NDArray[np.intp]] | None:
+) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
     """Where each field starts and stops, or ``None`` if not every row has ``width`` fields."""
     ends = np.flatnonzero(data == 10)
     signs = np.flatnonzero(data == sign)
@@ -476,7 +433,7 @@ def _find_fields(
     if np.any(stops[:, 0] < begin) or (width > 1 and np.any(stops[:, -2] > ends)):
         return None
     starts = np.concatenate((begin[:, None], stops[:, :-1] + 1), axis=1)
-    return data, starts, stops
+    return starts, stops
 
 
 def _cut(
@@ -488,8 +445,7 @@ def _cut(
     byte = starts[:, None] + np.arange(width)
     inside = np.arange(width) < length[:, None]
     padded = np.where(inside, data[np.minimum(byte, data.size - 1)], 0).astype(np.uint8)
-    texts: NDArray[np.bytes_] = padded.view(f"S{width}").reshape(-1)
-    return texts
+    return padded.view(f"S{width}").reshape(-1)
 
 
 def _convert(text: bytes, sep: str, count: int) -> FloatArray | None:
@@ -500,5 +456,5 @@ def _convert(text: bytes, sep: str, count: int) -> FloatArray | None:
             values: FloatArray = np.fromstring(text, np.float64, sep=sep)
         except ValueError:
             return None
-    is_good = values.size == count and bool((np.abs(values) < SCPI_MARKS[0]).all())
+    is_good = values.size == count and (np.abs(values) < SCPI_MARKS[0]).all()
     return values if is_good else None
