@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from anhyst.control.pidd2 import FixedPidd2, Pidd2
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def _over_w(coefficients: FloatArray) -> FloatArray:
 def _check_time(transfer: TransferFunction, rate: float) -> None:
     """Refuse what is not discrete with this rate."""
     if not (math.isfinite(rate) and rate > 0.0):
-        raise InputError(f"rate: {rate} Hz is not above zero", code="not-above-zero", key="rate")
+        raise wrong_key("rate", f"{rate} Hz is not above zero", code="not-above-zero")
     if transfer.dt is None or transfer.dt == 0:
         raise InputError(
             "transfer function: it is continuous; discretise it first, with "
@@ -200,17 +200,15 @@ def _weight(transfer: TransferFunction, p: float, k: float) -> float:
     order = 1 if k == 0.0 else 2
     integrates = len(below) == 2 and below[0] == 0.0
     if len(below) != order or len(above) > order or (order == 2 and not integrates):
-        raise InputError(
-            "reference: must pass proportionally and through the integral only",
+        raise wrong_key(
+            "reference",
+            "must pass proportionally and through the integral only",
             code="not-a-pidd2",
-            key="reference",
         )
     above = above / below[-1]
     if order == 2 and not math.isclose(above[0], k, rel_tol=1e-6):
-        raise InputError(
-            "reference: has another gain of the integral than the position",
-            code="not-a-pidd2",
-            key="reference",
+        raise wrong_key(
+            "reference", "has another gain of the integral than the position", code="not-a-pidd2"
         )
     if p == 0.0:
         return 1.0
@@ -223,7 +221,7 @@ def _constant(numerator: FloatArray, denominator: FloatArray) -> float:
     """Return the value of a function that must be one number."""
     above, below = _over_w(numerator), _over_w(denominator)
     if len(above) != 1 or len(below) != 1:
-        raise InputError("load: must be fed forward by one number", code="not-a-pidd2", key="load")
+        raise wrong_key("load", "must be fed forward by one number", code="not-a-pidd2")
     return float(above[0] / below[0])
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedAxes, FixedForceController, ForceController, ForceControllerF32
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray, q31
 
 _ROW_BITS, _ROW_SHIFT = 27, 58
@@ -225,8 +225,8 @@ def _pid(filter_: Sequence[float], gain: float) -> list[float]:
 
 
 def _too(what: str, key: str) -> InputError:
-    return InputError(
-        f"{key}: too {what} for the full scales of fixed point at this rate; compile with io f32",
+    return wrong_key(
+        key,
+        f"too {what} for the full scales of fixed point at this rate; compile with io f32",
         code=f"too-{what}-for-fixed-point",
-        key=key,
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray, as_factor, as_smoothing, passed
 
 _ORDER = ("proportional", "integral", "derivative", "second", "load", "back")
@@ -86,37 +86,29 @@ class Pidd2:
     def __post_init__(self) -> None:
         for name in ("rate", "K_p", "K_i", "K_d", "K_dd", "K_load"):
             if not math.isfinite(getattr(self, name)):
-                raise InputError(
-                    f"{name}: {getattr(self, name)} is not a finite number",
-                    code="not-finite",
-                    key=name,
+                raise wrong_key(
+                    name, f"{getattr(self, name)} is not a finite number", code="not-finite"
                 )
         for name in ("rate", "cutoff", "cutoff_2"):
             if not getattr(self, name) > 0.0:
-                raise InputError(
-                    f"{name}: {getattr(self, name)} Hz is not above zero",
-                    code="not-above-zero",
-                    key=name,
+                raise wrong_key(
+                    name, f"{getattr(self, name)} Hz is not above zero", code="not-above-zero"
                 )
         if not 0.0 <= self.weight <= 1.0:
-            raise InputError(
-                f"weight: {self.weight} is not within 0..1", code="out-of-range", key="weight"
-            )
+            raise wrong_key("weight", f"{self.weight} is not within 0..1", code="out-of-range")
         if self.K_p * self.K_i < 0.0:
-            raise InputError(
-                "K_i: must have the sign of K_p, or the loop drives itself away",
+            raise wrong_key(
+                "K_i",
+                "must have the sign of K_p, or the loop drives itself away",
                 code="gain-signs-differ",
-                key="K_i",
             )
         if not self.low <= self.high:
-            raise InputError(
-                f"low: {self.low} N is above high, {self.high} N", code="range-reversed", key="low"
+            raise wrong_key(
+                "low", f"{self.low} N is above high, {self.high} N", code="range-reversed"
             )
         if self.tracking is not None and not self.tracking > 0.0:
-            raise InputError(
-                f"tracking: {self.tracking} s is not above zero",
-                code="not-above-zero",
-                key="tracking",
+            raise wrong_key(
+                "tracking", f"{self.tracking} s is not above zero", code="not-above-zero"
             )
 
     @property
@@ -183,10 +175,10 @@ def _limit(name: str, value: float, scales: FullScales) -> int:
     """Return a limit of the output as a q31."""
     part = value / scales.output
     if math.isfinite(value) and abs(part) > 1.0:
-        raise InputError(
-            f"{name}: {value} N is beyond the full scale of {scales.output} N",
+        raise wrong_key(
+            name,
+            f"{value} N is beyond the full scale of {scales.output} N",
             code="beyond-full-scale",
-            key=name,
         )
     return int(max(-_Q31, min(_Q31 - 1.0, round(part * _Q31) if math.isfinite(part) else part * 2)))
 
@@ -214,15 +206,13 @@ def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 
         ("damping", damping, ""),
     ):
         if not (math.isfinite(value) and value > 0.0):
-            raise InputError(
-                f"{name}: {value}{unit} is not above zero", code="not-above-zero", key=name
-            )
+            raise wrong_key(name, f"{value}{unit} is not above zero", code="not-above-zero")
     if not (math.isfinite(virtual_mass) and mass + virtual_mass > 0.0):
-        raise InputError(
-            f"virtual_mass: {virtual_mass} kg leaves nothing of a mass of {mass} kg; "
+        raise wrong_key(
+            "virtual_mass",
+            f"{virtual_mass} kg leaves nothing of a mass of {mass} kg; "
             "give a number above minus the mass",
             code="virtual-mass-too-negative",
-            key="virtual_mass",
         )
     w = 2.0 * math.pi * bandwidth
     total = mass + virtual_mass

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from anhyst.control.pidd2 import FullScales, Pidd2
 from anhyst.support.block_words import Scales
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray, as_factor, q31
 
@@ -48,22 +48,20 @@ class PositionLimits:
         _above_zero(self, "step", "release", "selftest")
         for name in ("max_missing_samples", "hold", "selftest"):
             if not 0 <= getattr(self, name) <= 65535:
-                raise InputError(
-                    f"{name}: {getattr(self, name)} ticks are not within 0..65535",
+                raise wrong_key(
+                    name,
+                    f"{getattr(self, name)} ticks are not within 0..65535",
                     code="out-of-range",
-                    key=name,
                 )
         if not 0.0 <= self.gap_low < self.gap_high:
-            raise InputError(
-                "gap_low: must be below gap_high, and not below zero",
-                code="range-reversed",
-                key="gap_low",
+            raise wrong_key(
+                "gap_low", "must be below gap_high, and not below zero", code="range-reversed"
             )
         if not self.current_low <= 0.0 < self.current_high:
-            raise InputError(
-                "current_low: zero must lie within the limits of the current",
+            raise wrong_key(
+                "current_low",
+                "zero must lie within the limits of the current",
                 code="zero-outside-range",
-                key="current_low",
             )
 
 
@@ -97,10 +95,8 @@ class ReferenceConverter:
                 key="low",
             )
         if not 1 <= self.bits <= 20:
-            raise InputError(
-                f"bits: {self.bits} of a converter are not within 1..20",
-                code="out-of-range",
-                key="bits",
+            raise wrong_key(
+                "bits", f"{self.bits} of a converter are not within 1..20", code="out-of-range"
             )
 
     @property
@@ -113,10 +109,10 @@ class ReferenceConverter:
         first = math.ceil((max(low, self.low) - self.low) / self.step - 1e-6)
         last = math.floor((min(high, self.high) - self.low) / self.step + 1e-6)
         if last <= first:
-            raise InputError(
-                "current_high: the limits hold no step of the converter; widen them",
+            raise wrong_key(
+                "current_high",
+                "the limits hold no step of the converter; widen them",
                 code="range-too-narrow",
-                key="current_high",
             )
         return self.low + first * self.step, last - first
 
@@ -139,16 +135,16 @@ class PositionControl:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.bias <= self.scales.demand:
-            raise InputError(
-                f"bias: {self.bias} N is not within 0..{self.scales.demand} N",
+            raise wrong_key(
+                "bias",
+                f"{self.bias} N is not within 0..{self.scales.demand} N",
                 code="out-of-range",
-                key="bias",
             )
         if not 0.0 < self.pidd2.high < math.inf:
-            raise InputError(
-                "high: the largest force must be above zero to lift anything",
+            raise wrong_key(
+                "high",
+                "the largest force must be above zero to lift anything",
                 code="not-above-zero",
-                key="high",
             )
 
     @property
@@ -237,10 +233,10 @@ class PositionControl:
         low, steps = self.converter.within(self.limits.current_low, self.limits.current_high)
         codes = round(step / scales.current * _Q31)
         if codes < _COARSEST_STEP:
-            raise InputError(
-                "bits: the converter is too fine for a full scale of 31 bits",
+            raise wrong_key(
+                "bits",
+                "the converter is too fine for a full scale of 31 bits",
                 code="converter-too-fine",
-                key="bits",
             )
         # A step of the converter is a whole number of codes: the full scale gives way, by less than
         # 0.1 % and with 16 bits by 2e-5.
@@ -264,10 +260,10 @@ class PositionControl:
             factor = 0.5 * direction * self.position_full / scales.gap_span
             mantissa, shift = as_factor("range of the compensator's gaps", factor)
             if shift > 0:
-                raise InputError(
-                    "gap_high: the compensator covers too little of the gaps that can be; narrow them",
+                raise wrong_key(
+                    "gap_high",
+                    "the compensator covers too little of the gaps that can be; narrow them",
                     code="range-too-narrow",
-                    key="gap_high",
                 )
             numbers |= {
                 f"gap_offset_{i}": q31(scales.gap_share(offset)),
@@ -281,16 +277,14 @@ def _above_zero(table: object, *names: str) -> None:
     for name in names:
         value = getattr(table, name)
         if not (math.isfinite(value) and value > 0):
-            raise InputError(f"{name}: {value} is not above zero", code="not-above-zero", key=name)
+            raise wrong_key(name, f"{value} is not above zero", code="not-above-zero")
 
 
 def _rate(name: str, part: float) -> int:
     """Return the nearest q31 of a number that may not vanish."""
     code = q31(part)
     if code < 1:
-        raise InputError(
-            f"{name}: too small to be told from zero; raise it", code="rate-too-small", key=name
-        )
+        raise wrong_key(name, "too small to be told from zero; raise it", code="rate-too-small")
     return code
 
 

@@ -29,7 +29,7 @@ from anhyst.model.record import ActuatorRecord
 from anhyst.model.stepper import Stepper
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike, check_path
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, group_label, length_scale, range_text, shades
 
@@ -250,7 +250,7 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
     unknown = set(kept) - {item.name for item in fields(ReadOptions)}
     if unknown:
         key = f"provenance.settings.{PREFIX}{min(unknown)}"
-        raise InputError(f"{key}: is unknown; remove it", code="extra-forbidden", key=key)
+        raise wrong_key(key, "is unknown; remove it", code="extra-forbidden")
     options = ReadOptions.from_text(**kept)
     return options.read([_find(source.path, source.sha256, Path(folder)) for source in sources])
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from anhyst._core import exp, log
 from anhyst.data.output_map import OutputMap
 from anhyst.laws.law import Coordinate, Law, ParameterSpec
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 
 Parameter = float | tuple[float, ...]
@@ -170,28 +170,24 @@ class Curve:
 
     def _check(self) -> None:
         if self.nodes.ndim != 1 or self.nodes.shape != self.values.shape or not self.nodes.size:
-            raise InputError(
-                f"{self.name}: {self.values.size} values for {self.nodes.size} nodes; "
+            raise wrong_key(
+                self.name,
+                f"{self.values.size} values for {self.nodes.size} nodes; "
                 "give one value for each node",
                 code="length-differs",
-                key=self.name,
             )
         if not (np.isfinite(self.nodes).all() and np.isfinite(self.values).all()):
-            raise InputError(
-                f"{self.name}: a node or value is not finite; give plain numbers",
-                code="not-finite",
-                key=self.name,
+            raise wrong_key(
+                self.name, "a node or value is not finite; give plain numbers", code="not-finite"
             )
         if (np.diff(self.nodes) <= 0.0).any():
-            raise InputError(
-                f"{self.name}: the nodes do not ascend; sort them and drop repeats",
+            raise wrong_key(
+                self.name,
+                "the nodes do not ascend; sort them and drop repeats",
                 code="not-ascending",
-                key=self.name,
             )
         if self.coordinate != "plain" and (self.values <= 0.0).any():
-            raise InputError(
-                f"{self.name}: must be positive at every node", code="not-above-zero", key=self.name
-            )
+            raise wrong_key(self.name, "must be positive at every node", code="not-above-zero")
 
     def __call__(self, at: FloatArray) -> FloatArray:
         """Return the parameter at any values of the scheduling variable."""
@@ -254,11 +250,11 @@ class Curve:
                 return straight
 
     def _too_far(self) -> InputError:
-        return InputError(
-            f"{self.name}: the straight line beyond the nodes {self.nodes[0]:g} to "
+        return wrong_key(
+            self.name,
+            f"the straight line beyond the nodes {self.nodes[0]:g} to "
             f"{self.nodes[-1]:g} has left the range of the parameter; stay nearer to the nodes",
             code="too-far-beyond-nodes",
-            key=self.name,
         )
 
 

@@ -16,7 +16,7 @@ from anhyst.model.dynamics import Dynamics, too_fast
 from anhyst.model.parameters import Circuit
 from anhyst.model.prediction import BoolArray, Given, Prediction, flag, warn_if_far
 from anhyst.model.record import ActuatorRecord
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult, wrong_key
 from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import count_of
 
@@ -258,9 +258,7 @@ def _clock(time: ArrayLike | None, size: int, why: str) -> FloatArray:
     clock = as_samples(time, "time", size)
     if (np.diff(clock) <= 0.0).any():
         sample = int(np.argmax(np.diff(clock) <= 0.0)) + 1
-        raise InputError(
-            f"time: does not ascend at sample {sample}", code="time-not-rising", key="time"
-        )
+        raise wrong_key("time", f"does not ascend at sample {sample}", code="time-not-rising")
     return clock
 
 
@@ -346,23 +344,21 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
     if size is not None and np.ndim(values) == 0:
         array = np.full(size, float(array.reshape(-1)[0]))
     if array.ndim != 1 or not array.size:
-        raise InputError(
-            f"{name}: has shape {array.shape}; give one row of samples",
-            code="wrong-shape",
-            key=name,
+        raise wrong_key(
+            name, f"has shape {array.shape}; give one row of samples", code="wrong-shape"
         )
     if size is not None and array.size != size:
-        raise InputError(
-            f"{name}: has {count_of(array.size, 'sample')} for {size}; give one for each",
+        raise wrong_key(
+            name,
+            f"has {count_of(array.size, 'sample')} for {size}; give one for each",
             code="length-differs",
-            key=name,
         )
     finite = np.isfinite(array)
     if not finite.all():
-        raise InputError(
-            f"{name}: sample {int(np.argmin(finite))} is not a finite number; mend it",
+        raise wrong_key(
+            name,
+            f"sample {int(np.argmin(finite))} is not a finite number; mend it",
             code="not-finite",
-            key=name,
         )
     return array
 

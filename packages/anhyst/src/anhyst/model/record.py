@@ -45,7 +45,7 @@ from anhyst.model.schema import (
     ValidRange,
     parameter_names,
 )
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 
@@ -140,10 +140,8 @@ class ActuatorRecord:
         nodes = tuple(float(node) for node in self.nodes)
         object.__setattr__(self, "nodes", nodes)
         if self.law not in LAWS:
-            raise InputError(
-                f"law: is {self.law!r}; use one of {', '.join(LAWS)}",
-                code="unknown-choice",
-                key="law",
+            raise wrong_key(
+                "law", f"is {self.law!r}; use one of {', '.join(LAWS)}", code="unknown-choice"
             )
         try:
             law = self.operator_law
@@ -159,10 +157,8 @@ class ActuatorRecord:
                 key=problems[0].key,
             )
         if nodes and self.schedule is None:
-            raise InputError(
-                "model: there are nodes but no scheduling variable; name it",
-                code="no-schedule",
-                key="model",
+            raise wrong_key(
+                "model", "there are nodes but no scheduling variable; name it", code="no-schedule"
             )
         complete = {
             name: parameters.get(name, 0.0 if spec.default is None else spec.default)

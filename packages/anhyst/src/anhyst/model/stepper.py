@@ -11,7 +11,7 @@ from anhyst.model.parameters import Circuit
 from anhyst.model.predict import as_history, as_samples, check, initial_state, run_through
 from anhyst.model.prediction import flag, warn_if_far
 from anhyst.model.record import ActuatorRecord
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 
 
@@ -83,10 +83,10 @@ class Stepper:
         slow = self._slow
         if self._output is not None:
             if dt is None:
-                raise InputError(
-                    "dt: the model creeps ([dynamics]); give the time of the step",
+                raise wrong_key(
+                    "dt",
+                    "the model creeps ([dynamics]); give the time of the step",
                     code="time-missing",
-                    key="dt",
                 )
             slow = self._late.follow(self._flux, slow, dt)
         return float(np.array(self._late.shares) @ slow), slow
@@ -188,17 +188,15 @@ class Stepper:
 
     def _circuit(self, at: float, dt: float | None) -> Circuit:
         if dt is not None and not dt > 0.0:
-            raise InputError(
-                f"dt: is {dt:g} s; give a time above 0", code="not-above-zero", key="dt"
-            )
+            raise wrong_key("dt", f"is {dt:g} s; give a time above 0", code="not-above-zero")
         begun = self._output is not None  # the first commit has nothing before it to be timed from
         if self._around is not None and self._around[:3] == (at, dt, begun):
             return self._around[3]  # at a gap that rests, step after step
         if dt is None and begun and np.any(self.model.over_schedule("gamma", [at]) > 0.0):
-            raise InputError(
-                "dt: the model has eddy currents (gamma); give the time of the step",
+            raise wrong_key(
+                "dt",
+                "the model has eddy currents (gamma); give the time of the step",
                 code="time-missing",
-                key="dt",
             )
         rate = 0.0 if dt is None else 1.0 / dt
         circuit = self.model.circuit(np.array([at]), np.array([rate]))

@@ -20,7 +20,7 @@ from anhyst.compilation.toolchain import (
     missing_programs,
     zig_cc,
 )
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult, wrong_key
 from anhyst.support.registry import Registry
 from anhyst.verification.bundle import PLAY, PORT_HEADER, Bundle
 from anhyst.verification.compare import HARNESS, Variant, Workshop
@@ -344,35 +344,31 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
     targets = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
     known = (*TARGETS, *WHOLE_TARGETS)
     if not targets:
-        raise InputError(
-            f"--on: no target; known are {', '.join(known)}", code="no-target", key="--on"
-        )
+        raise wrong_key("--on", f"no target; known are {', '.join(known)}", code="no-target")
     for name in targets:
         if why := WHOLE_TARGETS.why_unusable(name):
             raise InputError(f"--on: {name}: {why}", code="not-installed", key="--on")
         if name not in known:
             more = "; cortex-m3-qemu is in the package anhyst-rigs" * (name == _FIRMWARE)
-            raise InputError(
-                f"--on: unknown target {name}; known are {', '.join(known)}{more}",
+            raise wrong_key(
+                "--on",
+                f"unknown target {name}; known are {', '.join(known)}{more}",
                 code="unknown-target",
-                key="--on",
             )
         if bundle.stage and name not in FLOATING:
-            raise InputError(
-                f"--on: {name} is not for the controller of a stage; give {', '.join(FLOATING)}",
+            raise wrong_key(
+                "--on",
+                f"{name} is not for the controller of a stage; give {', '.join(FLOATING)}",
                 code="target-not-for-this",
-                key="--on",
             )
         if bundle.io == "f32" and name not in FLOATING:
-            raise InputError(
-                f"--on: {name} is not for f32; {NUMBERS_NEED}",
-                code="target-not-for-this",
-                key="--on",
+            raise wrong_key(
+                "--on", f"{name} is not for f32; {NUMBERS_NEED}", code="target-not-for-this"
             )
         if bundle.kind == PLAY and name in WHOLE_TARGETS:
-            raise InputError(
-                f"--on: {name} is built around a compensator, not a map with one play",
+            raise wrong_key(
+                "--on",
+                f"{name} is built around a compensator, not a map with one play",
                 code="target-not-for-this",
-                key="--on",
             )
     return targets

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from anhyst.compilation.toolchain import Missing
 from anhyst.support.atomic import PathLike, check_path
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult, wrong_key
 from anhyst.support.jobs import Progress, cores
 from anhyst.verification.bundle import (
     LEVITATION,
@@ -80,9 +80,7 @@ def verify(
     check_path(folder, "verify: folder", "the path of a compiled folder")
     for name, number in (("host steps", host_steps), ("steps", target_steps), ("seed", seed)):
         if not 1 <= number < 1 << 32:
-            raise InputError(
-                f"{name}: {number} is not within 1 .. 2^32 - 1", code="out-of-range", key=name
-            )
+            raise wrong_key(name, f"{number} is not within 1 .. 2^32 - 1", code="out-of-range")
     folder = Path(folder)
     bundle = read_bundle(folder)
     names = parse_targets(DEFAULT if on is None else on, bundle)
