@@ -57,7 +57,6 @@ class HarnessProgram(Protocol):
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
         """Answer one request after the other."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +96,8 @@ class Workshop:
             folder_of = sources / FREE_OF_LIBRARIES if source.name == "math.h" else sources
             folder_of.mkdir(exist_ok=True)
             shutil.copyfile(source, folder_of / source.name)
-        for name, text in (
-            core_files(PIDD2) | {ACTUATOR_HEADER: read_core(ACTUATOR_HEADER)}
-        ).items():
+        texts = core_files(PIDD2) | {ACTUATOR_HEADER: read_core(ACTUATOR_HEADER)}
+        for name, text in texts.items():
             path = sources / name
             if not path.exists():
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -196,18 +194,14 @@ def run(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) 
     """Run golden vectors, random steps, and steps that measure stack."""
     rows, places, words = vectors.inputs, vectors.form.places, vectors.form.words
     batches = [rows[at : at + WINDOW] for at in range(0, len(rows), WINDOW)]
-    replies = program.run(
-        [
-            Request(START, seed=seed, words=words),
-            *(
-                Request(VECTORS, steps=len(batch), rows=batch, places=places, words=words)
-                for batch in batches
-            ),
-            Request(START, seed=seed, words=words),
-            Request(RANDOM, steps=steps, checkpoint_stride=_stride(steps), words=words),
-            Request(STACK, steps=min(steps, STACK_STEPS), words=words),
-        ]
-    )
+    start = Request(START, seed=seed, words=words)
+    given = [
+        Request(VECTORS, steps=len(batch), rows=batch, places=places, words=words)
+        for batch in batches
+    ]
+    random = Request(RANDOM, steps=steps, checkpoint_stride=_stride(steps), words=words)
+    stack = Request(STACK, steps=min(steps, STACK_STEPS), words=words)
+    replies = program.run([start, *given, start, random, stack])
     answers = [
         reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)
     ]
@@ -266,44 +260,31 @@ def _locate(
     stride = _stride(steps)
     while True:
         marks = list(range(first, last, stride))
-        wrong = np.flatnonzero(
-            replies[0].checkpoints[: len(marks)] != replies[1].checkpoints[: len(marks)]
-        )
+        hashes = (reply.checkpoints[: len(marks)] for reply in replies)
+        wrong = np.flatnonzero(np.not_equal(*hashes))
         bad = int(wrong[0]) if len(wrong) else len(marks)
         # The hash kept before a step speaks of the steps before it.
         first, last = marks[bad - 1], marks[bad] if bad < len(marks) else last
         stride = _stride(last - first)
-        replies = _again(programs, form.words, seed, (first, last, stride))
+        # Run both up to the last step, with a hash kept from the first one on at every stride.
+        random = Request(
+            RANDOM,
+            last,
+            checkpoint_first=first,
+            checkpoint_stride=stride,
+            window_first=first,
+            words=form.words,
+        )
+        requests = [Request(START, seed=seed, words=form.words), random]
+        host, target = (program.run(requests)[-1] for program in programs)
+        replies = host, target
         if last - first <= WINDOW:
             records = [reply.window[: last - first] for reply in replies]
             difference = _first_wrong(*records)
             if difference is None:
-                hashes = (reply.hash for reply in replies)
-                return Difference("random", first, "not repeatable: the hash", *hashes)
+                ends = (reply.hash for reply in replies)
+                return Difference("random", first, "not repeatable: the hash", *ends)
             return _difference(form, "random", first, difference, *records)
-
-
-def _again(
-    programs: tuple[HarnessProgram, HarnessProgram],
-    words: int,
-    seed: int,
-    steps: tuple[int, int, int],
-) -> tuple[Reply, Reply]:
-    """Run both up to a step, with a hash kept from the first one on at every stride."""
-    first, last, stride = steps
-    requests = [
-        Request(START, seed=seed, words=words),
-        Request(
-            RANDOM,
-            steps=last,
-            checkpoint_first=first,
-            checkpoint_stride=stride,
-            window_first=first,
-            words=words,
-        ),
-    ]
-    host, target = (program.run(requests)[-1] for program in programs)
-    return host, target
 
 
 def _first_wrong(host: Words, target: Words) -> tuple[int, int] | None:

@@ -226,40 +226,22 @@ def avr(workshop: Workshop) -> Offer:
         missing.append(Missing("avr", "libsimavr", "apt install libsimavr-dev libelf-dev"))
     if missing:
         return Offer(missing=tuple(missing))
-    return Offer((partial(_avr, workshop, "avr-gcc", compilers[0]),))
+    return Offer((partial(_avr, workshop, compilers[0]),))
 
 
-def _avr(workshop: Workshop, compiler: str, host_compiler: list[str]) -> Variant:
+def _avr(workshop: Workshop, host_compiler: list[str]) -> Variant:
     path = workshop.folder / "avr.elf"
     build = workshop.build("avr", "-O2", f"-mmcu={AVR_CPU}", "-Wl,--gc-sections")
-    warnings = compile_c([compiler], build, path, "avr")
+    warnings = compile_c(["avr-gcc"], build, path, "avr")
     image = read_image(path)
     runner = workshop.folder / "avr_runner"
-    compile_c(
-        host_compiler,
-        Build(
-            (HARNESS / "avr_runner.c",),
-            # simavr's own headers are not clean under this project's warnings.
-            flags=(
-                "-O2",
-                "-isystem",
-                str(SIMAVR_HEADERS),
-                "-isystem",
-                str(SIMAVR_HEADERS / "avr"),
-                "-Wno-conversion",
-            ),
-            libraries=("-lsimavr", "-lelf"),
-        ),
-        runner,
-        "avr",
-    )
-    numbers = (
-        image.address("harness_box") - AVR_DATA,
-        image.address("harness_count") - AVR_DATA,
-        REQUEST_BYTES,
-        WINDOW_OFFSET,
-        BOX_BYTES,
-    )
+    headers = [str(SIMAVR_HEADERS), str(SIMAVR_HEADERS / "avr")]
+    # simavr's own headers are not clean under this project's warnings.
+    flags = ("-O2", *(f"-isystem{folder}" for folder in headers), "-Wno-conversion")
+    source = Build((HARNESS / "avr_runner.c",), flags=flags, libraries=("-lsimavr", "-lelf"))
+    compile_c(host_compiler, source, runner, "avr")
+    places = (image.address(name) - AVR_DATA for name in ("harness_box", "harness_count"))
+    numbers = (*places, REQUEST_BYTES, WINDOW_OFFSET, BOX_BYTES)
     program = ProcessProgram("avr", (str(runner), str(path), AVR_CPU, *map(str, numbers)))
     return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
 
@@ -272,36 +254,22 @@ def msp430(workshop: Workshop) -> Offer:
     )
     if missing:
         return Offer(missing=missing)
-    return Offer((partial(_msp430, workshop, "mspdebug"),))
+    return Offer((partial(_msp430, workshop),))
 
 
-def _msp430(workshop: Workshop, simulator: str) -> Variant:
+def _msp430(workshop: Workshop) -> Variant:
     path = workshop.folder / "msp430.elf"
-    compiler = [
-        *zig_cc("msp430"),
-        "-target",
-        "msp430-freestanding-none",
-        *FREESTANDING,
-        "-T",
-        str(HARNESS / "msp430.ld"),
-        "-Wl,--entry=reset",
-    ]
+    compiler = [*zig_cc("msp430"), "-target", "msp430-freestanding-none", *FREESTANDING]
+    compiler += ["-T", str(HARNESS / "msp430.ld"), "-Wl,--entry=reset"]
     # 56 KiB of flash hold a whole position controller only where it is compiled for size.
     level = "-Os" if workshop.subject == "controller" else "-O2"
     # Without -g the linker drops the symbols.
     build = workshop.build("msp430", level, "-g", "-Wl,--gc-sections")
     warnings = compile_c(compiler, build, path, "msp430")
     image = read_image(path)
-    return Variant(
-        "msp430",
-        "portable",
-        Msp430Program("msp430", simulator, path, image),
-        "cycles",
-        "MSP430, 16x16 multiplier",
-        f"zig cc {level}",
-        warnings,
-        image,
-    )
+    program, chip = Msp430Program(path, image), "MSP430, 16x16 multiplier"
+    made_by = f"zig cc {level}"
+    return Variant("msp430", "portable", program, "cycles", chip, made_by, warnings, image)
 
 
 TARGETS: Mapping[str, Maker] = {

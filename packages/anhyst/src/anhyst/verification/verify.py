@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 
 from anhyst.compilation.toolchain import Missing
@@ -104,17 +105,20 @@ def verify(
             around = Workshop.set_up(bundle, Path(scratch) / "controller", "controller")
             levitation = _Job(around, read_levitation(folder / LEVITATION), *numbers)
             jobs.append((levitation, _offers(around, names)[0]))
-        counted = _Counted(
-            progress,
-            sum(len(offer.orders) for _, some in jobs for offer in some.values()) + len(whole),
-        )
+        builds = sum(len(offer.orders) for _, some in jobs for offer in some.values())
+        done = count(1)
+
+        def one_more() -> None:
+            if progress is not None:
+                progress(next(done), builds + len(whole))
+
         results: list[TargetResult] = []
         for job, some in jobs:
-            results += job.run_all(some, counted)
+            results += job.run_all(some, one_more)
         for name in whole:
             target = WHOLE_TARGETS[name]
             results.append(target.verify(bundle, Path(scratch), target_steps, seed))
-            counted.one_more()
+            one_more()
         estimates = tuple(e for job, _ in jobs for e in _estimates(job)) if SOURCE in works else ()
     return Verification(
         str(folder),
@@ -143,36 +147,18 @@ def _lacks(name: str) -> tuple[Missing, ...]:
     return WHOLE_TARGETS[name].missing_tools() if name in WHOLE_TARGETS else ()
 
 
-class _Counted:
-    """Counts what is done for whoever wants to know."""
-
-    def __init__(self, progress: Progress | None, total: int) -> None:
-        self._progress = progress
-        self._total = total
-        self._done = 0
-
-    def one_more(self) -> None:
-        self._done += 1
-        if self._progress is not None:
-            self._progress(self._done, self._total)
-
-
+@dataclass
 class _Job:
     """What all builds have in common: the inputs, and the host's answers to them."""
 
-    def __init__(
-        self,
-        workshop: Workshop,
-        vectors: GoldenVectors,
-        host_steps: int,
-        target_steps: int,
-        seed: int,
-    ) -> None:
-        self.workshop = workshop
-        self.vectors = vectors
-        self.seed = seed
-        self.host_steps, self.target_steps = host_steps, target_steps
-        self._reference = reference(workshop)
+    workshop: Workshop
+    vectors: GoldenVectors
+    host_steps: int
+    target_steps: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        self._reference = reference(self.workshop)
         self._answers: dict[int, Answers] = {}
 
     def steps(self, target: str) -> int:
@@ -181,7 +167,9 @@ class _Job:
         stage = self.workshop.bundle.stage
         return max(1, steps // stage["magnets"]) if stage else steps
 
-    def run_all(self, offers: Mapping[str, Offer], counted: _Counted) -> list[TargetResult]:
+    def run_all(
+        self, offers: Mapping[str, Offer], one_more: Callable[[], None]
+    ) -> list[TargetResult]:
         """Build and run everything, as many at a time as there are processors."""
         orders = [(name, order) for name, offer in offers.items() for order in offer.orders]
         for steps in {self.steps(name) for name, _ in orders}:
@@ -190,7 +178,7 @@ class _Job:
         with ThreadPoolExecutor(cores()) as pool:
             for future in [pool.submit(partial(self._one, *order)) for order in orders]:
                 results.append(future.result())
-                counted.one_more()
+                one_more()
         return results
 
     def _one(self, target: str, order: Order) -> TargetResult:
@@ -215,8 +203,7 @@ class _Job:
             )
         except NegativeResult as error:
             return TargetResult(*head, 0, 0, failure=str(error))
-        counted = bool(variant.unit)
-        image = variant.image
+        counted, image = bool(variant.unit), variant.image
         return TargetResult(
             *head,
             steps,
@@ -260,16 +247,13 @@ def _static_stack(variant: Variant, workshop: Workshop) -> int | None:
 
 def costs(reply: Reply, form: RecordForm) -> tuple[Cost, ...]:
     """Take the clock's own share off what was counted."""
-    clock = reply.sections[0].least
-    sections_costs = []
+    found = []
     for name, section in zip(form.sections[1:], reply.sections[1:], strict=True):
         if section.count:
-            own = form.calls.get(name, 1) * clock
+            own = form.calls.get(name, 1) * reply.sections[0].least
             mean = section.total / section.count - own
-            sections_costs.append(
-                Cost(name, section.least - own, mean, section.most - own, section.most_at)
-            )
-    return tuple(sections_costs)
+            found.append(Cost(name, section.least - own, mean, section.most - own, section.most_at))
+    return tuple(found)
 
 
 def _estimates(job: _Job) -> tuple[Estimate, ...]:
@@ -277,22 +261,17 @@ def _estimates(job: _Job) -> tuple[Estimate, ...]:
     try:
         program = cortex_m(SOURCE, job.workshop).orders[0]().program
         assert isinstance(program, CortexProgram)
-        replies = {
-            name: run(
-                replace(program, costs=partial(costs_of, prices)),
-                job.vectors,
-                ESTIMATE_STEPS,
-                job.seed,
-            ).random
-            for name, prices in PRICES.items()
-        }
+        priced = [
+            (name, replace(program, costs=partial(costs_of, PRICES[name]))) for name in PRICES
+        ]
+        replies = [
+            (name, run(each, job.vectors, ESTIMATE_STEPS, job.seed).random) for name, each in priced
+        ]
     except NegativeResult:
         return ()  # reported as a failure of the target where it was asked for
-    estimates: list[Estimate] = []
     whose = "controller: " if job.workshop.subject == "controller" else ""
-    for name, reply in replies.items():
-        estimates += [
-            Estimate(f"{whose}{cost.part}", name, cost.most, CLOCK_HZ / cost.most)
-            for cost in costs(reply, job.vectors.form)
-        ]
-    return tuple(estimates)
+    return tuple(
+        Estimate(f"{whose}{cost.part}", name, cost.most, CLOCK_HZ / cost.most)
+        for name, reply in replies
+        for cost in costs(reply, job.vectors.form)
+    )
