@@ -21,7 +21,8 @@ from anhyst.model.parameters import Parameter
 from anhyst.model.schema import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.writer import write_model
 from anhyst.reports import write_plots, write_report
-from anhyst.reports.figures import figure_between, figure_differences, figure_residuals
+from anhyst.reports.figures import figure_differences, figure_residuals
+from anhyst.reports.figures_over_schedule import figure_between
 from anhyst.reports.page import headline, subject_of
 from anhyst.reports.sections_model import section_gap_map
 from anhyst.reports.subject import ModelSubject, gather, own_figures

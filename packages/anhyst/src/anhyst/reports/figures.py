@@ -23,7 +23,6 @@ from anhyst.data.path import branches, smooth_curve
 from anhyst.data.speeds import Speeds, rate_of
 from anhyst.data.verdict import largest_output
 from anhyst.model.schema import ReductionStep, Uncertainty
-from anhyst.reports.figures_over_schedule import figure_between, figure_parameters
 from anhyst.support.figures import (
     FAINT,
     FALLING,
@@ -38,17 +37,6 @@ from anhyst.support.figures import (
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import NBSP, Scale, label, name_of, number, scale_for, shown_at, written
 
-__all__ = [
-    "figure_between",
-    "figure_correlation",
-    "figure_differences",
-    "figure_loops",
-    "figure_parameters",
-    "figure_reduction",
-    "figure_residuals",
-    "figure_small_loops",
-    "figure_speeds",
-]
 Fitted = Sequence[FloatArray | None]
 """Modelled output of each loop of a set, in its order; None where it cannot be computed."""
 
@@ -76,11 +64,9 @@ def groups_of(loopset: Loops) -> list[Group]:
     indices: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
     for index, loop in enumerate(loopset.loops):
         indices.setdefault(loop.schedule_value, []).append(index)
-    schedule = loopset.schedule
+    moving = f"{name_of(loopset.schedule)} moving"
     return [
-        Group(
-            f"{name_of(schedule)} moving" if at is None else shown_at(schedule, at), tuple(places)
-        )
+        Group(moving if at is None else shown_at(loopset.schedule, at), tuple(places))
         for at, places in indices.items()
     ]
 
@@ -152,7 +138,7 @@ def figure_differences(
         for index in group.places:
             loop, output = loopset.loops[index], fitted[index]
             x, without = across.factor * loop.input, np.interp(loop.input, *curve)
-            ax.plot(x, up.factor * (loop.output - without), rasterized=True, **_dots(loop.n))
+            _measured(ax, x, up.factor * (loop.output - without))
             if output is not None:
                 ax.plot(x, up.factor * (output - without), color=MODEL, lw=0.9)
         ax.set_title(group.title)
@@ -168,14 +154,18 @@ def _curve(group: Sequence[tuple[Loop, FloatArray]]) -> tuple[FloatArray, FloatA
     return smooth_curve(drive, np.concatenate([loop.output - over for loop, over in group]))
 
 
-def _dots(samples: int) -> dict[str, Any]:
-    size = 2.6 if samples < 2000 else 1.9
-    return {"ls": "none", "marker": "o", "ms": size, "mew": 0.0, "color": MEASURED}
+def _dots(colour: str, size: float = 5.0) -> dict[str, Any]:
+    """Return how dots are drawn; they have this size in a legend."""
+    return {"ls": "none", "marker": "o", "ms": size, "mew": 0.0, "color": colour}
+
+
+def _measured(ax: Axes, x: FloatArray, y: FloatArray) -> None:
+    ax.plot(x, y, rasterized=True, **_dots(MEASURED, 2.6 if x.size < 2000 else 1.9))
 
 
 def _measured_and_model(figure: Figure) -> None:
     handles = [
-        Line2D([], [], ls="none", marker="o", ms=5.0, mew=0.0, color=MEASURED, label="measured"),
+        Line2D([], [], label="measured", **_dots(MEASURED)),
         Line2D([], [], color=MODEL, lw=1.6, label="model"),
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=2)
@@ -199,7 +189,7 @@ def _loops(
         loops = [loopset.loops[index] for index in group.places]
         x = across.factor * np.concatenate([loop.input for loop in loops])
         y = up.factor * np.concatenate([loop.output for loop in loops])
-        ax.plot(x, y, rasterized=True, **_dots(x.size))
+        _measured(ax, x, y)
         for loop, index in zip(loops, group.places, strict=True):
             output = fitted[index]
             if output is not None:
@@ -231,11 +221,10 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
         ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, what="model \N{MINUS SIGN} measured")
         _percent_axis(ax, axes, up.factor * largest_output(loopset))
-    dots: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 5.0, "mew": 0.0}
-    rising = f"{name_of(loopset.input)} rising"
+    drive = name_of(loopset.input)
     handles = [
-        Line2D([], [], color=RISING, label=rising, **dots),
-        Line2D([], [], color=FALLING, label=f"{name_of(loopset.input)} falling", **dots),
+        Line2D([], [], label=f"{drive} rising", **_dots(RISING)),
+        Line2D([], [], label=f"{drive} falling", **_dots(FALLING)),
         Patch(color=FAINT, lw=0.0, label="noise, ±2σ"),
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=3)
@@ -262,12 +251,7 @@ def rising(loop: Loop) -> NDArray[np.bool_]:
 
 
 def _residuals(
-    ax: Axes,
-    loopset: Loops,
-    left_over: Sequence[FloatArray | None],
-    group: Group,
-    across: Scale,
-    up: Scale,
+    ax: Axes, loopset: Loops, left_over: Fitted, group: Group, across: Scale, up: Scale
 ) -> None:
     for upwards, colour in ((True, RISING), (False, FALLING)):
         x, y = [np.empty(0)], [np.empty(0)]
@@ -279,9 +263,8 @@ def _residuals(
             x.append(across.factor * loop.input[rows])
             y.append(up.factor * over[rows])
         drawn = np.concatenate(x), np.concatenate(y)
-        size = 2.4 if drawn[0].size < 2000 else 1.4
-        dots: dict[str, Any] = {"ls": "none", "marker": "o", "ms": size, "mew": 0.0, "alpha": 0.7}
-        ax.plot(*drawn, color=colour, rasterized=True, **dots)
+        dots = _dots(colour, 2.4 if drawn[0].size < 2000 else 1.4)
+        ax.plot(*drawn, rasterized=True, alpha=0.7, **dots)
 
 
 @styled
@@ -326,9 +309,8 @@ def _draw_candidates(
             text += f" ↑ {number(cost, 2)} %"
         else:
             ax.plot(x, cost, "o", mfc="none", color=FALLING, ms=5.0)
-        last = max(
-            min(cost, 1.1 * top), last + 0.055 * top
-        )  # labels of like costs one above the other
+        # Labels of like costs one above the other.
+        last = max(min(cost, 1.1 * top), last + 0.055 * top)
         ax.annotate(text, (x + 0.05, last), va="center", fontsize=7.5, color="#8A3B00")
 
 
@@ -352,10 +334,8 @@ def figure_correlation(unsure: Uncertainty) -> Figure:
     ax = figure.subplots()
     drawn = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
     if numbered:
-        for row, column in np.ndindex(matrix.shape):
+        for row, column in np.argwhere(np.isfinite(matrix)).tolist():
             value = float(matrix[row, column])
-            if not np.isfinite(value):
-                continue
             ink = "white" if abs(value) > 0.6 else "#222222"
             text = f"{value:.2f}".replace("-", "\N{MINUS SIGN}")
             middle = (column + 0.5, row + 0.5)

@@ -14,12 +14,11 @@ from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.model.acceptance import check_over_drive
 from anhyst.model.actuator import MODEL_SOURCES, Model, read_model
 from anhyst.reports.figures import (
-    figure_between,
     figure_loops,
-    figure_parameters,
     figure_reduction,
     figure_residuals,
 )
+from anhyst.reports.figures_over_schedule import figure_between, figure_parameters
 from anhyst.reports.sections_fit import (
     section_loops,
     section_measurement,
@@ -35,7 +34,7 @@ from anhyst.reports.sections_model import (
     section_parameters_over,
     section_reduction,
 )
-from anhyst.reports.subject import ModelSubject, acceptance, gather, own_figures, share
+from anhyst.reports.subject import ModelSubject, acceptance, gather, own_figures
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.errors import InputError
 from anhyst.support.figures import write_png
@@ -46,7 +45,6 @@ from anhyst.support.page import (
     Headline,
     Note,
     PageTable,
-    Scale,
     Section,
     Tile,
     name_of,
@@ -140,13 +138,9 @@ def _tiles(subject: ModelSubject) -> tuple[Tile, ...]:
     fit, scale = subject.fit, subject.deviation
     if fit is None:
         return ()
-    named = (
-        ("mean deviation", fit.mean_abs),
-        ("rms deviation", fit.rms),
-        ("worst point", fit.worst),
-    )
+    named = {"mean deviation": fit.mean_abs, "rms deviation": fit.rms, "worst point": fit.worst}
     of = f"of {subject.full_scale}"
-    tiles = [Tile(scale.show(v), name, f"{percent(share(subject, v))} {of}") for name, v in named]
+    tiles = [Tile(scale.show(v), name, f"{subject.percent(v)} {of}") for name, v in named.items()]
     if subject.evidence is not None and subject.evidence.verdict.single_mean > 0.0:
         part = fit.mean_abs / subject.evidence.verdict.single_mean
         baseline = "the best single-valued curve"
@@ -162,6 +156,10 @@ def _comparison(subject: ModelSubject) -> PageTable | None:
     if fit is None or evidence is None:
         return None
     judged, scale = evidence.verdict, subject.deviation
+
+    def both(value: float) -> str:
+        return f"{scale.show(value)} ({subject.percent(value)})"
+
     baseline_rms = rms(np.concatenate(evidence.baseline))
     noise_rms = _RMS_OF_MEAN * judged.noise_mean
     most = max(judged.single_mean, fit.mean_abs)
@@ -173,9 +171,9 @@ def _comparison(subject: ModelSubject) -> PageTable | None:
     cells = [
         [
             Cell(name, strong=name == "This model"),
-            Cell(_both(subject, scale, mean), bar=mean / most if most else None),
-            Cell(_both(subject, scale, rms)),
-            Cell(_both(subject, scale, worst)),
+            Cell(both(mean), bar=mean / most if most else None),
+            Cell(both(rms)),
+            Cell(number(float("nan")) if worst is None else both(worst)),
         ]
         for name, mean, rms, worst in rows
     ]
@@ -187,12 +185,6 @@ def _comparison(subject: ModelSubject) -> PageTable | None:
         f"({curve}, fitted to the same loops) is what a look-up table without memory can reach."
     )
     return table("Deviation from the measurement", head, cells, caption)
-
-
-def _both(subject: ModelSubject, scale: Scale, value: float | None) -> str:
-    if value is None:
-        return number(float("nan"))
-    return f"{scale.show(value)} ({percent(share(subject, value))})"
 
 
 def _holds(subject: ModelSubject) -> str:

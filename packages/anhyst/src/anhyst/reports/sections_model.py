@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 
 from markupsafe import Markup
 
@@ -39,31 +38,27 @@ from anhyst.support.page import (
     written,
 )
 
-GAP_MAPS: Mapping[str, str] = MappingProxyType(
-    {
-        "none": "Nothing runs over it.",
-        "scaling": "The iron is the same everywhere; only how strongly the input drives it (c_H) "
-        "runs over it, as in the paper.",
-        "reluctance": "The iron is the same everywhere and carries the hysteresis; a reluctance "
-        "ρ in series with it runs over it, as an air gap does.",
-        "circuit": "The iron is the same everywhere and carries the hysteresis; a reluctance "
-        "in series with it, what its flux gives and the offsets run over the scheduling variable.",
-        "free": "Any parameter may run over it, that of the iron too: for fixed values only.",
-    }
-)
+GAP_MAPS: Mapping[str, str] = {
+    "none": "Nothing runs over it.",
+    "scaling": "The iron is the same everywhere; only how strongly the input drives it (c_H) "
+    "runs over it, as in the paper.",
+    "reluctance": "The iron is the same everywhere and carries the hysteresis; a reluctance "
+    "ρ in series with it runs over it, as an air gap does.",
+    "circuit": "The iron is the same everywhere and carries the hysteresis; a reluctance "
+    "in series with it, what its flux gives and the offsets run over the scheduling variable.",
+    "free": "Any parameter may run over it, that of the iron too: for fixed values only.",
+}
 
-GLOSSARY: Mapping[str, str] = MappingProxyType(
-    {
-        "k/a": "pinning, in units of the shape a: how fat the loop is",
-        "(w*M_s)/a": "how strongly the flux acts back on the iron (circuit and interaction)",
-        "a/c_H": "input that carries the iron into its bend",
-        "output at saturation": "output with all magnetisation aligned",
-        "input offset": "input at which the iron feels nothing",
-        "output offset": "output without flux",
-        "gamma": "how late the middle of solid iron is",
-        "c": "reversible fraction of the magnetisation",
-    }
-)
+GLOSSARY: Mapping[str, str] = {
+    "k/a": "pinning, in units of the shape a: how fat the loop is",
+    "(w*M_s)/a": "how strongly the flux acts back on the iron (circuit and interaction)",
+    "a/c_H": "input that carries the iron into its bend",
+    "output at saturation": "output with all magnetisation aligned",
+    "input offset": "input at which the iron feels nothing",
+    "output offset": "output without flux",
+    "gamma": "how late the middle of solid iron is",
+    "c": "reversible fraction of the magnetisation",
+}
 """What the fitted quantities mean, by how their names begin; longer beginnings first."""
 
 
@@ -73,12 +68,14 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
     figure = figure_parameters(model)
     if figure is None:
         return None
-    names = model.keys
-    varying = ", ".join(names[name][0] for name in running(model))
-    nodes = ", ".join(subject.schedule_scale.number(node, 4, short=True) for node in model.nodes)
+    varying, scale = (
+        ", ".join(model.keys[name][0] for name in running(model)),
+        subject.schedule_scale,
+    )
+    nodes = ", ".join(scale.number(node, 4, short=True) for node in model.nodes)
     alt = (
-        f"{varying} over the {subject.over}: dots at the nodes {nodes} "
-        f"{subject.schedule_scale.unit}, a smooth curve between them that does not overshoot."
+        f"{varying} over the {subject.over}: dots at the nodes {nodes} {scale.unit}, a smooth "
+        "curve between them that does not overshoot."
     )
     caption = (
         f"What runs over the {subject.over}: dots where there were loops, the curve the model "
@@ -93,20 +90,15 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
 
 
 def _node_table(subject: ModelSubject) -> PageTable:
-    model = subject.model
-    names = model.keys
-    head, columns = [subject.schedule_scale.head(subject.over)], []
+    model, scale = subject.model, subject.schedule_scale
+    head = [scale.head(subject.over)]
+    columns = [[scale.number(node, 5, short=True) for node in model.nodes]]
     for name in running(model):
         values = model.over_schedule(name, model.nodes).tolist()
         scale = scale_of(parameter_unit(model, name), values)
-        unit = f" [{scale.unit}]" if scale.unit else ""
-        head.append(Markup("{}{}").format(symbol(names[name][0]), unit))
+        head.append(Markup(scale.head("{}")).format(symbol(model.keys[name][0])))
         columns.append([scale.number(value, 5) for value in values])
-    rows = [
-        [subject.schedule_scale.number(node, 5, short=True), *(column[index] for column in columns)]
-        for index, node in enumerate(model.nodes)
-    ]
-    return table("At the nodes", head, rows, texts=0)
+    return table("At the nodes", head, list(zip(*columns, strict=True)), texts=0)
 
 
 def section_reduction(subject: ModelSubject) -> Section | None:
@@ -126,10 +118,9 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     most = max(step.cost_after for step in steps)
     rows = []
     for order, step in enumerate(steps, start=1):
-        others = sorted(
-            (cost, name) for name, cost in step.candidates.items() if name != step.frozen
-        )
-        listed = ", ".join(f"{names.get(name, name)} {_cost(cost)}" for cost, name in others)
+        costs = sorted((cost, name) for name, cost in step.candidates.items())
+        others = [(cost, names.get(name, name)) for cost, name in costs if name != step.frozen]
+        listed = ", ".join(f"{name} {_cost(cost)}" for cost, name in others)
         rows.append(
             [
                 Cell(str(order)),
@@ -141,20 +132,19 @@ def section_reduction(subject: ModelSubject) -> Section | None:
             ]
         )
     head = ["round", "frozen", "instead of", "before", "after", "rise"]
-    alt = (
-        f"Bar chart of the mean deviation: {percent(first)} with all parameters free; "
-        + "; ".join(
-            f"{percent(step.cost_after)} after freezing {names.get(step.frozen, step.frozen)}"
-            for step in steps
-        )
+    frozen = (
+        f"{percent(step.cost_after)} after freezing {names.get(step.frozen, step.frozen)}"
+        for step in steps
     )
+    bars = "; ".join([f"{percent(first)} with all parameters free", *frozen])
+    alt = f"Bar chart of the mean deviation: {bars}."
     caption = (
         "Mean deviation in parts of the largest output after each round (bars); rings: what "
         "freezing another parameter would have cost."
     )
     blocks = (
         Text(text),
-        subject.picture(figure_reduction(steps, names), f"{alt}.", caption),
+        subject.picture(figure_reduction(steps, names), alt, caption),
         table("Cost of each round", head, rows, "Cheapest alternatives first.", texts=3),
     )
     return Section("reduction", "Cost of each reduction step", blocks)
@@ -170,16 +160,14 @@ def section_between(subject: ModelSubject) -> Section | None:
     figure = figure_between(model, subject.check)
     if figure is None:
         return None
-    places = at_and_between(model)
-    listed = ", ".join(subject.schedule_scale.number(at, 4, short=True) for at, _ in places)
-    unit = subject.schedule_scale.unit
-    drives = ", ".join(
-        subject.input_scale.number(part * max(map(abs, model.valid.input)), 3) for part in SHARES
-    ) if model.valid else ""  # fmt: skip
+    size, across = subject.schedule_scale, subject.input_scale
+    listed = ", ".join(size.number(at, 4, short=True) for at, _ in at_and_between(model))
+    largest = max(map(abs, model.valid_range.input))
+    drives = ", ".join(across.number(part * largest, 3) for part in SHARES)
     alt = (
-        f"Left: settled loops of the model at {subject.over} {listed} {unit}, nodes solid, "
+        f"Left: settled loops of the model at {subject.over} {listed} {size.unit}, nodes solid, "
         f"half-way places dashed. Right: {subject.answer} over the {subject.over} at fixed "
-        f"{subject.drive}, {drives} {subject.input_scale.unit}, on both branches."
+        f"{subject.drive}, {drives} {across.unit}, on both branches."
     )
     caption = (
         f"Left: settled loops at the nodes (solid) and half-way between (dashed), where nothing "

@@ -20,7 +20,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.figures import svg_text
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import MINUS, Note, Picture, Scale, name_of, scale_for
+from anhyst.support.page import MINUS, Note, Picture, Scale, name_of, percent, scale_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +66,11 @@ class ModelSubject:
     def drive(self) -> str:
         """Name of the input in a sentence."""
         return name_of(self.model.input)
+
+    def percent(self, deviation: float) -> str:
+        """Write a deviation in per cent of the largest output."""
+        largest = self.fit.largest_output if self.fit else 0.0
+        return percent(deviation / largest if largest > 0.0 else None)
 
     @property
     def deviation(self) -> Scale:
@@ -195,10 +200,3 @@ def acceptance(subject: ModelSubject) -> Note:
 
 def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:].replace(" -", f" {MINUS}") + "."
-
-
-def share(subject: ModelSubject, value: float) -> float | None:
-    """Part that a deviation is of the largest output."""
-    if subject.fit is None or subject.fit.largest_output <= 0.0:
-        return None
-    return value / subject.fit.largest_output
