@@ -24,23 +24,14 @@ GAP_MAPS: tuple[GapMap, ...] = ("none", "scaling", "reluctance", "circuit", "fre
 
 CIRCUIT = (
     ParameterSpec("c_H", "drive of the iron for a unit of input", low=0.0, coordinate="reciprocal"),
-    ParameterSpec(
-        "rho",
-        "reluctance of the gap over that of an air-filled iron path",
-        low=0.0,
-        closed=True,
-        default=0.0,
-    ),
+    ParameterSpec("rho", "reluctance of the gap over that of an air-filled iron path", low=0.0,
+                  closed=True, default=0.0),
     ParameterSpec("gamma", "eddy currents, 0 for none", low=0.0, closed=True, default=0.0),
-    ParameterSpec(
-        "c_out",
-        "output for a unit of flux density (squared for a force)",
-        low=0.0,
-        coordinate="log",
-    ),
+    ParameterSpec("c_out", "output for a unit of flux density (squared for a force)", low=0.0,
+                  coordinate="log"),
     ParameterSpec("in_0", "offset of the input", default=0.0),
     ParameterSpec("out_0", "offset of the output", default=0.0),
-)
+)  # fmt: skip
 """What surrounds the iron, the same whatever the law; units depend on input and output."""
 
 _SURROUNDS = frozenset({"c_out", "in_0", "out_0", "gamma"})
@@ -166,9 +157,6 @@ class Curve:
             array = np.array(getattr(self, field), dtype=np.float64)
             array.setflags(write=False)
             object.__setattr__(self, field, array)
-        self._check()
-
-    def _check(self) -> None:
         if self.nodes.ndim != 1 or self.nodes.shape != self.values.shape or not self.nodes.size:
             raise wrong_key(
                 self.name,
@@ -204,28 +192,25 @@ class Curve:
         straight = inside(np.minimum(np.maximum(query, low), high))
         with np.errstate(over="ignore"):  # a parameter that is not finite is refused by name
             straight += slopes[0] * np.minimum(query - low, 0.0)
-            straight += slopes[1] * np.maximum(query - high, 0.0)
+            straight += slopes[-1] * np.maximum(query - high, 0.0)
         result = self._from_straight(straight)
         # Through a logarithm and back costs the last digit; at a node the value is known.
         segment = np.minimum(np.searchsorted(self.nodes, query), self.nodes.size - 1)
         return np.where(self.nodes[segment] == query, self.values[segment], result)
 
     @cached_property
-    def _interpolant(self) -> tuple[Callable[[FloatArray], FloatArray], tuple[float, float]]:
-        """Interpolant in the straight coordinate, and its slopes at the first and last node."""
+    def _interpolant(self) -> tuple[Callable[[FloatArray], FloatArray], FloatArray]:
+        """Interpolant in the straight coordinate, and its slopes at the nodes."""
         heights = self._to_straight(self.values)
         if self.nodes.size == 2:
             slope = float(np.diff(heights)[0] / np.diff(self.nodes)[0])
-            return (lambda x: heights[0] + slope * (x - self.nodes[0])), (slope, slope)
+            return (lambda x: heights[0] + slope * (x - self.nodes[0])), np.full(2, slope)
         slopes = _monotone_slopes(self.nodes, heights)
-        return _cubic(self.nodes, heights, slopes), (float(slopes[0]), float(slopes[-1]))
+        return _cubic(self.nodes, heights, slopes), slopes
 
     def straight(self) -> tuple[FloatArray, FloatArray]:
         """Return the nodes' values in the coordinate, and the slopes of the curve there."""
-        heights = self._to_straight(self.values)
-        if self.nodes.size < 3:
-            return heights, np.full(heights.shape, self._interpolant[1][0])
-        return heights, _monotone_slopes(self.nodes, heights)
+        return self._to_straight(self.values), self._interpolant[1]
 
     def _to_straight(self, values: FloatArray) -> FloatArray:
         match self.coordinate:

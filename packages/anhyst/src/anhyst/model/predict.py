@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from anhyst._core import status_text
 from anhyst.data.path import History, HistoryLike
 from anhyst.laws.law import IronOperator
-from anhyst.model.dynamics import Dynamics, too_fast
+from anhyst.model.dynamics import too_fast
 from anhyst.model.parameters import Circuit
 from anhyst.model.prediction import BoolArray, Given, Prediction, flag, warn_if_far
 from anhyst.model.record import ActuatorRecord
@@ -119,8 +119,7 @@ def run_through(
     inputs = as_samples(values, kind)
     if model.dynamics is not None and model.dynamics.needs_time:
         clock = _clock(time, inputs.size, "a lag or creep ([dynamics])")
-        run = _drive_late if kind == "drive" else _demand_late
-        return run(model, model.dynamics, inputs, schedule, clock, as_history(history, model))
+        return _run_late(model, kind, inputs, schedule, clock, as_history(history, model))
     return _run_at_once(model, kind, inputs, schedule, time, history)
 
 
@@ -183,68 +182,52 @@ def _run_at_once(
     )
 
 
-def _drive_late(
+def _run_late(
     model: ActuatorRecord,
-    late: Dynamics,
-    drive: FloatArray,
+    kind: Given,
+    inputs: FloatArray,
     schedule: ArrayLike | None,
     time: FloatArray,
     past: History,
 ) -> Prediction:
-    """Compute the output of an actuator that lags and creeps."""
-    prediction = _run_at_once(model, "drive", late.delayed(drive, time), schedule, time, past)
-    at = None if schedule is None else as_samples(schedule, "schedule", drive.size)
-    output = prediction.output
-    if late.times:
-        flux = prediction.flux_density
-        slow = _slow_start(model, late, past, at, flux, time, known=True)
-        circuit = model.circuit(at, np.zeros(drive.size))
-        output = circuit.output(late.added(flux, time, slow).values)
-    valid, flags = flag(model, "drive", drive, output, at, prediction.reachable)
-    return replace(prediction, drive=drive, output=output, valid=valid, flags=flags)
+    """Compute a record of an actuator that lags and creeps; a drive is one lag ahead of its demand."""
+    late, at = model.dynamics, None
+    assert late is not None
+    if schedule is not None:
+        at = as_samples(schedule, "schedule", inputs.size)
+
+    def creeping(flux: FloatArray) -> FloatArray:
+        """Return the output with creep for a drive, without it for a demand."""
+        if past.kind == "settled":
+            slow = late.settled(flux, time, known=kind == "drive")
+        else:  # after a long rest
+            slow = np.full(len(late.times), _flux_at_rest(model, at, past))
+        creep, _, _ = late.creep(flux, time, slow, known=kind == "drive")
+        return model.circuit(at, np.zeros(inputs.size)).output(creep)
+
+    at_once, reachable = inputs, np.ones(inputs.size, dtype=np.bool_)
+    if kind == "drive":
+        at_once = late.delayed(inputs, time)
+    elif late.times:
+        flux, reachable = model.circuit(at, np.zeros(inputs.size)).flux_density(inputs)
+        at_once = creeping(flux)
+    run = _run_at_once(model, kind, at_once, schedule, time, past)
+    drive, output = inputs, run.output
+    if kind == "demand":
+        drive, output = late.advanced(run.drive, time), inputs
+    elif late.times:
+        output = creeping(run.flux_density)
+    valid, flags = flag(model, kind, drive, output, at, reachable & run.reachable)
+    return replace(run, drive=drive, output=output, valid=valid, flags=flags)
 
 
-def _demand_late(
-    model: ActuatorRecord,
-    late: Dynamics,
-    demand: FloatArray,
-    schedule: ArrayLike | None,
-    time: FloatArray,
-    past: History,
-) -> Prediction:
-    """Compute the drive of an actuator with lag and creep, one lag ahead of the demand."""
-    at = None if schedule is None else as_samples(schedule, "schedule", demand.size)
-    circuit = model.circuit(at, np.zeros(demand.size))
-    at_once, reachable = demand, np.ones(demand.size, dtype=np.bool_)
-    if late.times:
-        flux, reachable = circuit.flux_density(demand)
-        slow = _slow_start(model, late, past, at, flux, time, known=False)
-        at_once = circuit.output(late.removed(flux, time, slow).values)
-    prediction = _run_at_once(model, "demand", at_once, schedule, time, past)
-    drive = late.advanced(prediction.drive, time)
-    valid, flags = flag(model, "demand", drive, demand, at, reachable & prediction.reachable)
-    return replace(prediction, drive=drive, output=demand, valid=valid, flags=flags)
-
-
-def _slow_start(
-    model: ActuatorRecord,
-    late: Dynamics,
-    past: History,
-    schedule: FloatArray | None,
-    flux: FloatArray,
-    time: FloatArray,
-    *,
-    known: bool,
-) -> FloatArray:
-    """Return the slow parts at the first sample: after a long rest, or of a settled cycle."""
-    if past.kind == "settled":
-        return late.settled(flux, time, known=known)
-    rest = 0.0
-    if past.turning_points:
-        at = None if schedule is None else schedule[:1]
-        last = as_samples(past.turning_points[-1:], "turning point")
-        rest = float(_run_at_once(model, "drive", last, at, [0.0], past).flux_density[0])
-    return np.full(len(late.times), rest)
+def _flux_at_rest(model: ActuatorRecord, schedule: FloatArray | None, past: History) -> float:
+    """Return the flux density, T, at the last turning point before the first sample."""
+    if not past.turning_points:
+        return 0.0
+    at = None if schedule is None else schedule[:1]
+    last = as_samples(past.turning_points[-1:], "turning point")
+    return float(_run_at_once(model, "drive", last, at, [0.0], past).flux_density[0])
 
 
 def _clock(time: ArrayLike | None, size: int, why: str) -> FloatArray:
