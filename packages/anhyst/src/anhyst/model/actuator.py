@@ -117,24 +117,10 @@ class Model(Result, ActuatorRecord):
         return check_acceptance(self)
 
     def settled_loop(self, schedule: float | None, samples: int) -> tuple[FloatArray, FloatArray]:
-        """Return the settled loop over the range of the input where the model holds.
+        """Return drive and output of the settled loop where the model holds: up, then down.
 
-        Parameters
-        ----------
-        schedule : float or None
-            Scheduling variable, SI.
-        samples : int
-            Of each branch.
-
-        Returns
-        -------
-        drive, output : ndarray, shape (2*samples,)
-            Up, then down; a model whose loops depend on the rate is cycled in :data:`CYCLE_S`.
-
-        Raises
-        ------
-        InputError
-            The model does not say where it holds.
+        Each branch has this number of samples. A model whose loops depend on the rate is cycled in
+        :data:`CYCLE_S`. It is an `InputError` if the model does not say where it holds.
         """
         up = np.linspace(*self.valid_range.input, samples)
         drive = np.concatenate([up, up[::-1]])
@@ -144,14 +130,12 @@ class Model(Result, ActuatorRecord):
     def facts(self) -> dict[str, str]:
         """Return law, gap map, where the model holds and how well it fits."""
         facts = {"name": self.name, "law": self.law, "gap map": self.gap_map}
-        valid, fit = self.valid, self.fit
-        if valid is not None:
+        if (valid := self.valid) is not None:
             facts[self.input.name] = range_text(*valid.input, self.input.unit)
             facts[self.output.name] = range_text(*valid.output, self.output.unit)
-        if valid is not None and valid.schedule is not None and self.schedule is not None:
-            ends = (self.schedule.show(value) for value in valid.schedule)
-            facts["holds from"] = " to ".join(ends)
-        if fit is not None:
+            if valid.schedule is not None and self.schedule is not None:
+                facts["holds from"] = " to ".join(map(self.schedule.show, valid.schedule))
+        if (fit := self.fit) is not None:
             share = 100.0 / fit.largest_output
             facts["fit"] = f"mean {share * fit.mean_abs:.2g} %, worst {share * fit.worst:.2g} %"
         return facts
@@ -168,13 +152,7 @@ class Model(Result, ActuatorRecord):
         return {"parameter": list(names), at: list(positions), "value": list(numbers)}
 
     def draw(self, ax: Axes) -> None:
-        """Draw the settled loop over the range where the model holds, at each node.
-
-        Raises
-        ------
-        InputError
-            The model does not say where it holds.
-        """
+        """Draw :meth:`settled_loop` at each node."""
         scale, label = length_scale(self.output)
         for node, colour in shades(self.nodes or (0.0,)).items():
             at = node if self.nodes else None

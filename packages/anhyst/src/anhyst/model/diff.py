@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -22,14 +23,16 @@ if TYPE_CHECKING:
 
 DRIVES_A_BRANCH = 200
 
+Value = Parameter | str | None
+
 
 @dataclass(frozen=True, slots=True)
 class Change:
     """One setting or parameter that differs; SI."""
 
     name: str
-    first: Parameter | str | None
-    second: Parameter | str | None
+    first: Value
+    second: Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,14 +116,8 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
                 f"{other.column}",
                 code="quantities-differ",
             )
-    settings = tuple(
-        Change(name, old, other) for name, old, other in _settings(first, second) if old != other
-    )
-    parameters = tuple(
-        Change(name, first.parameters.get(name), second.parameters.get(name))
-        for name in {**first.specs, **second.specs}
-        if first.parameters.get(name) != second.parameters.get(name)
-    )
+    settings = _changes(_settings(first), _settings(second))
+    parameters = _changes(first.parameters, second.parameters)
     try:
         drive = _common([m.valid.input for m in (first, second) if m.valid], "input")
         gaps = _common_schedule(first, second)
@@ -131,26 +128,25 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     return ModelDiff(settings, parameters, drive, loops, mean, max(loop.worst for loop in loops))
 
 
-def _settings(
-    first: Model, second: Model
-) -> list[tuple[str, Parameter | str | None, Parameter | str | None]]:
-    def of(model: Model) -> dict[str, Parameter | str | None]:
-        schedule, valid = model.schedule, model.valid
-        return {
-            "law": model.law,
-            "cells": str(model.cells) if model.cells else None,
-            "layers": str(model.layers) if model.layers else None,
-            "gap_map": model.gap_map,
-            "history": str(model.history),
-            "schedule": schedule.column if schedule else None,
-            "nodes": model.nodes,
-            f"valid {model.input.symbol}": valid.input if valid else None,
-            f"valid {model.output.symbol}": valid.output if valid else None,
-            "valid schedule": valid.schedule if valid else None,
-        }
+def _changes(first: Mapping[str, Value], second: Mapping[str, Value]) -> tuple[Change, ...]:
+    pairs = ((name, first.get(name), second.get(name)) for name in {**first, **second})
+    return tuple(Change(name, old, new) for name, old, new in pairs if old != new)
 
-    mine, other = of(first), of(second)
-    return [(name, mine[name], other[name]) for name in mine]
+
+def _settings(model: Model) -> dict[str, Value]:
+    schedule, valid = model.schedule, model.valid
+    return {
+        "law": model.law,
+        "cells": str(model.cells) if model.cells else None,
+        "layers": str(model.layers) if model.layers else None,
+        "gap_map": model.gap_map,
+        "history": str(model.history),
+        "schedule": schedule.column if schedule else None,
+        "nodes": model.nodes,
+        f"valid {model.input.symbol}": valid.input if valid else None,
+        f"valid {model.output.symbol}": valid.output if valid else None,
+        "valid schedule": valid.schedule if valid else None,
+    }
 
 
 def _common(ranges: list[Range], name: str) -> Range:

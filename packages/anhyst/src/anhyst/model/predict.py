@@ -348,9 +348,7 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
 
 def as_history(history: HistoryLike | None, model: ActuatorRecord) -> History:
     """Return the history that a call asks for, or that of the model."""
-    if history is None:
-        return model.history
-    return History.of(history)
+    return model.history if history is None else History.of(history)
 
 
 def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> FloatArray | None:
@@ -366,11 +364,9 @@ def check(status: int, name: str, index: int, values: FloatArray) -> None:
     if status == OK:
         return
     error = SampleError(name, index, f"({values[index]:g}) {status_text(status)}")
-    raise (
-        NegativeResult(str(error), code=error.code, key=name)
-        if status in {NOT_CONVERGED, NOT_SETTLED}
-        else error
-    )
+    if status in {NOT_CONVERGED, NOT_SETTLED}:
+        raise NegativeResult(str(error), code=error.code, key=name)
+    raise error
 
 
 def _runs(model: ActuatorRecord, schedule: FloatArray | None, size: int) -> Iterator[slice]:

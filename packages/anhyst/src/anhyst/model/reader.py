@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from copy import deepcopy
 from typing import Any, TypeVar
 
@@ -62,7 +64,9 @@ class _Reader:
         self.names = section_names(None, drive, answer, schedule)
         cells = self._cells(content)
         if law is not None and cells is not None:
-            law = self._with_cells(law, cells)
+            with self._collecting("cells"):
+                law = law_of(law.name, cells)
+            self._stop_if_wrong()
         self.names = section_names(law, drive, answer, schedule)
         self._strip_units(content, ())
         try:
@@ -109,40 +113,35 @@ class _Reader:
             )
             self.file.add(self._file_path(("cells", "weights")), text, code="wrong-shape")
             self._stop_if_wrong()
-        try:
-            return CellWeights(
-                np.array(table.thresholds),
-                np.array(table.widths),
-                np.array(table.weights),
-                table.shape,
-                None if table.centres is None else np.array(table.centres),
-            )
-        except ValueError as error:
-            self.file.add(("cells",), str(error), code="cells-out-of-range")
-            self._stop_if_wrong()
-            raise
+        thresholds, widths, weights = map(np.array, (table.thresholds, table.widths, table.weights))
+        centres, cells = None if table.centres is None else np.array(table.centres), None
+        with self._collecting("cells"):
+            cells = CellWeights(thresholds, widths, weights, table.shape, centres)
+        self._stop_if_wrong()
+        return cells
 
-    def _with_cells(self, law: Law, cells: CellWeights) -> Law:
+    @contextmanager
+    def _collecting(self, key: str) -> Iterator[None]:
+        """Collect the error of a table, without the place that it names itself."""
         try:
-            return law_of(law.name, cells)
+            yield
+        except InputError as error:
+            text = str(error).removeprefix(f"model {key}: ")
+            self.file.add((key, error.key) if key == "layers" else (key,), text, code=error.code)
         except ValueError as error:
-            self.file.add(("cells",), str(error), code="cells-out-of-range")
-            self._stop_if_wrong()
-            raise
+            self.file.add((key,), str(error), code="cells-out-of-range")
 
     def _quantity(self, content: dict[str, Any], key: str) -> Quantity | None:
         written = content.get(key)
         if written is None and key == "schedule":
             return None
-        fields = set(QuantityTable.model_fields)
-        known = {k: v for k, v in written.items() if k in fields} if isinstance(
-            written, dict
-        ) else written  # fmt: skip
+        if written is None:
+            self.file.add((key,), "is missing; add this table", code="missing")
+            return None
+        if isinstance(written, dict):
+            written = {k: v for k, v in written.items() if k in QuantityTable.model_fields}
         try:
-            if written is None:
-                self.file.add((key,), "is missing; add this table", code="missing")
-                return None
-            table = QuantityTable.model_validate(known)
+            table = QuantityTable.model_validate(written)
         except ValidationError as error:
             self._collect(error, (key,))
             return None
@@ -215,8 +214,10 @@ class _Reader:
             for name, value in parameters.items()
         }
         nodes = content.get("schedule", {}).get("nodes", [])
+        places = {"gap_map": ("gap_map",), "nodes": ("schedule", "nodes")}
         for problem in find_problems(law, values, nodes, content["gap_map"]):
-            self.file.add(self._file_path(_path_of(problem.key)), problem.text, code=problem.code)
+            place = places.get(problem.key, ("parameters", problem.key))
+            self.file.add(self._file_path(place), problem.text, code=problem.code)
         for key, pair in content.get("valid", {}).items():
             if pair[0] > pair[1]:
                 self.file.add(
@@ -230,8 +231,7 @@ class _Reader:
                 "has a range of a scheduling variable that there is not",
                 code="no-schedule",
             )
-        unsure = content.get("uncertainty")
-        if unsure is not None:
+        if (unsure := content.get("uncertainty")) is not None:
             self._check_lengths(unsure)
 
     def _check_lengths(self, unsure: dict[str, Any]) -> None:
@@ -258,12 +258,16 @@ class _Reader:
         schedule: Quantity | None,
         cells: CellWeights | None,
     ) -> Record:
-        try:
+        late, layers, given = None, None, table.dynamics
+        with self._collecting("history"):
             history = History.parse(table.history)
-        except InputError as error:
-            self.file.add(("history",), str(error), code=error.code)
-        late = self._dynamics(table)
-        layers = self._layers(table)
+        if given is not None:
+            times, shares = tuple(given.creep_times), tuple(given.creep_shares)
+            with self._collecting("dynamics"):
+                late = Dynamics(given.lag, times, shares, given.fastest)
+        if table.layers is not None:
+            with self._collecting("layers"):
+                layers = Layers(**dict(table.layers))
         self._stop_if_wrong()
         model = kind(
             name=table.name,
@@ -287,49 +291,12 @@ class _Reader:
             dynamics=late,
             layers=layers,
         )
-        try:
+        with self._collecting("parameters"):
             for node in model.nodes if model.fixed_gap_only else (None,):
                 model.iron_at(node)
-        except InputError as error:
-            self.file.add(
-                ("parameters",), str(error).removeprefix("model parameters: "), code=error.code
-            )
-            self._stop_if_wrong()
+        self._stop_if_wrong()
         return model
-
-    def _dynamics(self, table: ModelTable) -> Dynamics | None:
-        dynamics = table.dynamics
-        if dynamics is None:
-            return None
-        try:
-            return Dynamics(
-                dynamics.lag,
-                tuple(dynamics.creep_times),
-                tuple(dynamics.creep_shares),
-                dynamics.fastest,
-            )
-        except InputError as error:
-            self.file.add(
-                ("dynamics",), str(error).removeprefix("model dynamics: "), code=error.code
-            )
-            return None
-
-    def _layers(self, table: ModelTable) -> Layers | None:
-        if table.layers is None:
-            return None
-        try:
-            return Layers(**dict(table.layers))
-        except InputError as error:
-            text = str(error).removeprefix("model layers: ")
-            self.file.add(("layers", error.key), text, code=error.code)
-            return None
 
     def _stop_if_wrong(self) -> None:
         if self.file.problems:
             raise self.file.error()
-
-
-def _path_of(key: str) -> tuple[str, ...]:
-    if key == "gap_map":
-        return ("gap_map",)
-    return ("schedule", "nodes") if key == "nodes" else ("parameters", key)

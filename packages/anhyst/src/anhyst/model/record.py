@@ -53,11 +53,6 @@ SHORT_ROW, MOST_ROWS = 1 << 13, 32
 """Samples of a row of the scheduling variable, and how many of them, whose look-up is kept."""
 
 
-def _as_parameter(value: ArrayLike) -> Parameter:
-    numbers = np.asarray(value, dtype=np.float64)
-    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
-
-
 @lru_cache(maxsize=256)
 def _iron(law: Law, layers: Layers | None, *parameters: float) -> IronOperator:
     from anhyst._core import AnyIron
@@ -136,7 +131,10 @@ class ActuatorRecord:
     layers: Layers | None = None
 
     def __post_init__(self) -> None:
-        parameters = {name: _as_parameter(value) for name, value in self.parameters.items()}
+        parameters: dict[str, Parameter] = {}
+        for name, value in self.parameters.items():
+            numbers = np.asarray(value, dtype=np.float64)
+            parameters[name] = tuple(numbers.tolist()) if numbers.ndim else float(numbers)
         nodes = tuple(float(node) for node in self.nodes)
         object.__setattr__(self, "nodes", nodes)
         if self.law not in LAWS:
@@ -261,24 +259,9 @@ class ActuatorRecord:
         }
 
     def over_schedule(self, name: str, at: ArrayLike) -> FloatArray:
-        """Return one parameter at values of the scheduling variable.
+        """Return one of :attr:`specs` at values of the scheduling variable; all in SI, shape (n,).
 
-        Parameters
-        ----------
-        name : str
-            One of :attr:`specs`.
-        at : array_like, shape (n,)
-            Scheduling variable, SI.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The parameter, SI.
-
-        Raises
-        ------
-        InputError
-            So far outside the nodes that the parameter leaves its range.
+        It is an `InputError` to go so far outside the nodes that the parameter leaves its range.
         """
         query = np.atleast_1d(np.asarray(at, dtype=np.float64))
         if name in self.curves and query.size:
@@ -296,22 +279,9 @@ class ActuatorRecord:
         return np.full(query.shape, value[0] if isinstance(value, tuple) else value)
 
     def parameters_at(self, schedule: float | None = None) -> dict[str, float]:
-        """Return all parameters at one value of the scheduling variable.
+        """Return all parameters at one value of the scheduling variable, SI.
 
-        Parameters
-        ----------
-        schedule : float, optional
-            Scheduling variable, SI; may be left out where nothing varies.
-
-        Returns
-        -------
-        dict of str to float
-            SI.
-
-        Raises
-        ------
-        InputError
-            The model needs the scheduling variable.
+        It may be left out where nothing varies, and is an `InputError` to leave out elsewhere.
         """
         at = np.array([self.schedule_or_default(schedule)])
         return {name: float(self.over_schedule(name, at)[0]) for name in self.specs}
@@ -338,7 +308,6 @@ class ActuatorRecord:
 
     @cached_property
     def _iron_everywhere(self) -> IronOperator:
-        """The iron, the same at all values of the scheduling variable."""
         return self._iron(0.0)
 
     def _iron(self, schedule: float) -> IronOperator:
@@ -348,26 +317,24 @@ class ActuatorRecord:
 
     def circuit(self, schedule: FloatArray | None, eddy_rate: FloatArray) -> Circuit:
         """Return what surrounds the iron at each sample; ``eddy_rate`` is 1/dt, 0 without eddy currents."""
-        at = (
-            np.full(eddy_rate.shape, self.schedule_or_default(None))
-            if schedule is None
-            else schedule
-        )
+        at = schedule
+        if at is None:
+            at = np.full(eddy_rate.shape, self.schedule_or_default(None))
         c_h, rho, gamma, c_out, in_0, out_0 = self._surroundings(at)
         return Circuit(c_h, rho, gamma * eddy_rate, c_out, in_0, out_0, output_map(self.output))
 
     def _surroundings(self, at: FloatArray) -> tuple[FloatArray, ...]:
         """Return the parameters around the iron; a search asks for the same short rows again."""
         key, kept = at.tobytes() if at.size <= SHORT_ROW else b"", self._looked_up
-        rows = kept.get(key) if key else None
-        if rows is None:
-            rows = tuple(self.over_schedule(spec.name, at) for spec in CIRCUIT)
-            if key:
-                for values in rows:
-                    values.flags.writeable = False
-                if len(kept) >= MOST_ROWS:
-                    kept.clear()
-                kept[key] = rows
+        if key in kept:
+            return kept[key]
+        rows = tuple(self.over_schedule(spec.name, at) for spec in CIRCUIT)
+        if key:
+            for values in rows:
+                values.flags.writeable = False
+            if len(kept) >= MOST_ROWS:
+                kept.clear()
+            kept[key] = rows
         return rows
 
     @cached_property
