@@ -186,10 +186,7 @@ class ControllerTable(Table):
         if self.gains is not None:
             gains = self.gains
             return Gains(
-                K_p=gains.K_p_N_per_m,
-                K_i=gains.K_i_N_per_m_s,
-                K_d=gains.K_d_N_s_per_m,
-                K_dd=gains.K_dd_N_s2_per_m,
+                gains.K_p_N_per_m, gains.K_i_N_per_m_s, gains.K_d_N_s_per_m, gains.K_dd_N_s2_per_m
             )
         rule = self.design
         if rule is None:
@@ -214,10 +211,10 @@ class ControllerTable(Table):
 
     def converter_of_currents(self) -> ReferenceConverter:
         """Return the converter of the references; where none is named, one over their limits."""
-        if self.converter is None:
-            limits = self.limits
-            return ReferenceConverter(limits.current_low_A, limits.current_high_A, CONVERTER_BITS)
-        return ReferenceConverter(self.converter.low_A, self.converter.high_A, self.converter.bits)
+        if (own := self.converter) is not None:
+            return ReferenceConverter(own.low_A, own.high_A, own.bits)
+        limits = self.limits
+        return ReferenceConverter(limits.current_low_A, limits.current_high_A, CONVERTER_BITS)
 
     def force_max(self, pair: PairTable | None) -> float:
         """Return the largest force of one magnet, N."""
@@ -291,8 +288,7 @@ def read_controller(path: PathLike) -> ControllerFile:
     """Read a controller file."""
     file = Path(path)
     settings = read_toml(file, ControllerTable, [CONTROLLER])
-    faults = _own_faults(settings)
-    if faults:
+    if faults := _own_faults(settings):
         raise faults_error(file, faults)
     return ControllerFile(file, settings)
 
@@ -383,9 +379,8 @@ HEADS = {
 
 def write_controller(path: PathLike, settings: ControllerTable, note: str) -> None:
     """Write a controller file, whole or not at all, for a person to read and edit."""
-    text = controller_text(settings, note)
     with atomic_writer(path) as stream:
-        stream.write(text)
+        stream.write(controller_text(settings, note))
 
 
 def controller_text(settings: ControllerTable, note: str) -> str:

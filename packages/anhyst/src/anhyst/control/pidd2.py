@@ -28,11 +28,8 @@ class FullScales:
         for field in fields(self):
             value = getattr(self, field.name)
             if not (math.isfinite(value) and value > 0.0):
-                raise InputError(
-                    f"full scale of {field.name}: {value} is not above zero",
-                    code="not-above-zero",
-                    key=field.name,
-                )
+                text = f"full scale of {field.name}: {value} is not above zero"
+                raise InputError(text, code="not-above-zero", key=field.name)
 
 
 @dataclass(frozen=True)
@@ -200,11 +197,8 @@ def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 
     >>> f"{gains.K_p:.4g} N/m, {gains.K_i:.4g} N/(m s), {gains.K_d:.4g} N s/m"
     '3.411e+06 N/m, 8.573e+08 N/(m s), 4524 N s/m'
     """
-    for name, value, unit in (
-        ("mass", mass, " kg"),
-        ("bandwidth", bandwidth, " Hz"),
-        ("damping", damping, ""),
-    ):
+    given = {"mass": (mass, " kg"), "bandwidth": (bandwidth, " Hz"), "damping": (damping, "")}
+    for name, (value, unit) in given.items():
         if not (math.isfinite(value) and value > 0.0):
             raise wrong_key(name, f"{value}{unit} is not above zero", code="not-above-zero")
     if not (math.isfinite(virtual_mass) and mass + virtual_mass > 0.0):
@@ -224,34 +218,18 @@ def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 
     )
 
 
-@dataclass(frozen=True)
-class Biquad:
-    """``(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)``."""
+def notch(frequency: float, damping: float, width: float, dt: float) -> FloatArray:
+    """Return what takes a resonance (Hz, damping ratio) out and puts one of another damping in.
 
-    forward: tuple[float, float, float]  # b0, b1, b2
-    back: tuple[float, float]  # a1, a2
-
-    @property
-    def coefficients(self) -> FloatArray:
-        """The members of ``anhyst_biquad_f64`` in their order, shape (5,)."""
-        return np.array([*self.forward, *self.back])
-
-
-def notch(frequency: float, damping: float, width: float, dt: float) -> Biquad:
-    """Return what takes a resonance (Hz, damping ratio) out and puts one of another damping in."""
+    These are b0, b1, b2, a1 and a2 of ``(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)``, the members of
+    ``anhyst_biquad_f64``.
+    """
     w = math.tan(math.pi * frequency * dt)
-    scale = 1.0 + 2.0 * width * w + w * w
-    b0, b1, b2 = (
-        part / scale
-        for part in (
-            1.0 + 2.0 * damping * w + w * w,
-            2.0 * (w * w - 1.0),
-            1.0 - 2.0 * damping * w + w * w,
-        )
-    )
-    return Biquad((b0, b1, b2), (b1, (1.0 - 2.0 * width * w + w * w) / scale))
+    middle, own, put_in = 2.0 * (w * w - 1.0), 2.0 * damping * w, 2.0 * width * w
+    parts = [1.0 + own + w * w, middle, 1.0 - own + w * w, middle, 1.0 - put_in + w * w]
+    return np.array(parts) / (1.0 + put_in + w * w)
 
 
-def integrator(gain: float) -> Biquad:
-    """Return the sum of all inputs times a gain."""
-    return Biquad((gain, 0.0, 0.0), (-1.0, 0.0))
+def integrator(gain: float) -> FloatArray:
+    """Return the sum of all inputs times a gain, as :func:`notch`."""
+    return np.array([gain, 0.0, 0.0, -1.0, 0.0])

@@ -174,34 +174,33 @@ class PositionControl:
 
     def settings(self, number_format: NumberFormat) -> Settings:
         """Return everything else as the core takes it."""
-        common = self._levitation() | {"measured": self.measured}
+        common = self._levitation() | {
+            "measured": self.measured,
+            "gap_middle": self.gap_middle,
+            "position_full": self.position_full,
+            "demand_full": self.scales.demand,
+        }
         return common | (self._fixed() if number_format == "fixed" else self._real())
 
     def _levitation(self) -> dict[str, int]:
         """Return what is integer in every format: positions and demands as q31."""
         tick, limits, levitation = self.pidd2.tick, self.limits, self.levitation
 
-        def distance(name: str, metres: float) -> int:
-            return _rate(name, metres / self.position_full)
-
-        def force(name: str, newtons: float) -> int:
-            return _rate(name, newtons / self.scales.demand)
-
-        middle = self.gap_middle
+        middle, full, most = self.gap_middle, self.position_full, self.scales.demand
         return {
-            "position_low": q31((middle - limits.gap_high) / self.position_full),
-            "position_high": q31((middle - limits.gap_low) / self.position_full),
-            "position_step": distance("step", limits.step),
+            "position_low": q31((middle - limits.gap_high) / full),
+            "position_high": q31((middle - limits.gap_low) / full),
+            "position_step": _rate("step", limits.step / full),
             "max_missing_samples": limits.max_missing_samples,
             "hold": limits.hold,
             "selftest": limits.selftest,
-            "detect": distance("detect", levitation.detect),
-            "rise": distance("rise_speed", levitation.rise_speed * tick),
-            "descend": distance("descend_speed", levitation.descend_speed * tick),
-            "lift": force("lift_rate", levitation.lift_rate * tick),
-            "set_down": force("set_down_rate", levitation.set_down_rate * tick),
-            "most": force("high", self.pidd2.high),
-            "press": q31(self.press / self.scales.demand),
+            "detect": _rate("detect", levitation.detect / full),
+            "rise": _rate("rise_speed", levitation.rise_speed * tick / full),
+            "descend": _rate("descend_speed", levitation.descend_speed * tick / full),
+            "lift": _rate("lift_rate", levitation.lift_rate * tick / most),
+            "set_down": _rate("set_down_rate", levitation.set_down_rate * tick / most),
+            "most": _rate("high", self.pidd2.high / most),
+            "press": q31(self.press / most),
         }
 
     def _gap_lines(self) -> list[tuple[float, float]]:
@@ -215,9 +214,6 @@ class PositionControl:
         low, steps = self.converter.within(self.limits.current_low, self.limits.current_high)
         step = self.converter.step
         numbers = {
-            "gap_middle": self.gap_middle,
-            "position_full": self.position_full,
-            "demand_full": self.scales.demand,
             "current_low": low,
             "current_high": low + steps * step,
             "current_step": step,
@@ -244,10 +240,7 @@ class PositionControl:
         first = round(low / current * _Q31)
         release = self.limits.release * self.pidd2.tick
         numbers: dict[str, float] = {
-            "gap_middle": self.gap_middle,
-            "position_full": self.position_full,
             "current_full": current,
-            "demand_full": scales.demand,
             "load_full": self.load_full_scale,
             "flux_full": self.flux_full_scale,
             "current_low": first,
