@@ -144,8 +144,7 @@ def _duration(seconds: float) -> str:
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
     """Show how far long work is: a bar on a terminal, a line a minute where there is none."""
-    shown = _bar if sys.stderr.isatty() else _lines
-    with shown(title) as update:
+    with (_bar if sys.stderr.isatty() else _lines)(title) as update:
         yield update
 
 
