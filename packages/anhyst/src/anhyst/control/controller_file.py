@@ -190,11 +190,8 @@ class ControllerTable(Table):
             )
         rule = self.design
         if rule is None:
-            raise InputError(
-                "neither [design] nor [gains] is there; add one of the two tables",
-                code="missing",
-                key="design",
-            )
+            text = "neither [design] nor [gains] is there; add one of the two tables"
+            raise InputError(text, code="missing", key="design")
         return design(rule.mass_kg, rule.bandwidth_Hz, rule.damping, rule.virtual_mass_kg)
 
     def pidd2(self) -> Pidd2:

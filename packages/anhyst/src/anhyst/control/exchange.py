@@ -92,11 +92,8 @@ def control_library() -> Any:
     try:
         import control
     except ImportError as error:
-        raise InputError(
-            "python-control is not installed: pip install 'anhyst[control]'",
-            code="not-installed",
-            key="control",
-        ) from error
+        text = "python-control is not installed: pip install 'anhyst[control]'"
+        raise InputError(text, code="not-installed", key="control") from error
     return control
 
 
@@ -200,11 +197,8 @@ def _weight(transfer: TransferFunction, p: float, k: float) -> float:
     order = 1 if k == 0.0 else 2
     integrates = len(below) == 2 and below[0] == 0.0
     if len(below) != order or len(above) > order or (order == 2 and not integrates):
-        raise wrong_key(
-            "reference",
-            "must pass proportionally and through the integral only",
-            code="not-a-pidd2",
-        )
+        text = "must pass proportionally and through the integral only"
+        raise wrong_key("reference", text, code="not-a-pidd2")
     above = above / below[-1]
     if order == 2 and not math.isclose(above[0], k, rel_tol=1e-6):
         raise wrong_key(

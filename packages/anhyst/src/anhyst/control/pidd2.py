@@ -94,11 +94,8 @@ class Pidd2:
         if not 0.0 <= self.weight <= 1.0:
             raise wrong_key("weight", f"{self.weight} is not within 0..1", code="out-of-range")
         if self.K_p * self.K_i < 0.0:
-            raise wrong_key(
-                "K_i",
-                "must have the sign of K_p, or the loop drives itself away",
-                code="gain-signs-differ",
-            )
+            text = "must have the sign of K_p, or the loop drives itself away"
+            raise wrong_key("K_i", text, code="gain-signs-differ")
         if not self.low <= self.high:
             raise wrong_key(
                 "low", f"{self.low} N is above high, {self.high} N", code="range-reversed"
@@ -172,11 +169,8 @@ def _limit(name: str, value: float, scales: FullScales) -> int:
     """Return a limit of the output as a q31."""
     part = value / scales.output
     if math.isfinite(value) and abs(part) > 1.0:
-        raise wrong_key(
-            name,
-            f"{value} N is beyond the full scale of {scales.output} N",
-            code="beyond-full-scale",
-        )
+        text = f"{value} N is beyond the full scale of {scales.output} N"
+        raise wrong_key(name, text, code="beyond-full-scale")
     return int(max(-_Q31, min(_Q31 - 1.0, round(part * _Q31) if math.isfinite(part) else part * 2)))
 
 

@@ -48,21 +48,15 @@ class PositionLimits:
         _above_zero(self, "step", "release", "selftest")
         for name in ("max_missing_samples", "hold", "selftest"):
             if not 0 <= getattr(self, name) <= 65535:
-                raise wrong_key(
-                    name,
-                    f"{getattr(self, name)} ticks are not within 0..65535",
-                    code="out-of-range",
-                )
+                text = f"{getattr(self, name)} ticks are not within 0..65535"
+                raise wrong_key(name, text, code="out-of-range")
         if not 0.0 <= self.gap_low < self.gap_high:
             raise wrong_key(
                 "gap_low", "must be below gap_high, and not below zero", code="range-reversed"
             )
         if not self.current_low <= 0.0 < self.current_high:
-            raise wrong_key(
-                "current_low",
-                "zero must lie within the limits of the current",
-                code="zero-outside-range",
-            )
+            text = "zero must lie within the limits of the current"
+            raise wrong_key("current_low", text, code="zero-outside-range")
 
 
 @dataclass(frozen=True)
@@ -89,11 +83,8 @@ class ReferenceConverter:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
-            raise InputError(
-                "the lower end of a converter must be below its upper end",
-                code="range-reversed",
-                key="low",
-            )
+            text = "the lower end of a converter must be below its upper end"
+            raise InputError(text, code="range-reversed", key="low")
         if not 1 <= self.bits <= 20:
             raise wrong_key(
                 "bits", f"{self.bits} of a converter are not within 1..20", code="out-of-range"
@@ -109,11 +100,8 @@ class ReferenceConverter:
         first = math.ceil((max(low, self.low) - self.low) / self.step - 1e-6)
         last = math.floor((min(high, self.high) - self.low) / self.step + 1e-6)
         if last <= first:
-            raise wrong_key(
-                "current_high",
-                "the limits hold no step of the converter; widen them",
-                code="range-too-narrow",
-            )
+            text = "the limits hold no step of the converter; widen them"
+            raise wrong_key("current_high", text, code="range-too-narrow")
         return self.low + first * self.step, last - first
 
 
@@ -135,17 +123,11 @@ class PositionControl:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.bias <= self.scales.demand:
-            raise wrong_key(
-                "bias",
-                f"{self.bias} N is not within 0..{self.scales.demand} N",
-                code="out-of-range",
-            )
+            text = f"{self.bias} N is not within 0..{self.scales.demand} N"
+            raise wrong_key("bias", text, code="out-of-range")
         if not 0.0 < self.pidd2.high < math.inf:
-            raise wrong_key(
-                "high",
-                "the largest force must be above zero to lift anything",
-                code="not-above-zero",
-            )
+            text = "the largest force must be above zero to lift anything"
+            raise wrong_key("high", text, code="not-above-zero")
 
     @property
     def press(self) -> float:
@@ -229,11 +211,8 @@ class PositionControl:
         low, steps = self.converter.within(self.limits.current_low, self.limits.current_high)
         codes = round(step / scales.current * _Q31)
         if codes < _COARSEST_STEP:
-            raise wrong_key(
-                "bits",
-                "the converter is too fine for a full scale of 31 bits",
-                code="converter-too-fine",
-            )
+            text = "the converter is too fine for a full scale of 31 bits"
+            raise wrong_key("bits", text, code="converter-too-fine")
         # A step of the converter is a whole number of codes: the full scale gives way, by less than
         # 0.1 % and with 16 bits by 2e-5.
         current = step / codes * _Q31
@@ -253,11 +232,8 @@ class PositionControl:
             factor = 0.5 * direction * self.position_full / scales.gap_span
             mantissa, shift = as_factor("range of the compensator's gaps", factor)
             if shift > 0:
-                raise wrong_key(
-                    "gap_high",
-                    "the compensator covers too little of the gaps that can be; narrow them",
-                    code="range-too-narrow",
-                )
+                text = "the compensator covers too little of the gaps that can be; narrow them"
+                raise wrong_key("gap_high", text, code="range-too-narrow")
             numbers |= {
                 f"gap_offset_{i}": q31(scales.gap_share(offset)),
                 f"gap_mantissa_{i}": mantissa,

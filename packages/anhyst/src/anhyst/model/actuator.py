@@ -215,11 +215,8 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
     """Read the measurements of a model again, exactly as for its identification."""
     sources = model.provenance.sources
     if not sources:
-        raise InputError(
-            "the model does not say which measurements it came from: [provenance]",
-            code="no-provenance",
-            key="provenance",
-        )
+        text = "the model does not say which measurements it came from: [provenance]"
+        raise InputError(text, code="no-provenance", key="provenance")
     kept = {
         name.removeprefix(PREFIX): str(value)
         for name, value in model.provenance.settings.items()

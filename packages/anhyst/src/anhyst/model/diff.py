@@ -151,11 +151,8 @@ def _settings(model: Model) -> dict[str, Value]:
 
 def _common(ranges: list[Range], name: str) -> Range:
     if not ranges:
-        raise InputError(
-            f"neither model has a valid range of the {name}: no loops compared",
-            code="no-valid-range",
-            key="valid",
-        )
+        text = f"neither model has a valid range of the {name}: no loops compared"
+        raise InputError(text, code="no-valid-range", key="valid")
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if not low < high:
         raise InputError(

@@ -141,11 +141,8 @@ class Layers:
             ("laminated", not 0.0 <= self.laminated < 1.0, "from 0 to below 1"),
         ):
             if wrong:
-                raise InputError(
-                    f"model layers: {key} is {getattr(self, key):g}; give a number {wanted}",
-                    code="out-of-range",
-                    key=key,
-                )
+                text = f"model layers: {key} is {getattr(self, key):g}; give a number {wanted}"
+                raise InputError(text, code="out-of-range", key=key)
 
     @property
     def memories(self) -> int:

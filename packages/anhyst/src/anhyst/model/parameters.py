@@ -169,11 +169,8 @@ class Curve:
                 self.name, "a node or value is not finite; give plain numbers", code="not-finite"
             )
         if (np.diff(self.nodes) <= 0.0).any():
-            raise wrong_key(
-                self.name,
-                "the nodes do not ascend; sort them and drop repeats",
-                code="not-ascending",
-            )
+            text = "the nodes do not ascend; sort them and drop repeats"
+            raise wrong_key(self.name, text, code="not-ascending")
         if self.coordinate != "plain" and (self.values <= 0.0).any():
             raise wrong_key(self.name, "must be positive at every node", code="not-above-zero")
 

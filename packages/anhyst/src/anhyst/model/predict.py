@@ -233,11 +233,8 @@ def _flux_at_rest(model: ActuatorRecord, schedule: FloatArray | None, past: Hist
 def _clock(time: ArrayLike | None, size: int, why: str) -> FloatArray:
     """Return the times of samples, s; `why` says what of a model needs them."""
     if time is None:
-        raise InputError(
-            f"the model has {why}: give the time, in a file as column t_s",
-            code="time-missing",
-            key="t_s",
-        )
+        text = f"the model has {why}: give the time, in a file as column t_s"
+        raise InputError(text, code="time-missing", key="t_s")
     clock = as_samples(time, "time", size)
     if (np.diff(clock) <= 0.0).any():
         sample = int(np.argmax(np.diff(clock) <= 0.0)) + 1
@@ -331,18 +328,12 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
             name, f"has shape {array.shape}; give one row of samples", code="wrong-shape"
         )
     if size is not None and array.size != size:
-        raise wrong_key(
-            name,
-            f"has {count_of(array.size, 'sample')} for {size}; give one for each",
-            code="length-differs",
-        )
+        text = f"has {count_of(array.size, 'sample')} for {size}; give one for each"
+        raise wrong_key(name, text, code="length-differs")
     finite = np.isfinite(array)
     if not finite.all():
-        raise wrong_key(
-            name,
-            f"sample {int(np.argmin(finite))} is not a finite number; mend it",
-            code="not-finite",
-        )
+        text = f"sample {int(np.argmin(finite))} is not a finite number; mend it"
+        raise wrong_key(name, text, code="not-finite")
     return array
 
 

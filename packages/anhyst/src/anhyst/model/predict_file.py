@@ -296,11 +296,8 @@ def _completed(
         flag = "valid_model"
     if name in columns or flag in columns:
         taken = name if name in columns else flag
-        raise InputError(
-            f"{table.path}: has a column '{taken}' already; rename it in the file",
-            code="exists-already",
-            key=taken,
-        )
+        text = f"{table.path}: has a column '{taken}' already; rename it in the file"
+        raise InputError(text, code="exists-already", key=taken)
     return name, columns | {name: answer, flag: valid}
 
 

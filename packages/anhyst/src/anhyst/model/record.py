@@ -149,11 +149,8 @@ class ActuatorRecord:
             ) from error
         problems = find_problems(law, parameters, nodes, self.gap_map)
         if problems:
-            raise InputError(
-                f"model parameter {problems[0].key}: {problems[0].text}",
-                code=problems[0].code,
-                key=problems[0].key,
-            )
+            text = f"model parameter {problems[0].key}: {problems[0].text}"
+            raise InputError(text, code=problems[0].code, key=problems[0].key)
         if nodes and self.schedule is None:
             raise wrong_key(
                 "model", "there are nodes but no scheduling variable; name it", code="no-schedule"
@@ -229,11 +226,8 @@ class ActuatorRecord:
     def valid_range(self) -> ValidRange:
         """Where it holds, which what is asked for needs to know."""
         if self.valid is None:
-            raise InputError(
-                "the model does not say where it holds ([valid]); identify it from loops",
-                code="no-valid-range",
-                key="valid",
-            )
+            text = "the model does not say where it holds ([valid]); identify it from loops"
+            raise InputError(text, code="no-valid-range", key="valid")
         return self.valid
 
     @property

@@ -83,11 +83,8 @@ class Stepper:
         slow = self._slow
         if self._output is not None:
             if dt is None:
-                raise wrong_key(
-                    "dt",
-                    "the model creeps ([dynamics]); give the time of the step",
-                    code="time-missing",
-                )
+                text = "the model creeps ([dynamics]); give the time of the step"
+                raise wrong_key("dt", text, code="time-missing")
             slow = self._late.follow(self._flux, slow, dt)
         return float(np.array(self._late.shares) @ slow), slow
 
@@ -193,11 +190,8 @@ class Stepper:
         if self._around is not None and self._around[:3] == (at, dt, begun):
             return self._around[3]  # at a gap that rests, step after step
         if dt is None and begun and np.any(self.model.over_schedule("gamma", [at]) > 0.0):
-            raise wrong_key(
-                "dt",
-                "the model has eddy currents (gamma); give the time of the step",
-                code="time-missing",
-            )
+            text = "the model has eddy currents (gamma); give the time of the step"
+            raise wrong_key("dt", text, code="time-missing")
         rate = 0.0 if dt is None else 1.0 / dt
         circuit = self.model.circuit(np.array([at]), np.array([rate]))
         self._around = at, dt, begun, circuit

@@ -99,11 +99,8 @@ def write_model(model: ActuatorRecord, path: PathLike) -> None:
             read_as(draft, ActuatorRecord)
         except InputError as error:
             reason = str(error).replace(str(draft), str(path))
-            raise InputError(
-                f"{reason}; no file could be read with that, so none is written",
-                code=error.code,
-                key=error.key,
-            ) from error
+            text = f"{reason}; no file could be read with that, so none is written"
+            raise InputError(text, code=error.code, key=error.key) from error
 
     with atomic_writer(path, check) as stream:
         stream.write(text)

@@ -99,11 +99,8 @@ def read_bundle(folder: Path) -> Bundle:
     io = _text(manifest_path, manifest, "io")
     if io not in FORMATS:
         known = " and ".join(FORMATS)
-        raise InputError(
-            f"{manifest_path}: key 'io': {io} cannot be verified; only {known} can",
-            code="not-verifiable",
-            key="io",
-        )
+        text = f"{manifest_path}: key 'io': {io} cannot be verified; only {known} can"
+        raise InputError(text, code="not-verifiable", key="io")
     rate = manifest.get("rate_Hz")
     return Bundle(
         folder,

@@ -318,25 +318,16 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
             raise InputError(f"--on: {name}: {why}", code="not-installed", key="--on")
         if name not in known:
             more = "; cortex-m3-qemu is in the package anhyst-rigs" * (name == _FIRMWARE)
-            raise wrong_key(
-                "--on",
-                f"unknown target {name}; known are {', '.join(known)}{more}",
-                code="unknown-target",
-            )
+            text = f"unknown target {name}; known are {', '.join(known)}{more}"
+            raise wrong_key("--on", text, code="unknown-target")
         if bundle.stage and name not in FLOATING:
-            raise wrong_key(
-                "--on",
-                f"{name} is not for the controller of a stage; give {', '.join(FLOATING)}",
-                code="target-not-for-this",
-            )
+            text = f"{name} is not for the controller of a stage; give {', '.join(FLOATING)}"
+            raise wrong_key("--on", text, code="target-not-for-this")
         if bundle.io == "f32" and name not in FLOATING:
             raise wrong_key(
                 "--on", f"{name} is not for f32; {NUMBERS_NEED}", code="target-not-for-this"
             )
         if bundle.kind == PLAY and name in WHOLE_TARGETS:
-            raise wrong_key(
-                "--on",
-                f"{name} is built around a compensator, not a map with one play",
-                code="target-not-for-this",
-            )
+            text = f"{name} is built around a compensator, not a map with one play"
+            raise wrong_key("--on", text, code="target-not-for-this")
     return targets
