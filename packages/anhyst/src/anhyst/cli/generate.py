@@ -27,13 +27,13 @@ from anhyst.cli.shared import (
     Part,
     Verbose,
     of_its_kind,
-    print_json,
     progress_bar,
     show,
     show_with,
     warn,
 )
 from anhyst.support import verbs
+from anhyst.support.atomic import json_text
 from anhyst.support.errors import InputError, Interrupted
 
 Given = Mapping[str, Any]
@@ -242,7 +242,7 @@ def _run(verb: Verb, options: dict[str, Any]) -> None:
     if as_json:
         for text in warnings:
             warn(text)
-        print_json(verb.told("as_json", _as_json)(result, given))
+        print(json_text(verb.told("as_json", _as_json)(result, given)), end="")
     else:
         show_with(warnings, *verb.told("show", _show)(result, given))
     verb.told("refuse", _nothing)(result, given)

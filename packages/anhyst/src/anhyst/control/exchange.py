@@ -73,7 +73,11 @@ def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -
             "give one from the error, or one with " + ", ".join(INPUTS),
             code="signals-wrong",
         )
-    cutoff, cutoff_2 = (_cutoff(share, rate) for share in shares)
+    # of a low-pass that passes this share of a step in one tick, Hz
+    cutoff, cutoff_2 = (
+        -math.log1p(-share) * rate / (2.0 * math.pi) if share < 1.0 - _ROUNDING else math.inf
+        for share in shares
+    )
     return Pidd2(
         rate=rate,
         K_p=p,
@@ -217,8 +221,3 @@ def _constant(numerator: FloatArray, denominator: FloatArray) -> float:
     if len(above) != 1 or len(below) != 1:
         raise wrong_key("load", "must be fed forward by one number", code="not-a-pidd2")
     return float(above[0] / below[0])
-
-
-def _cutoff(share: float, rate: float) -> float:
-    """Return the cut-off of a low-pass that passes this share of a step in one tick, Hz."""
-    return math.inf if share >= 1.0 - _ROUNDING else -math.log1p(-share) * rate / (2.0 * math.pi)

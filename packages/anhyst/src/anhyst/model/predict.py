@@ -162,7 +162,11 @@ def _run_at_once(
         )
     if model.dynamics is not None and time is not None:
         notes += too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
-    if past.kind == "settled" and any(_is_open(inputs[run]) for run in runs):
+    cycles = [inputs[run] for run in runs] if past.kind == "settled" else []
+    if any(
+        each.size > 2 and abs(each[-1] - each[0]) > 2.0 * np.abs(np.diff(each)).max()
+        for each in cycles
+    ):
         notes.append(
             f"the {kind} does not end where it starts; 'settled' repeats it with a straight return"
         )
@@ -376,10 +380,3 @@ def _runs(model: ActuatorRecord, schedule: FloatArray | None, size: int) -> Iter
         )
     for start, stop in pairwise(edges):
         yield slice(int(start), int(stop))
-
-
-def _is_open(values: FloatArray) -> bool:
-    """Whether a record ends farther from its start than from sample to sample."""
-    return values.size > 2 and bool(
-        abs(values[-1] - values[0]) > 2.0 * np.abs(np.diff(values)).max()
-    )

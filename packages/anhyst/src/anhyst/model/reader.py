@@ -52,7 +52,13 @@ class _Reader:
 
     def read(self, kind: type[Record]) -> Record:
         content = self.file.content
-        self._check_version(content)
+        check_kind(self.file, [MODEL])
+        if (version := content.get("version")) != VERSION:
+            text = f"is {version!r}, but this anhyst reads version {VERSION}; update anhyst"
+            if version is None:
+                text = f"is missing; a file of this anhyst says version = {VERSION}"
+            self.file.add(("version",), text, code="wrong-version")
+        self._stop_if_wrong()
         drive, answer, schedule = (
             self._quantity(content, key) for key in ("input", "output", "schedule")
         )
@@ -78,19 +84,6 @@ class _Reader:
         self._stop_if_wrong()
         assert table is not None
         return self._build(kind, table, drive, answer, schedule, cells)
-
-    def _check_version(self, content: dict[str, Any]) -> None:
-        check_kind(self.file, [MODEL])
-        if content.get("version") != VERSION:
-            version = content.get("version")
-            self.file.add(
-                ("version",),
-                f"is missing; a file of this anhyst says version = {VERSION}"
-                if version is None
-                else f"is {version!r}, but this anhyst reads version {VERSION}; update anhyst",
-                code="wrong-version",
-            )
-        self._stop_if_wrong()
 
     def _cells(self, content: dict[str, Any]) -> CellWeights | None:
         """Read the table of cells ahead of the rest: it says which parameters are left."""
@@ -145,18 +138,13 @@ class _Reader:
         except ValidationError as error:
             self._collect(error, (key,))
             return None
-        return self._check_unit(key, Quantity(table.quantity, table.symbol, table.unit))
-
-    def _check_unit(self, key: str, quantity: Quantity) -> Quantity:
+        quantity = Quantity(table.quantity, table.symbol, table.unit)
         usual = QUANTITIES.get(quantity.name)
         unit = find_unit(quantity.unit)
         symbol = usual.unit if usual else unit.si if unit else None
         if symbol is None:
-            self.file.add(
-                (key, "unit"),
-                f"unknown unit {quantity.unit!r}; write an SI unit",
-                code="unknown-unit",
-            )
+            text = f"unknown unit {quantity.unit!r}; write an SI unit"
+            self.file.add((key, "unit"), text, code="unknown-unit")
         elif quantity.unit != symbol:
             text = f"is {quantity.unit!r}; model files are in SI, write {symbol!r}"
             self.file.add((key, "unit"), text, code="unit-not-si")
@@ -220,17 +208,11 @@ class _Reader:
             self.file.add(self._file_path(place), problem.text, code=problem.code)
         for key, pair in content.get("valid", {}).items():
             if pair[0] > pair[1]:
-                self.file.add(
-                    self._file_path(("valid", key)),
-                    "the first must not exceed the second",
-                    code="range-reversed",
-                )
+                text = "the first must not exceed the second"
+                self.file.add(self._file_path(("valid", key)), text, code="range-reversed")
         if "schedule" in content.get("valid", {}) and "schedule" not in content:
-            self.file.add(
-                ("valid",),
-                "has a range of a scheduling variable that there is not",
-                code="no-schedule",
-            )
+            text = "has a range of a scheduling variable that there is not"
+            self.file.add(("valid",), text, code="no-schedule")
         if (unsure := content.get("uncertainty")) is not None:
             self._check_lengths(unsure)
 
@@ -243,11 +225,8 @@ class _Reader:
             ("correlation", [len(matrix), *map(len, matrix)] if matrix else [count]),
         ):
             if set(sizes) != {count}:
-                self.file.add(
-                    ("uncertainty", key),
-                    f"must hold one entry for each of {count} names",
-                    code="length-differs",
-                )
+                text = f"must hold one entry for each of {count} names"
+                self.file.add(("uncertainty", key), text, code="length-differs")
 
     def _build(
         self,

@@ -134,8 +134,15 @@ def model_text(model: ActuatorRecord) -> str:
     if model.reduction:
         sections.append("\n# Reduction: in each round the parameter whose freezing cost least.\n")
     sections += ["\n[[reduction]]\n" + _record(step) for step in model.reduction]
-    if model.provenance != Provenance():
-        sections.append(_provenance(model.provenance))
+    if (origin := model.provenance) != Provenance():
+        table: dict[str, object] = {"version": origin.version, "seed": origin.seed}
+        sections.append("\n# Where the model came from.\n[provenance]\n" + _keys(table))
+        if origin.settings:
+            sections.append("\n[provenance.settings]\n" + _keys(origin.settings))
+        for source in origin.sources:
+            table = {"path": source.path, "sha256": source.sha256}
+            table["columns"] = dict(source.columns) or None
+            sections.append("\n[[provenance.source]]\n" + _keys(table))
     return "".join(sections)
 
 
@@ -269,18 +276,3 @@ def _uncertainty(unsure: Uncertainty) -> str:
 def _rows(rows: Iterable[Sequence[float] | str]) -> str:
     inside = "".join(f"    {toml_value(row)},\n" for row in rows)
     return f"[\n{inside}]"
-
-
-def _provenance(origin: Provenance) -> str:
-    table: dict[str, object] = {"version": origin.version, "seed": origin.seed}
-    text = "\n# Where the model came from.\n[provenance]\n" + _keys(table)
-    if origin.settings:
-        text += "\n[provenance.settings]\n" + _keys(origin.settings)
-    for source in origin.sources:
-        table = {
-            "path": source.path,
-            "sha256": source.sha256,
-            "columns": dict(source.columns) or None,
-        }
-        text += "\n[[provenance.source]]\n" + _keys(table)
-    return text

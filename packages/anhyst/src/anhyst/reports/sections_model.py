@@ -27,7 +27,6 @@ from anhyst.support.page import (
     Cell,
     Items,
     Note,
-    PageTable,
     Section,
     Text,
     number,
@@ -81,16 +80,6 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
         f"What runs over the {subject.over}: dots where there were loops, the curve the model "
         "uses between. It cannot overshoot, and goes on as a straight line outside."
     )
-    blocks: tuple[Block, ...] = (
-        Text(GAP_MAPS[model.gap_map]),
-        subject.picture(figure, alt, caption),
-        _node_table(subject),
-    )
-    return Section("parameters-over", f"Parameters over the {subject.over}", blocks)
-
-
-def _node_table(subject: ModelSubject) -> PageTable:
-    model, scale = subject.model, subject.schedule_scale
     head = [scale.head(subject.over)]
     columns = [[scale.number(node, 5, short=True) for node in model.nodes]]
     for name in running(model):
@@ -98,7 +87,12 @@ def _node_table(subject: ModelSubject) -> PageTable:
         scale = scale_of(parameter_unit(model, name), values)
         head.append(Markup(scale.head("{}")).format(symbol(model.keys[name][0])))
         columns.append([scale.number(value, 5) for value in values])
-    return table("At the nodes", head, list(zip(*columns, strict=True)), texts=0)
+    blocks: tuple[Block, ...] = (
+        Text(GAP_MAPS[model.gap_map]),
+        subject.picture(figure, alt, caption),
+        table("At the nodes", head, list(zip(*columns, strict=True)), texts=0),
+    )
+    return Section("parameters-over", f"Parameters over the {subject.over}", blocks)
 
 
 def section_reduction(subject: ModelSubject) -> Section | None:

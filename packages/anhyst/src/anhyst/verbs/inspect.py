@@ -82,7 +82,14 @@ def preview(given: Mapping[str, Any]) -> Iterator[TerminalTable]:
     if given["plot"] is not None:
         check_picture(given["plot"])
     if listed := _channels(given):
-        yield _table_of_channels(listed)
+        from anhyst.cli.printing import TerminalTable
+
+        rows = TerminalTable("channels", ["name", "unit", "samples", "per s", "range", "is"])
+        for one in listed:
+            span = "" if one.low is None else f"{one.low:.4g} to {one.high:.4g}"
+            rate = "" if one.rate is None else f"{one.rate:.6g}"
+            rows.add_row(one.name, one.unit, str(one.samples), rate, span, one.role)
+        yield rows
 
 
 def as_json(result: Inspection, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -102,17 +109,6 @@ def _channels(given: Mapping[str, Any]) -> list[ChannelFigures]:
     if not is_alone or not isinstance(open_table(loops[0]), ChannelTable):
         return []
     return list_channels(loops[0])
-
-
-def _table_of_channels(listed: list[ChannelFigures]) -> TerminalTable:
-    from anhyst.cli.printing import TerminalTable
-
-    rows = TerminalTable("channels", ["name", "unit", "samples", "per s", "range", "is"])
-    for one in listed:
-        span = "" if one.low is None else f"{one.low:.4g} to {one.high:.4g}"
-        rate = "" if one.rate is None else f"{one.rate:.6g}"
-        rows.add_row(one.name, one.unit, str(one.samples), rate, span, one.role)
-    return rows
 
 
 def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[Part]:

@@ -57,11 +57,6 @@ class Bundle:
             shutil.copyfile(self.folder / name, folder / name)
 
     @property
-    def has_controller(self) -> bool:
-        """Whether a whole position controller comes with it."""
-        return self.manifest.get("controller") is not None
-
-    @property
     def stage(self) -> Mapping[str, Any] | None:
         """What the manifest says of a stage; None of a compensator."""
         described = self.manifest.get("stage")

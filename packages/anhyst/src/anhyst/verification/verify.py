@@ -39,8 +39,6 @@ from anhyst.verification.elf import (
     PRICES,
     SOURCE,
     Estimate,
-    Image,
-    ProgramSizes,
     costs_of,
     measure_sizes,
     stack_below,
@@ -101,7 +99,7 @@ def verify(
             texts = "; ".join(lack.text() for lack in missing)
             raise InputError(f"no target can run; missing is {texts}", code="no-target")
         jobs = [(_Job(workshop, vectors, *numbers), offers)]
-        if bundle.has_controller:
+        if bundle.manifest.get("controller") is not None:
             around = Workshop.set_up(bundle, Path(scratch) / "controller", "controller")
             levitation = _Job(around, read_levitation(folder / LEVITATION), *numbers)
             jobs.append((levitation, _offers(around, names)[0]))
@@ -203,7 +201,10 @@ class _Job:
             )
         except NegativeResult as error:
             return TargetResult(*head, 0, 0, failure=str(error))
-        counted, image = bool(variant.unit), variant.image
+        counted, sizes, bundle = bool(variant.unit), None, self.workshop.bundle
+        if variant.image is not None:
+            sources = {Path(path).name for path in (*bundle.c_files, *CONTROL_SOURCES)}
+            sizes = measure_sizes(variant.image, bundle.name, sources, target == "avr")
         return TargetResult(
             *head,
             steps,
@@ -211,7 +212,7 @@ class _Job:
             warnings=variant.warnings,
             unit=variant.unit,
             costs=self._costs(outcome) if counted else (),
-            sizes=self._sizes(image, target) if image else None,
+            sizes=sizes,
             state_bytes=outcome.random.state_bytes,
             control_bytes=outcome.random.control_bytes,
             stack_measured=outcome.stack if counted else None,
@@ -227,11 +228,6 @@ class _Job:
             flown = costs(outcome.played, self.vectors.form)[-1]
             counted = (*counted, replace(flown, part="tick, in flight"))
         return counted
-
-    def _sizes(self, image: Image, target: str) -> ProgramSizes:
-        bundle = self.workshop.bundle
-        sources = {Path(name).name for name in (*bundle.c_files, *CONTROL_SOURCES)}
-        return measure_sizes(image, bundle.name, sources, constants_in_data=target == "avr")
 
 
 def _static_stack(variant: Variant, workshop: Workshop) -> int | None:
