@@ -15,19 +15,10 @@ from anhyst.data.path import History
 from anhyst.laws import LAWS, law_of
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import Law
+from anhyst.model import schema
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.parameters import Parameter, find_problems
 from anhyst.model.record import ActuatorRecord
-from anhyst.model.schema import (
-    VERSION,
-    CellsTable,
-    ModelTable,
-    Names,
-    QuantityTable,
-    meant,
-    model_table,
-    section_names,
-)
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MODEL
@@ -48,15 +39,15 @@ class _Reader:
 
     def __init__(self, file: TomlFile) -> None:
         self.file = file
-        self.names: dict[tuple[str, ...], Names] = {}
+        self.names: dict[tuple[str, ...], schema.Names] = {}
 
     def read(self, kind: type[Record]) -> Record:
         content = self.file.content
         check_kind(self.file, [MODEL])
-        if (version := content.get("version")) != VERSION:
-            text = f"is {version!r}, but this anhyst reads version {VERSION}; update anhyst"
+        if (version := content.get("version")) != schema.VERSION:
+            text = f"is {version!r}, but this anhyst reads version {schema.VERSION}; update anhyst"
             if version is None:
-                text = f"is missing; a file of this anhyst says version = {VERSION}"
+                text = f"is missing; a file of this anhyst says version = {schema.VERSION}"
             self.file.add(("version",), text, code="wrong-version")
         self._stop_if_wrong()
         drive, answer, schedule = (
@@ -67,16 +58,16 @@ class _Reader:
         assert answer is not None
         name = content.get("law")
         law = LAWS.get(name) if isinstance(name, str) else None
-        self.names = section_names(None, drive, answer, schedule)
+        self.names = schema.section_names(None, drive, answer, schedule)
         cells = self._cells(content)
         if law is not None and cells is not None:
             with self._collecting("cells"):
                 law = law_of(law.name, cells)
             self._stop_if_wrong()
-        self.names = section_names(law, drive, answer, schedule)
+        self.names = schema.section_names(law, drive, answer, schedule)
         self._strip_units(content, ())
         try:
-            table = model_table(law).model_validate(content)
+            table = schema.model_table(law).model_validate(content)
         except ValidationError as error:
             self._collect(error)
             table = None
@@ -93,7 +84,7 @@ class _Reader:
         self._strip_units(written, ("cells",))
         self._stop_if_wrong()
         try:
-            table = CellsTable.model_validate(written)
+            table = schema.CellsTable.model_validate(written)
         except ValidationError as error:
             self._collect(error, ("cells",))
             self._stop_if_wrong()
@@ -132,9 +123,9 @@ class _Reader:
             self.file.add((key,), "is missing; add this table", code="missing")
             return None
         if isinstance(written, dict):
-            written = {k: v for k, v in written.items() if k in QuantityTable.model_fields}
+            written = {k: v for k, v in written.items() if k in schema.QuantityTable.model_fields}
         try:
-            table = QuantityTable.model_validate(written)
+            table = schema.QuantityTable.model_validate(written)
         except ValidationError as error:
             self._collect(error, (key,))
             return None
@@ -162,7 +153,7 @@ class _Reader:
         for key in list(table):
             if key in fields:
                 table[fields[key]] = table.pop(key)
-            elif field := meant(key, names):
+            elif field := schema.meant(key, names):
                 text = f"its unit must stand in the key; write {names[field][1]}"
                 self.file.add((*at, key), text, code="unit-missing")
                 table[field] = table.pop(key)
@@ -182,7 +173,7 @@ class _Reader:
             return plain
         return Advice(f"is unknown; did you mean {near[0]}?", code="extra-forbidden")
 
-    def _names_in(self, table: KeyPath) -> Names:
+    def _names_in(self, table: KeyPath) -> schema.Names:
         """Keys that carry units in a table; elements of an array of tables are alike."""
         return self.names.get(tuple(part for part in table if isinstance(part, str)), {})
 
@@ -231,7 +222,7 @@ class _Reader:
     def _build(
         self,
         kind: type[Record],
-        table: ModelTable,
+        table: schema.ModelTable,
         drive: Quantity,
         answer: Quantity,
         schedule: Quantity | None,

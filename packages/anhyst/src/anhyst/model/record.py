@@ -26,6 +26,7 @@ from anhyst.data.path import History
 from anhyst.laws import DEFAULT_LAW, LAWS, law_of
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
+from anhyst.model import schema
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.parameters import (
     CIRCUIT,
@@ -35,15 +36,6 @@ from anhyst.model.parameters import (
     Parameter,
     find_problems,
     specs_of,
-)
-from anhyst.model.schema import (
-    FitFigures,
-    Names,
-    Provenance,
-    ReductionStep,
-    Uncertainty,
-    ValidRange,
-    parameter_names,
 )
 from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
@@ -121,11 +113,11 @@ class ActuatorRecord:
     schedule: Quantity | None = None
     nodes: tuple[float, ...] = ()
     history: History = field(default_factory=lambda: History("demagnetised"))
-    valid: ValidRange | None = None
-    fit: FitFigures | None = None
-    uncertainty: Uncertainty | None = None
-    reduction: tuple[ReductionStep, ...] = ()
-    provenance: Provenance = field(default_factory=Provenance)
+    valid: schema.ValidRange | None = None
+    fit: schema.FitFigures | None = None
+    uncertainty: schema.Uncertainty | None = None
+    reduction: tuple[schema.ReductionStep, ...] = ()
+    provenance: schema.Provenance = field(default_factory=schema.Provenance)
     cells: CellWeights | None = None
     dynamics: Dynamics | None = None
     layers: Layers | None = None
@@ -182,9 +174,9 @@ class ActuatorRecord:
         return self.operator_law.states * (self.layers.memories if self.layers else 1)
 
     @cached_property
-    def keys(self) -> Names:
+    def keys(self) -> schema.Names:
         """Names of the parameters in a file, bare and with their unit."""
-        return parameter_names(self.operator_law, self.input, self.output)
+        return schema.parameter_names(self.operator_law, self.input, self.output)
 
     @property
     def power(self) -> int:
@@ -223,7 +215,7 @@ class ActuatorRecord:
         return bool(np.any(self.parameters["gamma"]))
 
     @property
-    def valid_range(self) -> ValidRange:
+    def valid_range(self) -> schema.ValidRange:
         """Where it holds, which what is asked for needs to know."""
         if self.valid is None:
             text = "the model does not say where it holds ([valid]); identify it from loops"

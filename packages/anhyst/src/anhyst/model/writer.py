@@ -13,21 +13,10 @@ import numpy as np
 
 from anhyst.laws import LAWS
 from anhyst.laws.cells import CellWeights
+from anhyst.model import schema
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
-from anhyst.model.schema import (
-    FORMAT,
-    VERSION,
-    FitFigures,
-    Names,
-    Provenance,
-    Uncertainty,
-    Whole,
-    column,
-    of_output,
-    section_names,
-)
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import FileRecord
@@ -108,12 +97,12 @@ def write_model(model: ActuatorRecord, path: PathLike) -> None:
 
 def model_text(model: ActuatorRecord) -> str:
     """Return the text of the model file."""
-    names = section_names(model.operator_law, model.input, model.output, model.schedule)
+    names = schema.section_names(model.operator_law, model.input, model.output, model.schedule)
     known = " or ".join(f'"{law}"' for law in LAWS)
     text = f"The hysteresis law, {known}. The parameters mean nothing under another one."
     lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
     sections = [
-        HEAD + _keys({"format": FORMAT, "version": VERSION, "name": model.name}),
+        HEAD + _keys({"format": schema.FORMAT, "version": schema.VERSION, "name": model.name}),
         "\n" + "\n".join(lines) + "\n" + _keys({"law": model.law}),
         GAP_MAP + _keys({"gap_map": model.gap_map}),
         HISTORY + _keys({"history": str(model.history)}),
@@ -134,7 +123,7 @@ def model_text(model: ActuatorRecord) -> str:
     if model.reduction:
         sections.append("\n# Reduction: in each round the parameter whose freezing cost least.\n")
     sections += ["\n[[reduction]]\n" + _record(step) for step in model.reduction]
-    if (origin := model.provenance) != Provenance():
+    if (origin := model.provenance) != schema.Provenance():
         table: dict[str, object] = {"version": origin.version, "seed": origin.seed}
         sections.append("\n# Where the model came from.\n[provenance]\n" + _keys(table))
         if origin.settings:
@@ -162,7 +151,7 @@ def _quantity(quantity: Quantity) -> str:
 def _schedule(model: ActuatorRecord) -> str:
     if model.schedule is None:
         return ""
-    nodes = {column("nodes", model.schedule.unit): list(model.nodes)} if model.nodes else {}
+    nodes = {schema.column("nodes", model.schedule.unit): list(model.nodes)} if model.nodes else {}
     return "\n[schedule]\n" + _quantity(model.schedule) + _keys(nodes)
 
 
@@ -180,14 +169,14 @@ def _parameters(model: ActuatorRecord) -> str:
 def _cells(cells: CellWeights) -> str:
     table = {
         "shape": cells.shape,
-        column("thresholds", "A/m"): cells.thresholds.tolist(),
-        column("widths", "A/m"): cells.widths.tolist(),
+        schema.column("thresholds", "A/m"): cells.thresholds.tolist(),
+        schema.column("widths", "A/m"): cells.widths.tolist(),
     }
     text = CELLS
     if cells.centres is not None:
-        table[column("centres", "A/m")] = cells.centres.tolist()
+        table[schema.column("centres", "A/m")] = cells.centres.tolist()
         text += CENTRES
-    weights = f"{column('weights', 'A/m')} = {_rows(cells.weights.tolist())}\n"
+    weights = f"{schema.column('weights', 'A/m')} = {_rows(cells.weights.tolist())}\n"
     return f"{text}[cells]\n{_keys(table)}{weights}"
 
 
@@ -225,8 +214,12 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
             continue
         if field.name == "schedule" and field.name not in names:
             continue
-        written = toml_value(_plain(value, whole=hints[field.name] is Whole))
-        share = field.name in of_output(type(record)) and field.name != "largest_output" and largest
+        written = toml_value(_plain(value, whole=hints[field.name] is schema.Whole))
+        share = (
+            field.name in schema.of_output(type(record))
+            and field.name != "largest_output"
+            and largest
+        )
         text += f"{toml_key(key)} = {written}"
         text += f"  # {100.0 * value / largest:.3g} %\n" if share else "\n"
     return text
@@ -252,7 +245,7 @@ def _plain(value: Any, *, whole: bool = False) -> Any:
     return int(value) if whole else float(value)
 
 
-def _fit(fit: FitFigures, names: Mapping[tuple[str, ...], Names]) -> str:
+def _fit(fit: schema.FitFigures, names: Mapping[tuple[str, ...], schema.Names]) -> str:
     text = f"{FIT}[fit]\n" + _record(fit, names["fit",])
     if fit.cross_validation:
         text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_record(fit.cross_validation)}"
@@ -263,7 +256,7 @@ def _fit(fit: FitFigures, names: Mapping[tuple[str, ...], Names]) -> str:
     return text
 
 
-def _uncertainty(unsure: Uncertainty) -> str:
+def _uncertainty(unsure: schema.Uncertainty) -> str:
     plain = replace(unsure, correlation=(), statements=())
     text = f"{UNCERTAINTY}[uncertainty]\n{_record(plain)}"
     if unsure.correlation:

@@ -88,14 +88,6 @@ def _name(loop: Loop) -> str:
     return f"loop {loop.label}" if loop.label.isdigit() else loop.label
 
 
-def shown(groups: list[Group]) -> list[Group]:
-    """Choose groups, evenly, where there are more than a figure can hold."""
-    if len(groups) <= MOST_PANELS:
-        return groups
-    places = np.unique(np.linspace(0, len(groups) - 1, MOST_PANELS).round().astype(int))
-    return [groups[index] for index in places]
-
-
 @styled
 def figure_loops(loopset: Loops, fitted: Fitted) -> Figure:
     """Draw measured and modelled loops, one panel for each value of the scheduling variable."""
@@ -128,11 +120,10 @@ def figure_differences(
 
     Hysteresis is a few per cent of the output: over the whole range it can hardly be seen.
     """
-    groups = shown(groups_of(loopset))
-    figure, axes = _panels(len(groups), panel_height=(3.6, 2.7, 2.2), share_y=True)
+    figure, axes = _panels(groups_of(loopset), panel_height=(3.6, 2.7, 2.2), share_y=True)
     across = scale_for(loopset.input, [_largest(loop.input) for loop in loopset.loops])
     up = scale_for(loopset.output, [_largest(over) for over in single_valued])
-    for ax, group in zip(axes, groups, strict=True):
+    for ax, group in axes.items():
         ax.axhline(0.0, color="#555555", lw=0.7)
         curve = _curve([(loopset.loops[index], single_valued[index]) for index in group.places])
         for index in group.places:
@@ -141,9 +132,7 @@ def figure_differences(
             _measured(ax, x, up.factor * (loop.output - without))
             if output is not None:
                 ax.plot(x, up.factor * (output - without), color=MODEL, lw=0.9)
-        ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, what="less the curve")
-        _percent_axis(ax, axes, up.factor * largest_output(loopset))
     _measured_and_model(figure)
     return figure
 
@@ -181,10 +170,9 @@ def figure_small_loops(loopset: Loops, fitted: Fitted) -> Figure | None:
 def _loops(
     loopset: Loops, fitted: Fitted, groups: list[Group], *, own_units: bool = False
 ) -> Figure:
-    groups = shown(groups)
-    figure, axes = _panels(len(groups), panel_height=(4.4, 3.1, 2.5))
+    figure, axes = _panels(groups, panel_height=(4.4, 3.1, 2.5))
     everything = _scales(loopset, range(len(loopset)))
-    for ax, group in zip(axes, groups, strict=True):
+    for ax, group in axes.items():
         across, up = _scales(loopset, group.places) if own_units else everything
         loops = [loopset.loops[index] for index in group.places]
         x = across.factor * np.concatenate([loop.input for loop in loops])
@@ -194,7 +182,6 @@ def _loops(
             output = fitted[index]
             if output is not None:
                 ax.plot(across.factor * loop.input, up.factor * output, color=MODEL, lw=0.9)
-        ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, every=own_units)
     _measured_and_model(figure)
     return figure
@@ -203,8 +190,7 @@ def _loops(
 @styled
 def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     """Draw what the model leaves over, one panel for each value of the scheduling variable."""
-    groups = shown(groups_of(loopset))
-    figure, axes = _panels(len(groups), panel_height=(3.4, 2.5, 2.1), share_y=True)
+    figure, axes = _panels(groups_of(loopset), panel_height=(3.4, 2.5, 2.1), share_y=True)
     left_over = [
         None if output is None else output - loop.output
         for loop, output in zip(loopset.loops, fitted, strict=True)
@@ -212,15 +198,13 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     largest = [float(np.max(np.abs(residual))) for residual in left_over if residual is not None]
     across = scale_for(loopset.input, [_largest(loop.input) for loop in loopset.loops])
     up = scale_for(loopset.output, largest)
-    for ax, group in zip(axes, groups, strict=True):
+    for ax, group in axes.items():
         loops = [loopset.loops[index] for index in group.places]
         sigma = np.average([noise(o.output) for o in loops], weights=[o.n for o in loops])
         ax.axhspan(-2.0 * up.factor * sigma, 2.0 * up.factor * sigma, color=FAINT, lw=0.0)
         ax.axhline(0.0, color="#555555", lw=0.7)
         _residuals(ax, loopset, left_over, group, across, up)
-        ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, what="model \N{MINUS SIGN} measured")
-        _percent_axis(ax, axes, up.factor * largest_output(loopset))
     drive = name_of(loopset.input)
     handles = [
         Line2D([], [], label=f"{drive} rising", **_dots(RISING)),
@@ -229,17 +213,6 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=3)
     return figure
-
-
-def _percent_axis(ax: Axes, axes: Sequence[Axes], whole: float) -> None:
-    """Add an axis in percent of the full scale where nothing is on the right."""
-    last = (axes.index(ax) + 1) % columns_of(len(axes)) == 0 or ax is axes[-1]
-    if whole <= 0.0 or not last:
-        return
-    functions = (lambda y: 100.0 * y / whole, lambda y: 0.01 * y * whole)
-    axis = ax.secondary_yaxis("right", functions=functions)
-    axis.set_ylabel("% of full scale")
-    axis.spines["right"].set_visible(True)
 
 
 def rising(loop: Loop) -> NDArray[np.bool_]:
@@ -358,18 +331,23 @@ def figure_correlation(unsure: Uncertainty) -> Figure:
 
 
 def _panels(
-    count: int, *, panel_height: tuple[float, float, float], share_y: bool = False
-) -> tuple[Figure, list[Axes]]:
-    """Start a figure of panels; the height of one depends on whether there are 1, 2, 3 columns."""
-    columns = columns_of(count)
-    rows = -(-count // columns)
-    figure = new_figure(0.4 + rows * panel_height[columns - 1])
-    return figure, panels(figure, count, share_y=share_y)
+    groups: list[Group], *, panel_height: tuple[float, float, float], share_y: bool = False
+) -> tuple[Figure, dict[Axes, Group]]:
+    """Start a figure of panels for groups, or for evenly chosen ones if there are too many.
+
+    The height of a panel depends on whether there are 1, 2 or 3 columns.
+    """
+    if len(groups) > MOST_PANELS:
+        places = np.unique(np.linspace(0, len(groups) - 1, MOST_PANELS).round().astype(int))
+        groups = [groups[index] for index in places]
+    columns = columns_of(len(groups))
+    figure = new_figure(0.4 - (-len(groups) // columns) * panel_height[columns - 1])
+    return figure, dict(zip(panels(figure, len(groups), share_y=share_y), groups, strict=True))
 
 
 def _label(
     ax: Axes,
-    axes: list[Axes],
+    axes: dict[Axes, Group],
     loopset: Loops,
     across: Scale,
     up: Scale,
@@ -377,13 +355,21 @@ def _label(
     what: str = "",
     every: bool = False,
 ) -> None:
-    """Label the outer axes, or every one where units differ."""
-    columns = columns_of(len(axes))
-    index = axes.index(ax)
-    if every or index + columns >= len(axes):
+    """Label the outer axes, or every one where units differ; errors are in percent, too."""
+    columns, index = columns_of(len(axes)), list(axes).index(ax)
+    is_in_last_row = index + columns >= len(axes)
+    ax.set_title(axes[ax].title)
+    if every or is_in_last_row:
         ax.set_xlabel(label(loopset.input, across))
     if every or index % columns == 0:
         ax.set_ylabel(up.head(what) if what else label(loopset.output, up))
+    whole = up.factor * largest_output(loopset)
+    is_at_right = (index + 1) % columns == 0 or index + 1 == len(axes)
+    if what and is_at_right and whole > 0.0:
+        functions = (lambda y: 100.0 * y / whole, lambda y: 0.01 * y * whole)
+        axis = ax.secondary_yaxis("right", functions=functions)
+        axis.set_ylabel("% of full scale")
+        axis.spines["right"].set_visible(True)
 
 
 def _scales(loopset: Loops, places: Sequence[int]) -> tuple[Scale, Scale]:

@@ -13,6 +13,7 @@ from anhyst.data.loops import Loops
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.model.acceptance import check_over_drive
 from anhyst.model.actuator import MODEL_SOURCES, Model, read_model
+from anhyst.reports import sections_model
 from anhyst.reports.figures import (
     figure_loops,
     figure_reduction,
@@ -24,15 +25,6 @@ from anhyst.reports.sections_fit import (
     section_measurement,
     section_rate,
     section_residuals,
-)
-from anhyst.reports.sections_model import (
-    section_between,
-    section_gap_map,
-    section_laws,
-    section_origin,
-    section_parameters,
-    section_parameters_over,
-    section_reduction,
 )
 from anhyst.reports.subject import ModelSubject, acceptance, gather, own_figures
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
@@ -247,14 +239,14 @@ def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
         section_loops(subject),
         section_rate(subject),
         section_residuals(subject),
-        section_parameters_over(subject),
-        section_reduction(subject),
-        section_between(subject),
-        section_laws(subject),
-        section_gap_map(subject),
-        section_parameters(subject),
+        sections_model.section_parameters_over(subject),
+        sections_model.section_reduction(subject),
+        sections_model.section_between(subject),
+        sections_model.section_laws(subject),
+        sections_model.section_gap_map(subject),
+        sections_model.section_parameters(subject),
         section_measurement(subject),
-        section_origin(subject, file_name, file_hash),
+        sections_model.section_origin(subject, file_name, file_hash),
     ]
     return render_page(
         headline(subject),

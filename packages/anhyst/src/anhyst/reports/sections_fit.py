@@ -16,18 +16,7 @@ from anhyst.data.speeds import speeds_of
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA
 from anhyst.model.schema import LoopFit
-from anhyst.reports.figures import (
-    MOST_PANELS,
-    figure_differences,
-    figure_loops,
-    figure_residuals,
-    figure_small_loops,
-    figure_speeds,
-    groups_of,
-    rising,
-    small_loops,
-    speed_text,
-)
+from anhyst.reports import figures
 from anhyst.reports.subject import Evidence, ModelSubject
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.page import (
@@ -61,22 +50,22 @@ def section_loops(subject: ModelSubject) -> Section | None:
         within = f"The lines lie within {worst} of the points."
     blocks: list[Block] = [
         subject.picture(
-            figure_loops(evidence.loops, evidence.fitted),
+            figures.figure_loops(evidence.loops, evidence.fitted),
             f"{subject.answer} over {subject.drive}, {panels}: measured samples as grey points, "
             f"the modelled loops as blue lines. {within}",
             f"Measured samples (points) and model (line), {panels}." + _left_out(evidence),
         ),
         subject.picture(
-            figure_differences(evidence.loops, evidence.fitted, evidence.baseline),
+            figures.figure_differences(evidence.loops, evidence.fitted, evidence.baseline),
             f"The same less the best single-valued curve, {panels}: what remains is hysteresis, "
             "measured as grey points, modelled as blue lines.",
             "The same less the best single-valued curve (one for each panel): hysteresis by "
             "itself. A curve without memory would be the zero line.",
         ),
     ]
-    small = figure_small_loops(evidence.loops, evidence.fitted)
+    small = figures.figure_small_loops(evidence.loops, evidence.fitted)
     if small is not None:
-        shown = len(small_loops(evidence.loops))
+        shown = len(figures.small_loops(evidence.loops))
         blocks.append(
             subject.picture(
                 small,
@@ -112,7 +101,7 @@ def section_rate(subject: ModelSubject) -> Section | None:
     head = ["speed", "loops", scale.head("rms"), "of largest", scale.head("worst"), "of largest"]
     blocks += [
         subject.picture(
-            figure_speeds(evidence.loops, evidence.fitted, speeds),
+            figures.figure_speeds(evidence.loops, evidence.fitted, speeds),
             f"{subject.answer} over {subject.drive}, one panel for each speed: measured samples as "
             "grey points, the modelled loops as blue lines.",
             "Measured samples (points) and model (line) at each speed, the slow loops first.",
@@ -126,7 +115,7 @@ def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop])
     chosen, scale = {id(loop) for loop in group}, subject.deviation
     pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
     off = [fit - loop.output for loop, fit in pairs if fit is not None and id(loop) in chosen]
-    cells = [Cell(speed_text(group)), Cell(str(len(group)))]
+    cells = [Cell(figures.speed_text(group)), Cell(str(len(group)))]
     if not off:
         return [*cells, *[Cell("")] * 4]
     every = np.concatenate(off)
@@ -185,14 +174,18 @@ def rate_corner(model: Model) -> float | None:
 
 
 def _panels(subject: ModelSubject, evidence: Evidence) -> str:
-    if evidence.loops.schedule is None or len(groups_of(evidence.loops)) == 1:
+    if evidence.loops.schedule is None or len(figures.groups_of(evidence.loops)) == 1:
         return "all loops in one panel"
     return f"one panel for each {subject.over}"
 
 
 def _left_out(evidence: Evidence) -> str:
-    groups = len(groups_of(evidence.loops))
-    return f" {MOST_PANELS} of {groups} panels are shown." if groups > MOST_PANELS else ""
+    groups = len(figures.groups_of(evidence.loops))
+    return (
+        f" {figures.MOST_PANELS} of {groups} panels are shown."
+        if groups > figures.MOST_PANELS
+        else ""
+    )
 
 
 def section_residuals(subject: ModelSubject) -> Section | None:
@@ -202,7 +195,7 @@ def section_residuals(subject: ModelSubject) -> Section | None:
     if evidence is not None and any(output is not None for output in evidence.fitted):
         index = _worst_place(subject, evidence)
         noise = subject.deviation.show(evidence.verdict.noise_mean)
-        figure = figure_residuals(evidence.loops, evidence.fitted)
+        figure = figures.figure_residuals(evidence.loops, evidence.fitted)
         panels = _panels(subject, evidence)
         alt = (
             f"Modelled minus measured {subject.answer} over {subject.drive}, {panels}; samples on "
@@ -233,7 +226,7 @@ def _worst_place(subject: ModelSubject, evidence: Evidence) -> str:
         best = max(best, (float(off.max()), index, int(np.argmax(off))))
     size, index, sample = best
     loop = evidence.loops.loops[index]
-    branch = "rising" if rising(loop)[sample] else "falling"
+    branch = "rising" if figures.rising(loop)[sample] else "falling"
     at = loop.schedule_value
     where = "" if at is None or evidence.loops.schedule is None else (
         f", {shown_at(evidence.loops.schedule, at)}"
@@ -247,7 +240,7 @@ def _worst_place(subject: ModelSubject, evidence: Evidence) -> str:
 
 def _by_group(subject: ModelSubject, evidence: Evidence) -> list[Block]:
     """Deviations by scheduling value, with the bias of either branch; nothing for one value."""
-    groups, scale = groups_of(evidence.loops), subject.deviation
+    groups, scale = figures.groups_of(evidence.loops), subject.deviation
     if len(groups) < 2:
         return []
     rows = []
@@ -257,7 +250,7 @@ def _by_group(subject: ModelSubject, evidence: Evidence) -> list[Block]:
             loop, output = evidence.loops.loops[index], evidence.fitted[index]
             if output is not None:
                 over.append(output - loop.output)
-                up.append(rising(loop))
+                up.append(figures.rising(loop))
         if not over:
             continue
         pooled, upwards = np.concatenate(over), np.concatenate(up)

@@ -10,15 +10,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from anhyst.compilation.toolchain import (
-    ACTUATOR_HEADER,
-    PIDD2,
-    SRC,
-    Build,
-    actuator_defines,
-    core_files,
-    read_core,
-)
+from anhyst.compilation import toolchain
 from anhyst.verification.bundle import FORMATS, PLAY, Bundle, GoldenVectors
 from anhyst.verification.elf import Image
 from anhyst.verification.protocol import (
@@ -96,7 +88,8 @@ class Workshop:
             folder_of = sources / FREE_OF_LIBRARIES if source.name == "math.h" else sources
             folder_of.mkdir(exist_ok=True)
             shutil.copyfile(source, folder_of / source.name)
-        texts = core_files(PIDD2) | {ACTUATOR_HEADER: read_core(ACTUATOR_HEADER)}
+        header = toolchain.ACTUATOR_HEADER
+        texts = toolchain.core_files(toolchain.PIDD2) | {header: toolchain.read_core(header)}
         for name, text in texts.items():
             path = sources / name
             if not path.exists():
@@ -104,7 +97,7 @@ class Workshop:
                 path.write_text(text, encoding="utf-8", newline="\n")
         return cls(bundle, folder, subject)
 
-    def build(self, port: str, *flags: str) -> Build:
+    def build(self, port: str, *flags: str) -> toolchain.Build:
         """Return what to compile for a port of the harness, such as ``cortex_m``."""
         target = self.folder / "c"
         ports = [port, "freestanding"] if port == WITHOUT_LIBRARY else [port]
@@ -118,7 +111,7 @@ class Workshop:
             *(f"{name}.c" for name in ports),
             *sorted({*sources, *CONTROL_SOURCES}),
         ]
-        return Build(
+        return toolchain.Build(
             tuple(target / name for name in names),
             (target, target / "include", target / "port", *free),
             self._defines(),
@@ -144,10 +137,10 @@ class Workshop:
                 **({} if self.bundle.io == "f32" else {"STAGE_CODES": "1"}),
             }
         play = {"HARNESS_PLAY": "1"} if self.bundle.kind == PLAY else {}
-        return {"HARNESS_IO": FORMATS[self.bundle.io], **play, **actuator_defines(name)}
+        return {"HARNESS_IO": FORMATS[self.bundle.io], **play, **toolchain.actuator_defines(name)}
 
 
-CONTROL_SOURCES = tuple(f"{SRC}/{name}" for name in PIDD2)
+CONTROL_SOURCES = tuple(f"{toolchain.SRC}/{name}" for name in toolchain.PIDD2)
 
 
 STACK_STEPS = 500

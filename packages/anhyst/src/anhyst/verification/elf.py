@@ -265,20 +265,13 @@ SOURCE = "cortex-m0plus"
 Prefix = NDArray[np.uint32]
 
 
-@dataclass(frozen=True, slots=True)
-class Prices:
-    """Cycles of each class of instruction."""
-
-    simple: int  # addition, logic, shift, comparison, move, of 16 or 32 bits
-    multiply: int  # one 16x16 product
-    memory: int  # A load or store, a word on the stack included
-    branch: int  # A conditional or unconditional branch, taken or not
-    call: int  # A call or a return
-
-
+Prices = Mapping[str, int]
+"""Cycles of each class of instruction: ``simple`` (addition, logic, shift, comparison, move, of 16
+or 32 bits), ``multiply`` (one 16x16 product), ``memory`` (a load or store, a word on the stack
+included), ``branch`` (taken or not), ``call`` (or return)."""
 PRICES: Mapping[str, Prices] = {
-    "at best": Prices(simple=1, multiply=1, memory=1, branch=1, call=1),
-    "cautious": Prices(simple=1, multiply=1, memory=2, branch=5, call=8),
+    "at best": {"simple": 1, "multiply": 1, "memory": 1, "branch": 1, "call": 1},
+    "cautious": {"simple": 1, "multiply": 1, "memory": 2, "branch": 5, "call": 8},
 }
 """``at best``: everything in one cycle, branches as if they cost nothing extra. ``cautious``: every
 memory access is two of 16 bits, every branch is taken and the pipeline refilled."""
@@ -305,15 +298,15 @@ def costs_of(prices: Prices, image: Image, code: bytes) -> Prefix:
 def _price(prices: Prices, instruction: Any) -> int:
     name = str(instruction.mnemonic).split(".")[0]
     if name in {"bl", "blx", "bx"}:
-        return prices.call
+        return prices["call"]
     if name in {"push", "pop", "ldm", "stm", "ldmia", "stmia"}:
         operands = str(instruction.op_str).partition("{")[2]
         registers = operands.count(",") + 1
-        return registers * prices.memory + (prices.call if "pc" in operands else 0)
+        return registers * prices["memory"] + (prices["call"] if "pc" in operands else 0)
     if name.startswith(("ldr", "str")):
-        return prices.memory
+        return prices["memory"]
     if name.startswith("mul"):
-        return prices.multiply
+        return prices["multiply"]
     if name.startswith("b") and name not in {"bic", "bics"}:
-        return prices.branch
-    return prices.simple
+        return prices["branch"]
+    return prices["simple"]

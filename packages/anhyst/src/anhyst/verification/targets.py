@@ -22,19 +22,11 @@ from anhyst.compilation.toolchain import (
 )
 from anhyst.support.errors import InputError, NegativeResult, wrong_key
 from anhyst.support.registry import Registry
+from anhyst.verification import protocol
 from anhyst.verification.bundle import PLAY, PORT_HEADER, Bundle
 from anhyst.verification.compare import HARNESS, Variant, Workshop
 from anhyst.verification.elf import read_image
 from anhyst.verification.emulators import CortexProgram, Msp430Program, build_counter
-from anhyst.verification.protocol import (
-    BOX_BYTES,
-    REQUEST_BYTES,
-    WINDOW_OFFSET,
-    Reply,
-    Request,
-    target_failed,
-    too_slow,
-)
 from anhyst.verification.result import TargetResult
 
 TIME_LIMIT = 1800.0
@@ -47,7 +39,7 @@ class ProcessProgram:
     name: str  # target and build, for messages
     command: tuple[str, ...]  # what to run
 
-    def run(self, requests: Sequence[Request]) -> list[Reply]:
+    def run(self, requests: Sequence[protocol.Request]) -> list[protocol.Reply]:
         """Answer one request after the other, from reset."""
         reason = b"".join(request.pack() + request.pack_rows() for request in requests)
         try:
@@ -55,12 +47,12 @@ class ProcessProgram:
                 self.command, input=reason, capture_output=True, timeout=TIME_LIMIT, check=False
             )
         except subprocess.TimeoutExpired:
-            raise too_slow(self.name, TIME_LIMIT) from None
+            raise protocol.too_slow(self.name, TIME_LIMIT) from None
         size = requests[0].box_bytes
         if done.returncode or len(done.stdout) != len(requests) * size:
-            raise target_failed(self.name, _reason(done.stderr, done.returncode))
+            raise protocol.target_failed(self.name, _reason(done.stderr, done.returncode))
         boxes = range(0, len(done.stdout), size)
-        return [Reply.unpack(done.stdout[at : at + size]) for at in boxes]
+        return [protocol.Reply.unpack(done.stdout[at : at + size]) for at in boxes]
 
 
 def _reason(stderr: bytes, code: int) -> str:
@@ -241,7 +233,7 @@ def _avr(workshop: Workshop, host_compiler: list[str]) -> Variant:
     source = Build((HARNESS / "avr_runner.c",), flags=flags, libraries=("-lsimavr", "-lelf"))
     compile_c(host_compiler, source, runner, "avr")
     places = (image.address(name) - AVR_DATA for name in ("harness_box", "harness_count"))
-    numbers = (*places, REQUEST_BYTES, WINDOW_OFFSET, BOX_BYTES)
+    numbers = (*places, protocol.REQUEST_BYTES, protocol.WINDOW_OFFSET, protocol.BOX_BYTES)
     program = ProcessProgram("avr", (str(runner), str(path), AVR_CPU, *map(str, numbers)))
     return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
 

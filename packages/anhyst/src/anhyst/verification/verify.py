@@ -15,6 +15,7 @@ from anhyst.compilation.toolchain import Missing
 from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError, NegativeResult, wrong_key
 from anhyst.support.jobs import Progress, cores
+from anhyst.verification import elf, targets
 from anhyst.verification.bundle import (
     LEVITATION,
     PLAY,
@@ -34,28 +35,9 @@ from anhyst.verification.compare import (
     compare,
     run,
 )
-from anhyst.verification.elf import (
-    CLOCK_HZ,
-    PRICES,
-    SOURCE,
-    Estimate,
-    costs_of,
-    measure_sizes,
-    stack_below,
-)
 from anhyst.verification.emulators import CortexProgram
 from anhyst.verification.protocol import RecordForm, Reply
 from anhyst.verification.result import Cost, TargetResult, Verification
-from anhyst.verification.targets import (
-    CORTEX,
-    TARGETS,
-    WHOLE_TARGETS,
-    Offer,
-    Order,
-    cortex_m,
-    parse_targets,
-    reference,
-)
 
 DEFAULT = "host,cortex-m4"
 HOST_STEPS = 1_000_000
@@ -82,7 +64,7 @@ def verify(
             raise wrong_key(name, f"{number} is not within 1 .. 2^32 - 1", code="out-of-range")
     folder = Path(folder)
     bundle = read_bundle(folder)
-    names = parse_targets(DEFAULT if on is None else on, bundle)
+    names = targets.parse_targets(DEFAULT if on is None else on, bundle)
     with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
         numbers = (host_steps, target_steps, seed)
         subject: Subject = "stage" if bundle.stage else "compensator"
@@ -93,7 +75,7 @@ def verify(
             vectors = read_flight(folder / VECTORS, workshop.form, bundle.io == "f32")
         offers, missing = _offers(workshop, names)
         works = {name for name, offer in offers.items() if offer.orders}
-        whole = [name for name in names if name in WHOLE_TARGETS and not _lacks(name)]
+        whole = [name for name in names if name in targets.WHOLE_TARGETS and not _lacks(name)]
         works.update(whole)
         if not works:
             texts = "; ".join(lack.text() for lack in missing)
@@ -114,10 +96,12 @@ def verify(
         for job, some in jobs:
             results += job.run_all(some, one_more)
         for name in whole:
-            target = WHOLE_TARGETS[name]
+            target = targets.WHOLE_TARGETS[name]
             results.append(target.verify(bundle, Path(scratch), target_steps, seed))
             one_more()
-        estimates = tuple(e for job, _ in jobs for e in _estimates(job)) if SOURCE in works else ()
+        estimates = (
+            tuple(e for job, _ in jobs for e in _estimates(job)) if elf.SOURCE in works else ()
+        )
     return Verification(
         str(folder),
         bundle.kind,
@@ -133,16 +117,16 @@ def verify(
 
 def _offers(
     workshop: Workshop, names: Sequence[str]
-) -> tuple[dict[str, Offer], tuple[Missing, ...]]:
+) -> tuple[dict[str, targets.Offer], tuple[Missing, ...]]:
     """Return what can be built for each target, and all tools that are missing."""
-    offers = {name: TARGETS[name](workshop) for name in names if name in TARGETS}
+    offers = {name: targets.TARGETS[name](workshop) for name in names if name in targets.TARGETS}
     missing = [lack for offer in offers.values() for lack in offer.missing]
     return offers, (*missing, *(lack for name in names for lack in _lacks(name)))
 
 
 def _lacks(name: str) -> tuple[Missing, ...]:
     """Return what a target of another package would need and is not there."""
-    return WHOLE_TARGETS[name].missing_tools() if name in WHOLE_TARGETS else ()
+    return targets.WHOLE_TARGETS[name].missing_tools() if name in targets.WHOLE_TARGETS else ()
 
 
 @dataclass
@@ -156,7 +140,7 @@ class _Job:
     seed: int
 
     def __post_init__(self) -> None:
-        self._reference = reference(self.workshop)
+        self._reference = targets.reference(self.workshop)
         self._answers: dict[int, Answers] = {}
 
     def steps(self, target: str) -> int:
@@ -166,7 +150,7 @@ class _Job:
         return max(1, steps // stage["magnets"]) if stage else steps
 
     def run_all(
-        self, offers: Mapping[str, Offer], one_more: Callable[[], None]
+        self, offers: Mapping[str, targets.Offer], one_more: Callable[[], None]
     ) -> list[TargetResult]:
         """Build and run everything, as many at a time as there are processors."""
         orders = [(name, order) for name, offer in offers.items() for order in offer.orders]
@@ -179,7 +163,7 @@ class _Job:
                 one_more()
         return results
 
-    def _one(self, target: str, order: Order) -> TargetResult:
+    def _one(self, target: str, order: targets.Order) -> TargetResult:
         began = time.monotonic()
         steps = self.steps(target)
         try:
@@ -204,7 +188,7 @@ class _Job:
         counted, sizes, bundle = bool(variant.unit), None, self.workshop.bundle
         if variant.image is not None:
             sources = {Path(path).name for path in (*bundle.c_files, *CONTROL_SOURCES)}
-            sizes = measure_sizes(variant.image, bundle.name, sources, target == "avr")
+            sizes = elf.measure_sizes(variant.image, bundle.name, sources, target == "avr")
         return TargetResult(
             *head,
             steps,
@@ -231,14 +215,14 @@ class _Job:
 
 
 def _static_stack(variant: Variant, workshop: Workshop) -> int | None:
-    if variant.image is None or variant.target not in CORTEX:
+    if variant.image is None or variant.target not in targets.CORTEX:
         return None
     if workshop.subject != "compensator":
-        return stack_below(variant.image, [f"{workshop.bundle.name}_controller_tick"])
+        return elf.stack_below(variant.image, [f"{workshop.bundle.name}_controller_tick"])
     io = workshop.bundle.io
     object_of = "play_map" if workshop.bundle.kind == PLAY else "compensator"
     roots = [f"anhyst_{object_of}_{part}_{io}" for part in ("solve", "commit")]
-    return stack_below(variant.image, roots)
+    return elf.stack_below(variant.image, roots)
 
 
 def costs(reply: Reply, form: RecordForm) -> tuple[Cost, ...]:
@@ -252,13 +236,14 @@ def costs(reply: Reply, form: RecordForm) -> tuple[Cost, ...]:
     return tuple(found)
 
 
-def _estimates(job: _Job) -> tuple[Estimate, ...]:
+def _estimates(job: _Job) -> tuple[elf.Estimate, ...]:
     """Run the Cortex-M0+ once more for each list of prices."""
     try:
-        program = cortex_m(SOURCE, job.workshop).orders[0]().program
+        program = targets.cortex_m(elf.SOURCE, job.workshop).orders[0]().program
         assert isinstance(program, CortexProgram)
         priced = [
-            (name, replace(program, costs=partial(costs_of, PRICES[name]))) for name in PRICES
+            (name, replace(program, costs=partial(elf.costs_of, elf.PRICES[name])))
+            for name in elf.PRICES
         ]
         replies = [
             (name, run(each, job.vectors, ESTIMATE_STEPS, job.seed).random) for name, each in priced
@@ -267,7 +252,7 @@ def _estimates(job: _Job) -> tuple[Estimate, ...]:
         return ()  # reported as a failure of the target where it was asked for
     whose = "controller: " if job.workshop.subject == "controller" else ""
     return tuple(
-        Estimate(f"{whose}{cost.part}", name, cost.most, CLOCK_HZ / cost.most)
+        elf.Estimate(f"{whose}{cost.part}", name, cost.most, elf.CLOCK_HZ / cost.most)
         for name, reply in replies
         for cost in costs(reply, job.vectors.form)
     )
