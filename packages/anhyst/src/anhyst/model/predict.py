@@ -48,7 +48,7 @@ class SampleError(InputError):
         self.what = what
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Record:
     """A record on its way through the core: what is given, and room for what is found."""
 
@@ -57,10 +57,11 @@ class _Record:
     inputs: FloatArray
     schedule: FloatArray | None
     rate: FloatArray | None
-    answers: FloatArray
-    flux_density: FloatArray
-    field: FloatArray
-    reachable: BoolArray
+
+    def __post_init__(self) -> None:
+        size = self.inputs.size
+        self.answers, self.flux_density, self.field = (np.empty(size) for _ in range(3))
+        self.reachable: BoolArray = np.ones(size, dtype=np.bool_)
 
     def circuit(self, run: slice) -> Circuit:
         """Return what surrounds the iron during a run."""
@@ -98,9 +99,8 @@ def invert(
 ) -> Prediction:
     """Compute the drive that a demanded output needs.
 
-    A force has two answers, a flux density and its negative; the positive one is taken, so the
-    drive is unipolar. A demanded force below ``out_0`` has no answer: the flux density is then
-    zero and the sample flagged.
+    The drive for a force is unipolar; a sample without an answer is flagged
+    (:meth:`.Circuit.flux_density`).
     """
     prediction = run_through(model, "demand", demand, schedule, time, history)
     warn_if_far(model, model.output, as_samples(demand, "demand"), schedule)
@@ -136,17 +136,7 @@ def _run_at_once(
     if at is None:
         model.schedule_or_default(None)
     past = as_history(history, model)
-    record = _Record(
-        model=model,
-        kind=kind,
-        inputs=inputs,
-        schedule=at,
-        rate=eddy_rate(model, time, inputs.size),
-        answers=np.empty(inputs.size),
-        flux_density=np.empty(inputs.size),
-        field=np.empty(inputs.size),
-        reachable=np.ones(inputs.size, dtype=np.bool_),
-    )
+    record = _Record(model, kind, inputs, at, eddy_rate(model, time, inputs.size))
     runs = list(_runs(model, at, inputs.size))
     ends = [_one_run(record, run, past) for run in runs]
     drive, output = (inputs, record.answers) if kind == "drive" else (record.answers, inputs)

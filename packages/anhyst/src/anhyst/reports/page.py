@@ -11,7 +11,6 @@ import numpy as np
 
 from anhyst.data.loops import Loops
 from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst.model.acceptance import check_over_drive
 from anhyst.model.actuator import MODEL_SOURCES, Model, read_model
 from anhyst.reports import sections_model
 from anhyst.reports.figures import (
@@ -223,14 +222,14 @@ def _write(model: Model, folder: Path, path: Path, out: PathLike) -> tuple[str, 
 
 def subject_of(model: Model, folder: PathLike) -> ModelSubject:
     """Gather all there is to say about a model."""
-    check, over_drive = model.check_over_gap(), check_over_drive(model)
+    outcome = model.acceptance()
     try:
         evidence = gather(model, folder)
     except InputError as error:
-        return ModelSubject(model, model.fit, check, None, str(error), (), over_drive)
+        return ModelSubject(model, model.fit, outcome, None, str(error))
     fit, stale = own_figures(model, evidence)
     warnings = (*evidence.warnings, *([stale] if stale else []))
-    return ModelSubject(model, fit, check, evidence, "", warnings, over_drive)
+    return ModelSubject(model, fit, outcome, evidence, warnings=warnings)
 
 
 def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:

@@ -151,7 +151,8 @@ def _cost(cost: float) -> str:
 def section_between(subject: ModelSubject) -> Section | None:
     """Loops at and between the reference gaps (Figs. 2 and 5), and the acceptance test."""
     model = subject.model
-    figure = figure_between(model, subject.check)
+    check = subject.acceptance.over_gap
+    figure = figure_between(model, check)
     if figure is None:
         return None
     size, across = subject.schedule_scale, subject.input_scale
@@ -168,10 +169,10 @@ def section_between(subject: ModelSubject) -> Section | None:
         f"was fitted: each must lie between its neighbours. Right: {subject.answer} at a fixed "
         f"{subject.drive} over the {subject.over}, dots at the nodes."
     )
-    if subject.check is not None:
+    if check is not None:
         caption += f" The {subject.answer} has to fall from left to right, on both branches."
     blocks: list[Block] = [subject.picture(figure, alt, caption)]
-    if subject.check is not None:
+    if check is not None:
         blocks.insert(0, acceptance(subject))
     nodes = "reference gaps" if subject.over == "gap" else f"nodes of the {subject.over}"
     return Section("between", f"Loops at and between the {nodes}", tuple(blocks))

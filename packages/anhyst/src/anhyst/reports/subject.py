@@ -12,7 +12,7 @@ from anhyst.data.inspection import Inspection, inspect
 from anhyst.data.loops import Loops
 from anhyst.data.output_map import name_full_scale
 from anhyst.data.verdict import Verdict, judge, single_valued
-from anhyst.model.acceptance import Acceptance, DriveCheck, GapCheck
+from anhyst.model.acceptance import Acceptance
 from anhyst.model.actuator import Model, read_sources
 from anhyst.model.left_over import left_of, left_over_text
 from anhyst.model.schema import FitFigures, fit_figures
@@ -29,19 +29,11 @@ class ModelSubject:
 
     model: Model  # the model
     fit: FitFigures | None  # those that belong to its parameters
-    # outcome of the acceptance test over the gap; None where it does not apply
-    check: GapCheck | None
+    acceptance: Acceptance  # outcome of the acceptance test
     evidence: Evidence | None  # none where the measurements could not be read
     absent: str = ""  # why they could not; empty if they could
     warnings: tuple[str, ...] = ()  # what a reader has to know before anything else
-    # outcome of the acceptance test over the drive; None where it does not apply
-    over_drive: DriveCheck | None = None
     _pictures: Iterator[int] = field(default_factory=lambda: iter(range(1, 1000)))
-
-    @property
-    def acceptance(self) -> Acceptance:
-        """Outcome of the acceptance test, over the gap and over the drive."""
-        return Acceptance(self.check, self.over_drive)
 
     def picture(self, figure: Figure, alt: str, caption: str) -> Picture:
         """Return a figure for the page, with identifiers that no other one of it has."""
