@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
@@ -199,12 +199,14 @@ class ControllerTable(Table):
         return Pidd2(
             rate=self.rate_Hz,
             **asdict(self.pidd2_gains()),
-            cutoff=self.filter.cutoff_Hz,
-            cutoff_2=self.filter.cutoff_2_Hz,
+            **self._named("cutoff", "cutoff_2", "low", "high"),
             weight=self.set_point_weight,
-            low=self.limits.force_low_N,
-            high=self.limits.force_high_N,
         )
+
+    def _named(self, *names: str) -> dict[str, Any]:
+        """Return what the file says of some names of :mod:`anhyst.control`."""
+        places = {name: _KEYS[name] for name in names}
+        return {name: getattr(getattr(self, table), key) for name, (table, key) in places.items()}
 
     def converter_of_currents(self) -> ReferenceConverter:
         """Return the converter of the references; where none is named, one over their limits."""
@@ -238,23 +240,14 @@ class ControllerTable(Table):
         flux_full_scale: float = 1.0,
     ) -> PositionControl:
         """Return the controller of the position around its compensators."""
-        limits = self.limits
         return PositionControl(
             pidd2=self.pidd2(),
             levitation=Levitation(
-                detect=self.lift_off.detect_m,
-                rise_speed=self.lift_off.speed_m_per_s,
-                descend_speed=self.landing.speed_m_per_s,
-                lift_rate=self.lift_off.force_rate_N_per_s,
-                set_down_rate=self.landing.force_rate_N_per_s,
+                **self._named("detect", "rise_speed", "descend_speed", "lift_rate", "set_down_rate")
             ),
             limits=PositionLimits(
-                gap_low=limits.gap_low_m,
-                gap_high=limits.gap_high_m,
-                step=limits.step_m,
-                current_low=limits.current_low_A,
-                current_high=limits.current_high_A,
-                release=limits.current_high_A / RELEASE_S,
+                **self._named("gap_low", "gap_high", "step", "current_low", "current_high"),
+                release=self.limits.current_high_A / RELEASE_S,
                 max_missing_samples=self.safety.max_missing_samples,
                 hold=self.safety.hold_ticks,
             ),
@@ -293,19 +286,11 @@ def read_controller(path: PathLike) -> ControllerFile:
 def _own_faults(settings: ControllerTable) -> list[FileFault]:
     faults: list[FileFault] = []
     if settings.design is not None and settings.gains is not None:
-        faults.append(
-            FileFault(
-                ("gains",), "stands beside [design]; keep one of the two tables", code="both-given"
-            )
-        )
+        text = "stands beside [design]; keep one of the two tables"
+        faults.append(FileFault(("gains",), text, code="both-given"))
     if settings.design is None and settings.gains is None:
-        faults.append(
-            FileFault(
-                ("design",),
-                "is missing, and so is [gains]; add one of the two tables",
-                code="missing",
-            )
-        )
+        text = "is missing, and so is [gains]; add one of the two tables"
+        faults.append(FileFault(("design",), text, code="missing"))
     for key in ("cutoff_Hz", "cutoff_2_Hz"):
         cutoff = getattr(settings.filter, key)
         if cutoff >= settings.rate_Hz / 2.0:

@@ -306,22 +306,17 @@ class ActuatorRecord:
         at = schedule
         if at is None:
             at = np.full(eddy_rate.shape, self.schedule_or_default(None))
-        c_h, rho, gamma, c_out, in_0, out_0 = self._surroundings(at)
-        return Circuit(c_h, rho, gamma * eddy_rate, c_out, in_0, out_0, output_map(self.output))
-
-    def _surroundings(self, at: FloatArray) -> tuple[FloatArray, ...]:
-        """Return the parameters around the iron; a search asks for the same short rows again."""
+        # A search asks for the same short rows again.
         key, kept = at.tobytes() if at.size <= SHORT_ROW else b"", self._looked_up
-        if key in kept:
-            return kept[key]
-        rows = tuple(self.over_schedule(spec.name, at) for spec in CIRCUIT)
-        if key:
+        rows = kept.get(key) or tuple(self.over_schedule(spec.name, at) for spec in CIRCUIT)
+        if key and key not in kept:
             for values in rows:
                 values.flags.writeable = False
             if len(kept) >= MOST_ROWS:
                 kept.clear()
             kept[key] = rows
-        return rows
+        c_h, rho, gamma, c_out, in_0, out_0 = rows
+        return Circuit(c_h, rho, gamma * eddy_rate, c_out, in_0, out_0, output_map(self.output))
 
     @cached_property
     def _looked_up(self) -> dict[bytes, tuple[FloatArray, ...]]:

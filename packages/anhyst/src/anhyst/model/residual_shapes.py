@@ -182,12 +182,13 @@ def coloured(off: FloatArray, shapes: FloatArray, sizes: Sequence[int]) -> Colou
     power = max(float(left @ left), 1e-300)
     seen = float(left @ _neighbours(left, lengths)) / power
     shifted = _neighbours(shapes, lengths)
-    within = _products(shapes, shifted)
+    # Products by einsum, on one thread: a library would wait for its others.
+    within = np.einsum("nk,nl->kl", shapes, shifted)
 
     def remainder(with_last: float) -> tuple[float, float]:
         """Return the sums of squares, and of products with the sample before, that are left."""
         smooth = _smoothed(shapes, with_last, lengths)
-        inside = _products(shapes, smooth)
+        inside = np.einsum("nk,nl->kl", shapes, smooth)
         together = (
             with_last * (off.size - len(lengths))
             - 2.0 * float(np.einsum("nk,nk->", shifted, smooth))
@@ -208,16 +209,6 @@ def coloured(off: FloatArray, shapes: FloatArray, sizes: Sequence[int]) -> Colou
     return Coloured(lengths, power / whole, with_last, max(free * slower, _FEWEST))
 
 
-def _products(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Products of columns with columns, on one thread: a library would wait for its others."""
-    products: FloatArray = np.einsum("nk,nl->kl", first, second)
-    return products
-
-
-def _parts(columns: FloatArray, sizes: tuple[int, ...]) -> list[FloatArray]:
-    return np.split(columns, np.cumsum(sizes)[:-1])
-
-
 def _smoothed(columns: FloatArray, with_last: float, sizes: tuple[int, ...]) -> FloatArray:
     """Columns times the correlations of the noise, record by record."""
     if with_last == 0.0:
@@ -225,7 +216,7 @@ def _smoothed(columns: FloatArray, with_last: float, sizes: tuple[int, ...]) -> 
     return np.concatenate(
         [
             decaying_sum(part, with_last) + decaying_sum(part[::-1], with_last)[::-1] - part
-            for part in _parts(columns, sizes)
+            for part in np.split(columns, np.cumsum(sizes)[:-1])
         ]
     )
 
@@ -233,7 +224,7 @@ def _smoothed(columns: FloatArray, with_last: float, sizes: tuple[int, ...]) -> 
 def _neighbours(columns: FloatArray, sizes: tuple[int, ...]) -> FloatArray:
     """Mean of the samples before and after each, nothing beyond the ends of a record."""
     pairs = []
-    for part in _parts(columns, sizes):
+    for part in np.split(columns, np.cumsum(sizes)[:-1]):
         mean = np.zeros_like(part)
         mean[1:] += 0.5 * part[:-1]
         mean[:-1] += 0.5 * part[1:]

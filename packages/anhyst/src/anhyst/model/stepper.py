@@ -48,15 +48,24 @@ class Stepper:
         history: HistoryLike | None = None,
     ) -> None:
         self.model = model
-        self._schedule = model.schedule_or_default(schedule)
+        self._schedule = schedule = model.schedule_or_default(schedule)
         warn_if_far(model, model.input, np.zeros(1), self._schedule)
         self._iron = model.iron_at(self._schedule)
         past = as_history(history, model)
-        self._state = (
-            self._cycled()
-            if past.kind == "settled"
-            else initial_state(model, self._iron, past, self._schedule)
-        )
+        if past.kind == "settled":
+            if model.valid is None:
+                raise InputError(
+                    "a stepper cannot start settled: the model has no valid range of the input to "
+                    "cycle over; pass history='demagnetised' or 'conditioned:...'",
+                    code="no-valid-range",
+                    key="valid",
+                )
+            low, high = model.valid.input
+            slow = [0.0, 1e9, 2e9]  # eddy currents do not count
+            cycle = [low, high, low]
+            self._state = run_through(model, "drive", cycle, schedule, slow, "settled").state
+        else:
+            self._state = initial_state(model, self._iron, past, self._schedule)
         self._output: float | None = None
         # schedule, step and whether it had begun, and the circuit there: that of the last step
         self._around: tuple[float, float | None, bool, Circuit] | None = None
@@ -87,19 +96,6 @@ class Stepper:
                 raise wrong_key("dt", text, code="time-missing")
             slow = self._late.follow(self._flux, slow, dt)
         return float(np.array(self._late.shares) @ slow), slow
-
-    def _cycled(self) -> FloatArray:
-        if self.model.valid is None:
-            raise InputError(
-                "a stepper cannot start settled: the model has no valid range of the input to "
-                "cycle over; pass history='demagnetised' or 'conditioned:...'",
-                code="no-valid-range",
-                key="valid",
-            )
-        low, high = self.model.valid.input
-        slow = [0.0, 1e9, 2e9]  # eddy currents do not count
-        cycle = [low, high, low]
-        return run_through(self.model, "drive", cycle, self._schedule, slow, "settled").state
 
     @property
     def state(self) -> FloatArray:

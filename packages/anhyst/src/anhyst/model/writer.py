@@ -14,7 +14,6 @@ import numpy as np
 from anhyst.laws import LAWS
 from anhyst.laws.cells import CellWeights
 from anhyst.model import schema
-from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.atomic import PathLike, atomic_writer
@@ -101,6 +100,7 @@ def model_text(model: ActuatorRecord) -> str:
     known = " or ".join(f'"{law}"' for law in LAWS)
     text = f"The hysteresis law, {known}. The parameters mean nothing under another one."
     lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
+    table: dict[str, object] = {}
     sections = [
         HEAD + _keys({"format": schema.FORMAT, "version": schema.VERSION, "name": model.name}),
         "\n" + "\n".join(lines) + "\n" + _keys({"law": model.law}),
@@ -111,9 +111,17 @@ def model_text(model: ActuatorRecord) -> str:
         _schedule(model),
         "\n[parameters]" + PARAMETERS_HEAD + _parameters(model),
         _cells(model.cells) if model.cells else "",
-        _dynamics(model.dynamics) if model.dynamics else "",
-        _layers(model.layers) if model.layers else "",
     ]
+    if late := model.dynamics:
+        times, shares = list(map(float, late.times)), list(map(float, late.shares))
+        table = {"lag_s": float(late.lag), "creep_times_s": times, "creep_shares": shares}
+        sections.append(
+            f"{DYNAMICS}[dynamics]\n" + _keys(table | {"fastest_Hz": float(late.fastest)})
+        )
+    if cut := model.layers:
+        surface, laminated = float(cut.surface), float(cut.laminated)
+        table = {"count": cut.count, "surface": surface, "laminated": laminated}
+        sections.append(f"{LAYERS}[layers]\n" + _keys(table))
     if model.valid:
         sections.append(f"{VALID}[valid]\n" + _record(model.valid, names["valid",]))
     if model.fit:
@@ -124,7 +132,7 @@ def model_text(model: ActuatorRecord) -> str:
         sections.append("\n# Reduction: in each round the parameter whose freezing cost least.\n")
     sections += ["\n[[reduction]]\n" + _record(step) for step in model.reduction]
     if (origin := model.provenance) != schema.Provenance():
-        table: dict[str, object] = {"version": origin.version, "seed": origin.seed}
+        table = {"version": origin.version, "seed": origin.seed}
         sections.append("\n# Where the model came from.\n[provenance]\n" + _keys(table))
         if origin.settings:
             sections.append("\n[provenance.settings]\n" + _keys(origin.settings))
@@ -178,25 +186,6 @@ def _cells(cells: CellWeights) -> str:
         text += CENTRES
     weights = f"{schema.column('weights', 'A/m')} = {_rows(cells.weights.tolist())}\n"
     return f"{text}[cells]\n{_keys(table)}{weights}"
-
-
-def _dynamics(late: Dynamics) -> str:
-    table = {
-        "lag_s": float(late.lag),
-        "creep_times_s": list(map(float, late.times)),
-        "creep_shares": list(map(float, late.shares)),
-        "fastest_Hz": float(late.fastest),
-    }
-    return f"{DYNAMICS}[dynamics]\n{_keys(table)}"
-
-
-def _layers(layers: Layers) -> str:
-    table = {
-        "count": layers.count,
-        "surface": float(layers.surface),
-        "laminated": float(layers.laminated),
-    }
-    return f"{LAYERS}[layers]\n{_keys(table)}"
 
 
 def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingProxyType({})) -> str:
