@@ -255,8 +255,18 @@ def explain_rejection(left: LeftOver, loopset: Loops) -> str:
 
 def left_over_text(left: LeftOver, loopset: Loops, model: Model) -> str:
     """Return one line: how much of the residual is noise, its shape, the remedy, and outliers."""
-    text = _residual_text(left, loopset, model)
-    return text if left.outlier is None else f"{text}; {_outlier_text(left.outlier, loopset)}"
+    text, outlier = _residual_text(left, loopset, model), left.outlier
+    if outlier is None:
+        return text
+    loop = loopset.loops[outlier.record]
+    time = "" if loop.time is None else f" ({loop.time[outlier.sample]:.4g} s)"
+    cause = "a spike or a disturbance; look there"
+    if outlier.is_at_jump:
+        cause = "the input jumps there and the output follows late"
+    return (
+        f"{text}; the worst deviation, {100.0 * outlier.size:.3g} %, is at sample "
+        f"{outlier.sample + 1}{time} of {loopset.describe(loop)}: {cause}"
+    )
 
 
 def _residual_text(left: LeftOver, loopset: Loops, model: Model) -> str:
@@ -287,21 +297,6 @@ def _residual_text(left: LeftOver, loopset: Loops, model: Model) -> str:
     is_named = model.provenance.settings.get("law_wanted", "auto") != "auto"
     other = "; try --law auto" if is_named else ", nor can any that was compared"
     return f"{text}: {_SHAPES[main].advice.format(other=other)}"
-
-
-def _outlier_text(outlier: Outlier, loopset: Loops) -> str:
-    """Name the place of the largest deviation, and its likely cause."""
-    loop = loopset.loops[outlier.record]
-    time = "" if loop.time is None else f" ({loop.time[outlier.sample]:.4g} s)"
-    cause = (
-        "the input jumps there and the output follows late"
-        if outlier.is_at_jump
-        else "a spike or a disturbance; look there"
-    )
-    return (
-        f"the worst deviation, {100.0 * outlier.size:.3g} %, is at sample {outlier.sample + 1}{time} "
-        f"of {loopset.describe(loop)}: {cause}"
-    )
 
 
 class _Words(NamedTuple):

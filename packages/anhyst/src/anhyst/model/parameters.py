@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from anhyst._core import exp, log
 from anhyst.data.output_map import OutputMap
 from anhyst.laws.law import Coordinate, Law, ParameterSpec
-from anhyst.support.errors import InputError, wrong_key
+from anhyst.support.errors import wrong_key
 from anhyst.support.numeric import FloatArray
 
 Parameter = float | tuple[float, ...]
@@ -210,34 +210,22 @@ class Curve:
         return self._to_straight(self.values), self._interpolant[1]
 
     def _to_straight(self, values: FloatArray) -> FloatArray:
-        match self.coordinate:
-            case "reciprocal":
-                return 1.0 / values
-            case "log":
-                return log(values)
-            case _:
-                return values
+        if self.coordinate == "log":
+            return log(values)
+        return 1.0 / values if self.coordinate == "reciprocal" else values
 
     def _from_straight(self, straight: FloatArray) -> FloatArray:
-        match self.coordinate:
-            case "reciprocal":
-                if (straight <= 0.0).any():
-                    raise self._too_far()
-                return 1.0 / straight
-            case "log":
-                if (np.abs(straight) > LARGEST_LOGARITHM).any():
-                    raise self._too_far()
-                return exp(straight)
-            case _:
-                return straight
-
-    def _too_far(self) -> InputError:
-        return wrong_key(
-            self.name,
-            f"the straight line beyond the nodes {self.nodes[0]:g} to "
-            f"{self.nodes[-1]:g} has left the range of the parameter; stay nearer to the nodes",
-            code="too-far-beyond-nodes",
-        )
+        if self.coordinate == "plain":
+            return straight
+        is_log = self.coordinate == "log"
+        if (np.abs(straight) > LARGEST_LOGARITHM if is_log else straight <= 0.0).any():
+            raise wrong_key(
+                self.name,
+                f"the straight line beyond the nodes {self.nodes[0]:g} to {self.nodes[-1]:g} has "
+                "left the range of the parameter; stay nearer to the nodes",
+                code="too-far-beyond-nodes",
+            )
+        return exp(straight) if is_log else 1.0 / straight
 
 
 def _monotone_slopes(nodes: FloatArray, heights: FloatArray) -> FloatArray:

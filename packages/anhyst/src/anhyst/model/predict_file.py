@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -115,9 +115,9 @@ class RunSummary(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures, without the columns."""
-        plain = {item.name: getattr(self, item.name) for item in fields(self)}
+        plain = asdict(replace(self, columns={}))
         del plain["columns"]
-        return plain | {"deviation": None if self.deviation is None else asdict(self.deviation)}
+        return plain
 
     def save(self, path: PathLike) -> Path:
         """Write the columns to a CSV file, whole or not at all."""

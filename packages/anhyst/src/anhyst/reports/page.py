@@ -69,27 +69,23 @@ def headline(subject: ModelSubject) -> Headline:
         )
         notes.append(Note("warn", "Without measurements", text))
     judged = (*verdict(subject), acceptance(subject), *notes)
+    basis, loops = "", subject.fit.loops if subject.fit else ()
+    if loops:
+        at = {loop.schedule for loop in loops if loop.schedule is not None}
+        plural = {"gap": "gaps"}.get(subject.over, f"values of the {subject.over}")
+        where = f" at {len(at)} {plural}" if len(at) > 1 else ""
+        count = f"{len(loops)} loops" if len(loops) > 1 else "one loop"
+        samples = sum(loop.samples for loop in loops)
+        basis = f"Identified from {count}{where}, {samples} samples."
     return Headline(
         title=model.name,
         what=what,
-        basis=_basis(subject),
+        basis=basis,
         notes=tuple(sorted(judged, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),
         comparison=_comparison(subject),
         holds=_holds(subject),
     )
-
-
-def _basis(subject: ModelSubject) -> str:
-    loops = subject.fit.loops if subject.fit else ()
-    if not loops:
-        return ""
-    samples = sum(loop.samples for loop in loops)
-    at = {loop.schedule for loop in loops if loop.schedule is not None}
-    plural = {"gap": "gaps"}.get(subject.over, f"values of the {subject.over}")
-    where = f" at {len(at)} {plural}" if len(at) > 1 else ""
-    count = f"{len(loops)} loops" if len(loops) > 1 else "one loop"
-    return f"Identified from {count}{where}, {samples} samples."
 
 
 def verdict(subject: ModelSubject) -> tuple[Note, ...]:

@@ -151,6 +151,9 @@ def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:
         history = f"{history[: MAX_CELL - 1]}…"
     if scale is not None:
         cells.append("moves" if loop.schedule is None else f"{scale * loop.schedule:.6g}")
+    delay = "unknown"  # in seconds, in samples without time
+    if loop.skew is not None:
+        delay = f"{loop.skew:.3g} samples" if loop.skew_s is None else f"{loop.skew_s:.3g} s"
     return [
         *cells,
         str(loop.samples),
@@ -162,16 +165,9 @@ def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:
         f"{loop.cycles:g}",
         _number(loop.drift, small),
         _number(loop.closure, small),
-        _delay(loop),
+        delay,
         _number(loop.saturation),
     ]
-
-
-def _delay(loop: LoopFigures) -> str:
-    """Write the delay in seconds, in samples without time."""
-    if loop.skew is None:
-        return "unknown"
-    return f"{loop.skew:.3g} samples" if loop.skew_s is None else f"{loop.skew_s:.3g} s"
 
 
 def _number(value: float | None, scale: float = 1.0) -> str:

@@ -64,11 +64,6 @@ class Variant:
     warnings: int  # the compiler's, of the bundle and the harness
     image: Image | None = None  # the linked program, where sizes can be read from it
 
-    @property
-    def label(self) -> str:
-        """Target and build in one."""
-        return f"{self.target} ({self.name})"
-
 
 @dataclass(frozen=True, slots=True)
 class Workshop:

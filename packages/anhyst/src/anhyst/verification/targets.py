@@ -91,8 +91,6 @@ AVR_CPU = "atmega1284p"
 AVR_DATA = 0x800000
 SIMAVR_HEADERS = Path("/usr/include/simavr")
 
-NUMBERS_NEED = "compile with --io q15 or q31 for it"
-
 
 @dataclass(frozen=True, slots=True)
 class Cortex:
@@ -291,10 +289,6 @@ def _fault_of(target: object, _: str) -> str:
 WHOLE_TARGETS: Registry[WholeTarget] = Registry("anhyst.targets", {}, _fault_of, taken=TARGETS)
 """By name: the entry points ``anhyst.targets`` of installed packages."""
 
-_FIRMWARE = "cortex-m3-qemu"
-"""That of anhyst-rigs."""
-
-
 FLOATING = ("host", *CORTEX)
 """Where single precision and stages are compared."""
 
@@ -309,7 +303,7 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
         if why := WHOLE_TARGETS.why_unusable(name):
             raise InputError(f"--on: {name}: {why}", code="not-installed", key="--on")
         if name not in known:
-            more = "; cortex-m3-qemu is in the package anhyst-rigs" * (name == _FIRMWARE)
+            more = "; cortex-m3-qemu is in the package anhyst-rigs" * (name == "cortex-m3-qemu")
             text = f"unknown target {name}; known are {', '.join(known)}{more}"
             raise wrong_key("--on", text, code="unknown-target")
         if bundle.stage and name not in FLOATING:
@@ -317,7 +311,9 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
             raise wrong_key("--on", text, code="target-not-for-this")
         if bundle.io == "f32" and name not in FLOATING:
             raise wrong_key(
-                "--on", f"{name} is not for f32; {NUMBERS_NEED}", code="target-not-for-this"
+                "--on",
+                f"{name} is not for f32; compile with --io q15 or q31 for it",
+                code="target-not-for-this",
             )
         if bundle.kind == PLAY and name in WHOLE_TARGETS:
             text = f"{name} is built around a compensator, not a map with one play"
