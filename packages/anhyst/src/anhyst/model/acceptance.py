@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.output_map import output_map
-from anhyst.model.predict import predict, slow_times
+from anhyst.model.predict import run_through, slow_times
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
@@ -135,7 +135,8 @@ def check_over_drive(model: ActuatorRecord) -> DriveCheck | None:
             if gap is not None and model.schedule is not None:
                 where = f"at {model.schedule.show(gap)} {words}"
             try:
-                output = predict(model, rise, gap, slow_times(rise.size), history).output
+                time = slow_times(rise.size)
+                output = run_through(model, "drive", rise, gap, time, history).output
             except (InputError, NegativeResult) as error:
                 return DriveCheck(np.inf, start, where, str(error))
             falls = np.maximum.accumulate(output) - output
@@ -207,7 +208,8 @@ def check_over_gap(
             shares = np.atleast_1d(model.parameters["in_0"]) / largest
             share = fixed.over_schedule("in_0", gap)[0] / largest
             seen = drive - largest * float(np.clip(shares.max() - share, 0.0, OFFSET))
-            output[index] = predict(fixed, seen, schedule, slow_times(drive.size), "settled").output
+            time = slow_times(drive.size)
+            output[index] = run_through(fixed, "drive", seen, schedule, time, "settled").output
         except (InputError, NegativeResult) as error:
             troubles.append((gap, str(error)))
     if troubles:

@@ -22,8 +22,8 @@ from anhyst.data.loops import Loop, Loops
 from anhyst.data.path import HistoryLike
 from anhyst.laws import LAWS
 from anhyst.model.acceptance import Acceptance, GapCheck, check_acceptance, check_over_gap
-from anhyst.model.predict import invert, predict
-from anhyst.model.prediction import Prediction
+from anhyst.model.predict import as_samples, run_through
+from anhyst.model.prediction import Given, Prediction, warn_if_far
 from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.stepper import Stepper
@@ -87,8 +87,8 @@ class Model(Result, ActuatorRecord):
         time: ArrayLike | None = None,
         history: HistoryLike | None = None,
     ) -> Prediction:
-        """Compute the output that a drive gives; see :func:`anhyst.model.predict.predict`."""
-        return predict(self, drive, schedule, time, history)
+        """Compute the output that a drive gives."""
+        return self._run("drive", drive, schedule, time, history)
 
     def invert(
         self,
@@ -97,8 +97,25 @@ class Model(Result, ActuatorRecord):
         time: ArrayLike | None = None,
         history: HistoryLike | None = None,
     ) -> Prediction:
-        """Compute the drive that a demanded output needs; see :func:`anhyst.model.predict.invert`."""
-        return invert(self, demand, schedule, time, history)
+        """Compute the drive that a demanded output needs.
+
+        The drive for a force is unipolar; a sample without an answer is flagged
+        (:meth:`.Circuit.flux_density`).
+        """
+        return self._run("demand", demand, schedule, time, history)
+
+    def _run(
+        self,
+        kind: Given,
+        values: ArrayLike,
+        schedule: ArrayLike | None,
+        time: ArrayLike | None,
+        history: HistoryLike | None,
+    ) -> Prediction:
+        found = run_through(self, kind, values, schedule, time, history)
+        quantity = self.input if kind == "drive" else self.output
+        warn_if_far(self, quantity, as_samples(values, kind), schedule)
+        return found
 
     def on(self, loop: Loop) -> FloatArray:
         """Return the output that the model gives for the drive of a measured loop, shape (n,)."""

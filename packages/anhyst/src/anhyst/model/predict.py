@@ -14,7 +14,7 @@ from anhyst.data.path import History, HistoryLike
 from anhyst.laws.law import IronOperator
 from anhyst.model.dynamics import too_fast
 from anhyst.model.parameters import Circuit
-from anhyst.model.prediction import BoolArray, Given, Prediction, flag, warn_if_far
+from anhyst.model.prediction import BoolArray, Given, Prediction, flag
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.errors import InputError, NegativeResult, wrong_key
 from anhyst.support.numeric import FloatArray
@@ -77,36 +77,6 @@ class _Record:
         return flux_density
 
 
-def predict(
-    model: ActuatorRecord,
-    drive: ArrayLike,
-    schedule: ArrayLike | None = None,
-    time: ArrayLike | None = None,
-    history: HistoryLike | None = None,
-) -> Prediction:
-    """Compute the output that a drive gives."""
-    prediction = run_through(model, "drive", drive, schedule, time, history)
-    warn_if_far(model, model.input, prediction.drive, schedule)
-    return prediction
-
-
-def invert(
-    model: ActuatorRecord,
-    demand: ArrayLike,
-    schedule: ArrayLike | None = None,
-    time: ArrayLike | None = None,
-    history: HistoryLike | None = None,
-) -> Prediction:
-    """Compute the drive that a demanded output needs.
-
-    The drive for a force is unipolar; a sample without an answer is flagged
-    (:meth:`.Circuit.flux_density`).
-    """
-    prediction = run_through(model, "demand", demand, schedule, time, history)
-    warn_if_far(model, model.output, as_samples(demand, "demand"), schedule)
-    return prediction
-
-
 def run_through(
     model: ActuatorRecord,
     kind: Given,
@@ -115,7 +85,7 @@ def run_through(
     time: ArrayLike | None,
     history: HistoryLike | None,
 ) -> Prediction:
-    """Compute as `predict` (``"drive"``) or `invert` (``"demand"``), without a Python warning."""
+    """Compute the output that a drive gives, or the drive that a demanded output needs."""
     inputs = as_samples(values, kind)
     if model.dynamics is not None and model.dynamics.needs_time:
         clock = _clock(time, inputs.size, "a lag or creep ([dynamics])")
