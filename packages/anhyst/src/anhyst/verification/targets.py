@@ -310,11 +310,8 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
             text = f"{name} is not for the controller of a stage; give {', '.join(FLOATING)}"
             raise wrong_key("--on", text, code="target-not-for-this")
         if bundle.io == "f32" and name not in FLOATING:
-            raise wrong_key(
-                "--on",
-                f"{name} is not for f32; compile with --io q15 or q31 for it",
-                code="target-not-for-this",
-            )
+            text = f"{name} is not for f32; compile with --io q15 or q31 for it"
+            raise wrong_key("--on", text, code="target-not-for-this")
         if bundle.kind == PLAY and name in WHOLE_TARGETS:
             text = f"{name} is built around a compensator, not a map with one play"
             raise wrong_key("--on", text, code="target-not-for-this")
