@@ -255,18 +255,10 @@ def _by_group(subject: ModelSubject, evidence: Evidence) -> list[Block]:
             continue
         pooled, upwards = np.concatenate(over), np.concatenate(up)
         mean = float(np.mean(np.abs(pooled)))
-        rows.append(
-            [
-                group.title,
-                str(pooled.size),
-                scale.number(mean),
-                subject.percent(mean),
-                scale.number(rms(pooled)),
-                scale.number(float(np.max(np.abs(pooled)))),
-                scale.number(_mean(pooled[upwards]), 2),
-                scale.number(_mean(pooled[~upwards]), 2),
-            ]
-        )
+        row = [group.title, str(pooled.size), scale.number(mean), subject.percent(mean)]
+        row += map(scale.number, (rms(pooled), float(np.max(np.abs(pooled)))))
+        row += [scale.number(_mean(pooled[branch]), 2) for branch in (upwards, ~upwards)]
+        rows.append(row)
     head = [subject.over, "samples", scale.head("mean"), "of largest", scale.head("rms"),
             scale.head("worst"), scale.head("bias rising"), scale.head("bias falling")]  # fmt: skip
     caption = (

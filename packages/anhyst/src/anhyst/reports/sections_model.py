@@ -110,27 +110,23 @@ def section_reduction(subject: ModelSubject) -> Section | None:
         "one running."
     )
     most = max(step.cost_after for step in steps)
-    rows = []
+    rows: list[list[str | Cell]] = []
     for order, step in enumerate(steps, start=1):
         costs = sorted((cost, name) for name, cost in step.candidates.items())
         others = [(cost, names.get(name, name)) for cost, name in costs if name != step.frozen]
         listed = ", ".join(f"{name} {_cost(cost)}" for cost, name in others)
-        rows.append(
-            [
-                Cell(str(order)),
-                Cell(names.get(step.frozen, step.frozen), strong=True),
-                Cell(listed or "none"),
-                Cell(percent(step.cost_before, 3)),
-                Cell(percent(step.cost_after, 3), bar=step.cost_after / most if most else None),
-                Cell(percent(step.cost_after - step.cost_before, 2)),
-            ]
-        )
+        frozen = Cell(names.get(step.frozen, step.frozen), strong=True)
+        bar = step.cost_after / most if most else None
+        after = Cell(percent(step.cost_after, 3), bar=bar)
+        rise = percent(step.cost_after - step.cost_before, 2)
+        before = percent(step.cost_before, 3)
+        rows.append([str(order), frozen, listed or "none", before, after, rise])
     head = ["round", "frozen", "instead of", "before", "after", "rise"]
-    frozen = (
+    freezing = (
         f"{percent(step.cost_after)} after freezing {names.get(step.frozen, step.frozen)}"
         for step in steps
     )
-    bars = "; ".join([f"{percent(first)} with all parameters free", *frozen])
+    bars = "; ".join([f"{percent(first)} with all parameters free", *freezing])
     alt = f"Bar chart of the mean deviation: {bars}."
     caption = (
         "Mean deviation in parts of the largest output after each round (bars); rings: what "
@@ -219,32 +215,22 @@ def section_laws(subject: ModelSubject) -> Section | None:
     reason = str(subject.model.provenance.settings.get("law_reason", ""))
     errors = [candidate.left_out for candidate in fit.candidates if candidate.left_out is not None]
     most = max(errors, default=0.0)
-    rows = [
-        [
-            Cell(candidate.law, strong=candidate.note == "chosen"),
-            Cell(candidate.gap_map),
-            Cell(candidate.note),
-            Cell(str(candidate.numbers)),
-            Cell("" if candidate.rms is None else percent(candidate.rms)),
-            Cell("" if candidate.left_out is None else percent(candidate.left_out),
-                 bar=candidate.left_out / most if candidate.left_out is not None and most else None),
-        ]
-        for candidate in fit.candidates
-    ]  # fmt: skip
+    rows: list[list[str | Cell]] = []
+    for one in fit.candidates:
+        rms, error = "" if one.rms is None else percent(one.rms), Cell("")
+        if one.left_out is not None:
+            error = Cell(percent(one.left_out), bar=one.left_out / most if most else None)
+        law = Cell(one.law, strong=one.note == "chosen")
+        rows.append([law, one.gap_map, one.note, str(one.numbers), rms, error])
     caption = (
         "Numbers that were fitted; root mean square deviation from all loops; mean deviation on gaps "
         "or loops that were left out of the fit, in turn. The simpler law is chosen where the other "
         f"is not better by more than its scatter. In parts of {subject.full_scale}."
     )
     head = ["law", "map", "", "numbers", "rms deviation", "left out"]
-    return Section(
-        "laws",
-        "Which law: candidates side by side",
-        (
-            Text(reason[:1].upper() + reason[1:] + "."),
-            table("Laws compared", head, rows, caption, texts=3),
-        ),
-    )
+    said = Text(reason[:1].upper() + reason[1:] + ".")
+    laws = table("Laws compared", head, rows, caption, texts=3)
+    return Section("laws", "Which law: candidates side by side", (said, laws))
 
 
 def _expected(subject: ModelSubject, validation: CrossValidation) -> str:
@@ -282,9 +268,8 @@ def section_parameters(subject: ModelSubject) -> Section:
         if name == "rho" and subject.over != "gap":
             meaning = "reluctance in series with the iron, over that of an air-filled iron path"
         bare, key = names[name]
-        rows.append(
-            [symbol(bare), Cell(key, code=True), meaning, f"{text}{NBSP}{scale.unit}".strip()]
-        )
+        text = f"{text}{NBSP}{scale.unit}".strip()
+        rows.append([symbol(bare), Cell(key, code=True), meaning, text])
     blocks: list[Block] = [
         Text(f"Law: {model.operator_law.title}. The parameters mean nothing under another one."),
         Text(equations(subject)),
@@ -351,21 +336,15 @@ def symbol(name: str) -> Markup:
 
 
 def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
-    rows, last = [], ""
-    for index, (name, value, deviation) in enumerate(
-        zip(unsure.names, unsure.values, unsure.std, strict=True), start=1
-    ):
+    rows: list[list[str | Cell]] = []
+    last = ""
+    fitted = zip(unsure.names, unsure.values, unsure.std, strict=True)
+    for index, (name, value, deviation) in enumerate(fitted, start=1):
         part = deviation / abs(value) if value and "offset" not in name else None
         meaning = next((text for start, text in GLOSSARY.items() if name.startswith(start)), "")
-        rows.append(
-            [
-                Cell(str(index)),
-                Cell(written(name)),
-                Cell("" if meaning == last else meaning),
-                Cell(with_deviation(value, deviation)),
-                Cell(percent(part), strong=part is not None and part > 0.2),
-            ]
-        )
+        share = Cell(percent(part), strong=part is not None and part > 0.2)
+        shown = "" if meaning == last else meaning
+        rows.append([str(index), written(name), shown, with_deviation(value, deviation), share])
         last = meaning
     caption = (
         "What was fitted: quantities that the data determine, unlike single parameters that may be "
@@ -398,9 +377,8 @@ def _correlated(unsure: Uncertainty) -> str:
         ),
         reverse=True,
     )
-    named = "; ".join(
-        f"{first} with {two} {number(value, 3)}" for _, first, two, value in pairs[:3]
-    )
+    strongest = (f"{one} with {two} {number(value, 3)}" for _, one, two, value in pairs[:3])
+    named = "; ".join(strongest)
     text = f"Heat map of {len(unsure.names)} by {len(unsure.names)} correlations"
     return f"{text}, the strongest: {named}." if named else f"{text}."
 
