@@ -119,7 +119,7 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     settings = _changes(_settings(first), _settings(second))
     parameters = _changes(first.parameters, second.parameters)
     try:
-        drive = _common([m.valid.input for m in (first, second) if m.valid], "input")
+        drive = _common([m.valid.input for m in (first, second) if m.valid])
         gaps = _common_schedule(first, second)
     except InputError as error:
         return ModelDiff(settings, parameters, None, (), None, None, str(error))
@@ -149,15 +149,14 @@ def _settings(model: Model) -> dict[str, Value]:
     }
 
 
-def _common(ranges: list[Range], name: str) -> Range:
+def _common(ranges: list[Range]) -> Range:
     if not ranges:
-        text = f"neither model has a valid range of the {name}: no loops compared"
+        text = "neither model has a valid range of the input: no loops compared"
         raise InputError(text, code="no-valid-range", key="valid")
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if not low < high:
-        raise InputError(
-            f"the valid ranges of the {name} do not overlap: no loops compared", code="ranges-apart"
-        )
+        text = "the valid ranges of the input do not overlap: no loops compared"
+        raise InputError(text, code="ranges-apart")
     return low, high
 
 

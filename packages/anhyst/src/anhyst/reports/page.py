@@ -147,22 +147,17 @@ def _comparison(subject: ModelSubject) -> PageTable | None:
     def both(value: float) -> str:
         return f"{scale.show(value)} ({subject.percent(value)})"
 
-    baseline_rms = rms(np.concatenate(evidence.baseline))
-    noise_rms = _RMS_OF_MEAN * judged.noise_mean
+    def row(name: Cell, mean: float, rms: float, worst: float | None) -> list[str | Cell]:
+        bar = mean / most if most else None
+        last = number(float("nan")) if worst is None else both(worst)
+        return [name, Cell(both(mean), bar=bar), both(rms), last]
+
+    single_rms, noise = rms(np.concatenate(evidence.baseline)), judged.noise_mean
     most = max(judged.single_mean, fit.mean_abs)
-    rows = [
-        ("Best single-valued curve", judged.single_mean, baseline_rms, judged.single_worst),
-        ("This model", fit.mean_abs, fit.rms, fit.worst),
-        ("Noise alone (no model gets below)", judged.noise_mean, noise_rms, None),
-    ]
     cells = [
-        [
-            Cell(name, strong=name == "This model"),
-            Cell(both(mean), bar=mean / most if most else None),
-            Cell(both(rms)),
-            Cell(number(float("nan")) if worst is None else both(worst)),
-        ]
-        for name, mean, rms, worst in rows
+        row(Cell("Best single-valued curve"), judged.single_mean, single_rms, judged.single_worst),
+        row(Cell("This model", strong=True), fit.mean_abs, fit.rms, fit.worst),
+        row(Cell("Noise alone (no model gets below)"), noise, _RMS_OF_MEAN * noise, None),
     ]
     largest = subject.output_scale.show(fit.largest_output, 4)
     head = ["", "mean", "rms", "worst"]

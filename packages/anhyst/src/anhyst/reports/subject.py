@@ -177,7 +177,8 @@ def acceptance(subject: ModelSubject) -> Note:
     """Report the outcome of the acceptance test, over the gap and over the drive."""
     check, model = subject.acceptance, subject.model
     if check.passed is not None:
-        text = _sentence(check.text(model.input.unit))
+        text = check.text(model.input.unit)
+        text = text[:1].upper() + text[1:].replace(" -", f" {MINUS}") + "."
         if check.passed:
             return Note("good", "Acceptance test passed", text)
         return Note("bad", "ACCEPTANCE TEST FAILED", text)
@@ -188,7 +189,3 @@ def acceptance(subject: ModelSubject) -> Note:
     else:
         why = "the model file has no valid range that says how far to drive"
     return Note("info", "Acceptance test", f"Does not apply: {why}.")
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:].replace(" -", f" {MINUS}") + "."

@@ -121,25 +121,16 @@ class _Machine:
         image = program.image
         code = bytes(self._uc.mem_read(FLASH, FLASH_BYTES))
         self._prefix = np.ascontiguousarray(program.costs(image, code), dtype=np.uint32)
-        self._counter = _Counter(
-            FLASH,
-            FLASH + FLASH_BYTES,
-            self._prefix.ctypes.data_as(ctypes.POINTER(ctypes.c_uint32)),
-            image.address("harness_clock_start"),
-            image.address("harness_clock_stop"),
-            ctypes.addressof(self._ram) + (image.address("harness_count") - RAM),
-            0,
-        )
+        prefix = self._prefix.ctypes.data_as(ctypes.POINTER(ctypes.c_uint32))
+        clock = (image.address(f"harness_clock_{end}") for end in ("start", "stop"))
+        result = ctypes.addressof(self._ram) + (image.address("harness_count") - RAM)
+        self._counter = _Counter(FLASH, FLASH + FLASH_BYTES, prefix, *clock, result, 0)
         self._library = ctypes.CDLL(str(program.counter))
-        hook = ctypes.c_size_t()
+        count = ctypes.cast(self._library.count_block, ctypes.c_void_p)
+        hook, everywhere = ctypes.c_size_t(), (ctypes.c_uint64(1), ctypes.c_uint64(0))
+        block, ours = unicorn.UC_HOOK_BLOCK, ctypes.addressof(self._counter)
         status = uclib.uc_hook_add(
-            self._uc._uch,
-            ctypes.byref(hook),
-            unicorn.UC_HOOK_BLOCK,
-            ctypes.cast(self._library.count_block, ctypes.c_void_p),
-            ctypes.addressof(self._counter),
-            ctypes.c_uint64(1),
-            ctypes.c_uint64(0),
+            self._uc._uch, ctypes.byref(hook), block, count, ours, *everywhere
         )
         if status != unicorn.UC_ERR_OK:
             raise self._error(status)
