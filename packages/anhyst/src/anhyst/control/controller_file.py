@@ -58,10 +58,8 @@ class DesignTable(Table):
     @model_validator(mode="after")
     def _massive(self) -> Self:
         if not self.mass_kg + self.virtual_mass_kg > 0.0:
-            raise InputError(
-                "virtual_mass_kg takes away all of mass_kg; raise it",
-                code="virtual-mass-too-negative",
-            )
+            text = "virtual_mass_kg takes away all of mass_kg; raise it"
+            raise InputError(text, code="virtual-mass-too-negative")
         return self
 
 

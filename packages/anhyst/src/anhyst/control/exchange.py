@@ -179,18 +179,14 @@ def _shares(rest: FloatArray) -> tuple[float, float]:
         product, total = float(rest[0]), float(rest[1])
         under = (total / 2.0) ** 2 - product
         if under < -1e-9 * total**2:
-            raise InputError(
-                "transfer function: has complex poles, which no filter of a PIDD2 has",
-                code="complex-poles",
-            )
+            text = "transfer function: has complex poles, which no filter of a PIDD2 has"
+            raise InputError(text, code="complex-poles")
         larger = total / 2.0 + math.copysign(math.sqrt(max(0.0, under)), total)
         shares = (larger, product / larger)
     if not all(0.0 < share <= 1.0 + _ROUNDING for share in shares):
         poles = ", ".join(f"{1.0 - share:g}" for share in shares)
-        raise InputError(
-            f"transfer function: poles at {poles}; filters have theirs within 0..1",
-            code="poles-out-of-range",
-        )
+        text = f"transfer function: poles at {poles}; filters have theirs within 0..1"
+        raise InputError(text, code="poles-out-of-range")
     return shares
 
 

@@ -255,10 +255,8 @@ def _find(path: str, sha256: str, folder: Path) -> Path:
             if hashlib.file_digest(stream, "sha256").hexdigest() == sha256:
                 return candidate
     if present:
-        raise InputError(
-            f"{present[0]}: has changed since the model was identified; identify again",
-            code="source-changed",
-        )
+        text = f"{present[0]}: has changed since the model was identified; identify again"
+        raise InputError(text, code="source-changed")
     raise InputError(
         f"{path}: no such file; put the measurements back or identify again", code="no-such-file"
     )

@@ -174,10 +174,8 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     low, high = max(low for low, _ in spans), min(high for _, high in spans)
     within = nodes[(nodes >= low) & (nodes <= high)]
     if not within.size:
-        raise InputError(
-            "the valid ranges of the schedule do not overlap: no loops compared",
-            code="ranges-apart",
-        )
+        text = "the valid ranges of the schedule do not overlap: no loops compared"
+        raise InputError(text, code="ranges-apart")
     return sorted([*within.tolist(), *(0.5 * (within[1:] + within[:-1])).tolist()])
 
 

@@ -72,17 +72,13 @@ def read_bundle(folder: Path) -> Bundle:
     """Read the manifest and check that every file is as it was written."""
     manifest_path = folder / MANIFEST
     if not folder.is_dir():
-        raise InputError(
-            f"{folder}: no such folder; name the one 'anhyst compile --out' made",
-            code="no-such-folder",
-        )
+        text = f"{folder}: no such folder; name the one 'anhyst compile --out' made"
+        raise InputError(text, code="no-such-folder")
     try:
         manifest = json.loads(manifest_path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError(
-            f"{folder}: has no {MANIFEST}; name the folder 'anhyst compile --out' made",
-            code="no-manifest",
-        ) from None
+        text = f"{folder}: has no {MANIFEST}; name the folder 'anhyst compile --out' made"
+        raise InputError(text, code="no-manifest") from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise _damaged(f"{manifest_path}: is not JSON: {error}", code="damaged-manifest") from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
