@@ -107,10 +107,6 @@ class Dynamics:
         """Return a record delayed by the lag, its first value held before its start."""
         return np.interp(time - self.lag, time, values)
 
-    def advanced(self, values: FloatArray, time: FloatArray) -> FloatArray:
-        """Return a record advanced by the lag, its last value held after its end."""
-        return np.interp(time + self.lag, time, values)
-
 
 def _lagging(inputs: FloatArray, kept: FloatArray, start: float) -> FloatArray:
     """Return what follows a known input with one time constant, from a start; of floats, for speed."""

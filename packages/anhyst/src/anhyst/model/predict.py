@@ -178,7 +178,8 @@ def _run_late(
     run = _run_at_once(model, kind, at_once, schedule, time, past)
     drive, output = inputs, run.output
     if kind == "demand":
-        drive, output = late.advanced(run.drive, time), inputs
+        # One lag ahead; the last value is held after the end.
+        drive, output = np.interp(time + late.lag, time, run.drive), inputs
     elif late.times:
         output = creeping(run.flux_density)
     valid, flags = flag(model, kind, drive, output, at, reachable & run.reachable)
