@@ -46,14 +46,9 @@ def to_control(controller: Pidd2 | FixedPidd2) -> TransferFunction:
     position = position + e * s * t * _W**2 * under_integral
     reference = weight * p * under_integral + k
     rows = [(reference, under_integral), (-position, denominator), (Polynomial([load]), whole)]
-    return library.TransferFunction(
-        [[_in_z(above) for above, _ in rows]],
-        [[_in_z(below) for _, below in rows]],
-        dt=1.0 / controller.rate,
-        inputs=list(INPUTS),
-        outputs=[OUTPUT],
-        name="pidd2",
-    )
+    above, below = ([[_in_z(row[side]) for row in rows]] for side in (0, 1))
+    signals = {"inputs": list(INPUTS), "outputs": [OUTPUT]}
+    return library.TransferFunction(above, below, dt=1.0 / controller.rate, name="pidd2", **signals)
 
 
 def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -> Pidd2:

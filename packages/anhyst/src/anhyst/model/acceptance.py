@@ -217,17 +217,9 @@ def check_over_gap(
         return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", towards, trouble)
     fall = _falls(towards * output, towards * offset)
     place, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
-    return GapCheck(
-        gaps=gaps,
-        drive=drive,
-        output=output,
-        offset=offset,
-        fall=float(fall[place, sample]),
-        gap=float(gaps[place]),
-        at_drive=float(drive[sample]),
-        branch="rising" if sample < DRIVES_A_BRANCH else "falling",
-        towards=towards,
-    )
+    worst = float(fall[place, sample]), float(gaps[place]), float(drive[sample])
+    branch = "rising" if sample < DRIVES_A_BRANCH else "falling"
+    return GapCheck(gaps, drive, output, offset, *worst, branch, towards)
 
 
 _FURTHER = 1.05

@@ -185,10 +185,5 @@ def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> Lo
     slow = slow_times(cycle.size)
     output, other = (model.predict(cycle, gap, slow, "settled").output for model in (first, second))
     apart = np.abs(output - other)
-    return LoopDifference(
-        schedule=gap,
-        largest_output=full_scale(first.output, (output,)),
-        mean=float(apart.mean()),
-        worst=float(apart.max()),
-        at_drive=float(cycle[int(np.argmax(apart))]),
-    )
+    largest, at = full_scale(first.output, (output,)), float(cycle[int(np.argmax(apart))])
+    return LoopDifference(gap, largest, float(apart.mean()), float(apart.max()), at)

@@ -309,10 +309,6 @@ def _deviation(
         return None
     apart = np.abs(predicted - measured)
     largest = full_scale(quantity, (measured[rows] for rows in runs))
-    return Deviation(
-        mean_abs=float(apart.mean()),
-        rms=float(np.sqrt(np.square(apart).mean())),
-        worst=float(apart.max()),
-        largest=largest,
-        of=name_full_scale(quantity, largest),
-    )
+    mean, rms = float(apart.mean()), float(np.sqrt(np.square(apart).mean()))
+    of = name_full_scale(quantity, largest)
+    return Deviation(mean, rms, float(apart.max()), largest, of)

@@ -92,15 +92,10 @@ def read_bundle(folder: Path) -> Bundle:
         known = " and ".join(FORMATS)
         text = f"{manifest_path}: key 'io': {io} cannot be verified; only {known} can"
         raise InputError(text, code="not-verifiable", key="io")
+    name, kind = (_text(manifest_path, manifest, key) for key in ("name", "kind"))
     rate = manifest.get("rate_Hz")
-    return Bundle(
-        folder,
-        _text(manifest_path, manifest, "name"),
-        _text(manifest_path, manifest, "kind"),
-        io,
-        float(rate) if isinstance(rate, int | float) else None,
-        manifest,
-    )
+    rate = float(rate) if isinstance(rate, int | float) else None
+    return Bundle(folder, name, kind, io, rate, manifest)
 
 
 def _damaged(text: str, *, code: str, key: str = "") -> InputError:

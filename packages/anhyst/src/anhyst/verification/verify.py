@@ -99,20 +99,11 @@ def verify(
             target = targets.WHOLE_TARGETS[name]
             results.append(target.verify(bundle, Path(scratch), target_steps, seed))
             one_more()
-        estimates = (
-            tuple(e for job, _ in jobs for e in _estimates(job)) if elf.SOURCE in works else ()
-        )
-    return Verification(
-        str(folder),
-        bundle.kind,
-        bundle.io,
-        bundle.rate,
-        seed,
-        tuple(results),
-        estimates,
-        tuple(name for name in names if name not in works),
-        missing,
-    )
+        priced = jobs if elf.SOURCE in works else []
+        estimates = tuple(estimate for job, _ in priced for estimate in _estimates(job))
+    what = (str(folder), bundle.kind, bundle.io, bundle.rate, seed)
+    not_run = tuple(name for name in names if name not in works)
+    return Verification(*what, tuple(results), estimates, not_run, missing)
 
 
 def _offers(
@@ -176,13 +167,9 @@ class _Job:
         head = (target, name, variant.processor, variant.compiler)
         try:
             outcome = run(variant.program, self.vectors, steps, self.seed)
-            difference = compare(
-                (self._reference.program, variant.program),
-                (self._answers[steps], outcome),
-                self.vectors,
-                steps,
-                self.seed,
-            )
+            programs = (self._reference.program, variant.program)
+            answers = (self._answers[steps], outcome)
+            difference = compare(programs, answers, self.vectors, steps, self.seed)
         except NegativeResult as error:
             return TargetResult(*head, 0, 0, failure=str(error))
         counted, sizes, bundle = bool(variant.unit), None, self.workshop.bundle
