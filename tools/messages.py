@@ -22,7 +22,7 @@ HEAD = """\
 # Made from the sources by make messages.
 """
 ERRORS = {"InputError", "NegativeResult", "FileFault", "Advice", "Problem"}
-TEXT_SECOND = {"FileFault", "Problem", "add"}
+TEXT_SECOND = {"FileFault", "Problem", "add", "wrong_key"}
 """Calls whose text follows a key."""
 HOLE = "{...}"
 MOST = 3
@@ -220,7 +220,10 @@ def _site(call: ast.Call, module: Module, reader: Reader) -> Site | None:
         return None
     at = 1 if name in TEXT_SECOND else 0
     named = given is not None or len(call.args) > at + 1
-    return Site(place, str(code or ""), named, tuple(filter(None, reader.wordings(call.args[at]))))
+    texts = reader.wordings(call.args[at])
+    if name == "wrong_key":  # it puts the key in front
+        texts = _product((reader.wordings(call.args[0]), [": "], texts))
+    return Site(place, str(code or ""), named, tuple(filter(None, texts)))
 
 
 def golden(found: Iterable[Site]) -> str:

@@ -9,6 +9,7 @@ import pytest
 from anhyst.data import Loops
 from anhyst.data.speeds import slow_loops
 from anhyst.data.verdict import judge
+from anhyst.model.acceptance import Acceptance
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA, Dynamics
 from anhyst.model.schema import Uncertainty
@@ -29,7 +30,7 @@ def about(model: Model, loops: Loops) -> ModelSubject:
         model.predict(one.input, one.schedule, one.time, one.history).output for one in loops.loops
     )
     evidence = Evidence(loops, fitted, None, judge(loops), (), ())
-    return ModelSubject(model, None, None, evidence)
+    return ModelSubject(model, None, Acceptance(None, None), evidence)
 
 
 def test_each_speed_has_a_row_and_the_corner_its_interval() -> None:

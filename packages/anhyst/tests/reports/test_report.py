@@ -16,12 +16,14 @@ from anhyst.data.clean import ReadOptions
 from anhyst.data.loops import Loops, Source
 from anhyst.data.path import History
 from anhyst.data.verdict import WHERE_IT_PAYS, Level
+from anhyst.model.acceptance import Acceptance
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.model.schema import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.writer import write_model
 from anhyst.reports import write_plots, write_report
-from anhyst.reports.figures import figure_between, figure_differences, figure_residuals
+from anhyst.reports.figures import figure_differences, figure_residuals
+from anhyst.reports.figures_over_schedule import figure_between
 from anhyst.reports.page import headline, subject_of
 from anhyst.reports.sections_model import section_gap_map
 from anhyst.reports.subject import ModelSubject, gather, own_figures
@@ -306,7 +308,7 @@ def test_a_model_that_fails_over_the_gap_says_so_loudly(tmp_path: Path) -> None:
 
 
 def test_a_gap_that_cannot_be_computed_is_marked(subject: ModelSubject) -> None:
-    check = subject.check
+    check = subject.acceptance.over_gap
     assert check is not None
     output = check.output.copy()
     output[5:] = np.nan
@@ -314,7 +316,7 @@ def test_a_gap_that_cannot_be_computed_is_marked(subject: ModelSubject) -> None:
     figure = figure_between(subject.model, stuck)
     assert figure is not None
     assert "cannot be computed" in svg_text(figure, "f")
-    assert "no root" in headline(replace(subject, check=stuck)).notes[0].text
+    assert "no root" in headline(replace(subject, acceptance=Acceptance(stuck, None))).notes[0].text
 
 
 def test_figures_of_an_edited_model_are_computed_again(subject: ModelSubject, folder: Path) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from anhyst._core import PiezoLoop, PiezoMotion
 from anhyst.compensate.force_controller import ForceController
-from anhyst.control.pidd2 import Biquad, integrator, notch
+from anhyst.control.pidd2 import integrator, notch
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -129,7 +129,7 @@ def notch_numbers(file: RigFile) -> dict[str, float]:
     }
 
 
-def notch_of(file: RigFile) -> Biquad:
+def notch_of(file: RigFile) -> FloatArray:
     """Return the notch filter in the feedback."""
     rate, (frequency, damping, width) = file.timing.rate_Hz, notch_numbers(file).values()
     if frequency >= 0.5 * rate:
@@ -147,8 +147,8 @@ def controller_numbers(rig: PiezoRig, inverse: ForceController) -> ControllerNum
     settings, coded = rig.settings, inverse.format == "fixed"
     bandwidth = 2.0 * np.pi * settings.displacement.bandwidth_Hz
     return {
-        "filters": [notch_of(settings).coefficients],
-        "pid": integrator(bandwidth * rig.dt).coefficients,
+        "filters": [notch_of(settings)],
+        "pid": integrator(bandwidth * rig.dt),
         "settings": {
             "demand_full": inverse.scales.demand if coded else 1.0,
             "current_full": inverse.scales.current if coded else 1.0,

@@ -17,12 +17,7 @@ from anhyst.cli.generate import add_absent, add_command, read_verbs
 from anhyst.cli.printing import printer, start_printing
 from anhyst.cli.shared import one_line, say_error, warn
 from anhyst.support import verbs
-from anhyst.support.errors import (
-    CreepWarning,
-    InputError,
-    Interrupted,
-    NegativeResult,
-)
+from anhyst.support.errors import CreepWarning, InputError, Interrupted, NegativeResult
 from anhyst.support.registry import PARTS, package_at_fault
 from anhyst.support.wording import command_line
 
@@ -146,15 +141,11 @@ def _run(arguments: Sequence[str] | None) -> int:
     except BrokenPipeError:
         raise
     except OSError as error:
-        text = _describe(error)
+        where = f"{error.filename}: " if error.filename else ""
+        advice = "; make room" if error.errno == errno.ENOSPC else ""
+        text = f"{where}{error.strerror or error}{advice}"
     say_error(text)
     return BAD_INPUT
-
-
-def _describe(error: OSError) -> str:
-    where = f"{error.filename}: " if error.filename else ""
-    advice = "; make room" if error.errno == errno.ENOSPC else ""
-    return f"{where}{error.strerror or error}{advice}"
 
 
 if __name__ == "__main__":

@@ -25,49 +25,23 @@ _HEAD = re.compile(r"^(\S.*)\n(-{3,})$", re.MULTILINE)
 class Described:
     """A parameter as a docstring describes it."""
 
-    kind: str  # the type field
-    text: str
-
-    @property
-    def flag(self) -> str | None:
-        """The option, if it has another name than the parameter."""
-        found = _SPELLED.search(self.kind)
-        return found[1] if found else None
-
-    @property
-    def metavar(self) -> str | None:
-        """The placeholder of the value."""
-        found = _SPELLED.search(self.kind)
-        return found[2] or None if found else None
-
-    @property
-    def limits(self) -> tuple[float | None, float | None]:
-        """The least and the largest number."""
-        found = _LIMIT.search(self.kind)
-        if found is None:
-            return None, None
-        low, high = (_number(text) for text in (found[1] or found[2], found[3]))
-        return low, high
-
-    @property
-    def is_argument(self) -> bool:
-        """Whether it is an argument of the command line in any case."""
-        return "argument" in self.kind
-
-    @property
-    def is_required(self) -> bool:
-        """Whether the command line requires what Python may leave out."""
-        return "required on the command line" in self.kind
-
-    @property
-    def is_hidden(self) -> bool:
-        """Whether the command line does not have it."""
-        return "only in Python" in self.kind
+    kind: str = ""  # the type field
+    text: str = ""
+    flag: str | None = None  # the option, if it has another name than the parameter
+    metavar: str | None = None  # the placeholder of the value
+    low: float | None = None  # the least and the largest number
+    high: float | None = None
 
 
-def _number(text: str | None) -> float | None:
-    if text is None:
-        return None
+def _described(kind: str, text: str) -> Described:
+    spelled, limit = _SPELLED.search(kind), _LIMIT.search(kind)
+    flag, metavar = spelled.groups() if spelled else (None, None)
+    ends = (limit[1] or limit[2], limit[3]) if limit else (None, None)
+    low, high = (_number(end) if end else None for end in ends)
+    return Described(kind, text, flag, metavar or None, low, high)
+
+
+def _number(text: str) -> float:
     return int(text) if text.isdigit() else float(text)
 
 
@@ -102,7 +76,7 @@ def _parameters(text: str) -> dict[str, Described]:
     for block in re.split(r"\n(?=\S)", text):
         head, _, rest = block.partition("\n")
         names, _, kind = head.partition(" : ")
-        described = Described(kind, " ".join(rest.split()))
+        described = _described(kind, " ".join(rest.split()))
         found |= {name.strip(): described for name in names.split(",")}
     return found
 

@@ -1,8 +1,7 @@
 """Make a command from a verb: options and help from the signature and the docstring of a function.
 
 A verb is a module in a folder of verbs (:mod:`anhyst.support.verbs`) with a function of the same name.
-The module may also say
-how the command presents the result; `Verb` lists the names that are looked up.
+The module may also say how the command presents the result; `Verb` lists the names.
 """
 
 from __future__ import annotations
@@ -28,13 +27,13 @@ from anhyst.cli.shared import (
     Part,
     Verbose,
     of_its_kind,
-    print_json,
     progress_bar,
     show,
     show_with,
     warn,
 )
 from anhyst.support import verbs
+from anhyst.support.atomic import json_text
 from anhyst.support.errors import InputError, Interrupted
 
 Given = Mapping[str, Any]
@@ -61,7 +60,7 @@ class Verb:
     name: str
     module: ModuleType
 
-    @cached_property
+    @property
     def command(self) -> str:
         """The verb as the command line spells it."""
         return self.name.replace("_", "-")
@@ -87,7 +86,8 @@ class Verb:
     def parameters(self) -> dict[str, inspect.Parameter]:
         """Those of the function that the command line has."""
         own = dict(inspect.signature(self.function).parameters)
-        hidden = {name for name, one in self.described.parameters.items() if one.is_hidden}
+        described = self.described.parameters.items()
+        hidden = {name for name, one in described if "only in Python" in one.kind}
         if own.pop("reading", None) is not None and "**reading" not in hidden:
             own |= _READING
         return {name: one for name, one in own.items() if name not in hidden | _CALLED_BACK}
@@ -169,12 +169,13 @@ def _options(verb: Verb) -> list[inspect.Parameter]:
     checked = ""  # annotation of the arguments whose kind of file is checked
     options: list[tuple[str, Any, Any]] = []
     for name, parameter in verb.parameters.items():
-        described = verb.described.parameters.get(name) or shared.get(name) or Described("", "")
+        described = verb.described.parameters.get(name) or shared.get(name) or Described()
         described = shared[name] if _AS_READ in described.kind else described
-        is_required = described.is_required or parameter.default is parameter.empty
+        is_required = "required on the command line" in described.kind
+        is_required = is_required or parameter.default is parameter.empty
         kind = _type_of(parameter, verb.module)
         settings = _settings(described, flags)
-        if described.is_argument or (is_required and name != "out"):
+        if "argument" in described.kind or (is_required and name != "out"):
             checked = checked or parameter.annotation
             if parameter.annotation == checked and name != "out":
                 settings["callback"] = of_its_kind
@@ -196,12 +197,11 @@ def _options(verb: Verb) -> list[inspect.Parameter]:
 
 def _settings(described: Described, flags: Mapping[str, str]) -> dict[str, Any]:
     """Return what typer is told of a parameter, besides its type."""
-    low, high = described.limits
     found = {
         "help": with_options(described.text, flags),
         "metavar": described.metavar,
-        "min": low,
-        "max": high,
+        "min": described.low,
+        "max": described.high,
     }
     return {name: value for name, value in found.items() if value is not None}
 
@@ -215,8 +215,7 @@ _TYPES = (
 
 def _type_of(parameter: inspect.Parameter, module: ModuleType) -> Any:
     """Return the type of a parameter on the command line."""
-    text = inspect.formatannotation(parameter.annotation).strip("'")
-    hint = parameter.annotation
+    text, hint = inspect.formatannotation(parameter.annotation).strip("'"), parameter.annotation
     with suppress(Exception):  # names that only type checkers import
         hint = eval(hint, vars(module)) if isinstance(hint, str) else hint
     if NoneType in get_args(hint):
@@ -243,7 +242,7 @@ def _run(verb: Verb, options: dict[str, Any]) -> None:
     if as_json:
         for text in warnings:
             warn(text)
-        print_json(verb.told("as_json", _as_json)(result, given))
+        print(json_text(verb.told("as_json", _as_json)(result, given)), end="")
     else:
         show_with(warnings, *verb.told("show", _show)(result, given))
     verb.told("refuse", _nothing)(result, given)
@@ -252,21 +251,18 @@ def _run(verb: Verb, options: dict[str, Any]) -> None:
 def _given(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments of the function from the options of the command line."""
     given = dict(options)
+    texts = {}
     for name, value in options.items():
         if isinstance(value, str) and "Sequence[str]" in str(verb.parameters[name].annotation):
             given[name] = value.split(",")
-    texts = {name: value for name, value in options.items() if _is_reading(verb, name)}
+        own = verb.described.parameters.get(name)
+        if name in _READING and (own is None or _AS_READ in own.kind):
+            texts[name] = value
     read = asdict(read_options(**texts)) if texts else {}
     takes_all = "reading" in inspect.signature(verb.function).parameters
     return given | {
         name: read[name] for name, value in texts.items() if takes_all or value is not None
     }
-
-
-def _is_reading(verb: Verb, name: str) -> bool:
-    """Whether a parameter says how measurements are read."""
-    own = verb.described.parameters.get(name)
-    return name in _READING and (own is None or _AS_READ in own.kind)
 
 
 def _call(verb: Verb, given: Mapping[str, Any]) -> Any:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Annotated, Any, Union
@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 import typer
 
 from anhyst.cli.printing import WIDTH, TerminalTable, printer, wrapped
-from anhyst.support.atomic import json_text
 from anhyst.support.jobs import Progress
 
 if TYPE_CHECKING:
@@ -68,21 +67,6 @@ def one_line(text: str) -> str:
     return "".join(sign if sign.isprintable() else "?" for sign in folded)
 
 
-def print_json(result: Mapping[str, Any]) -> None:
-    """Print a result as JSON; numbers that JSON does not have become null."""
-    print(json_text(result), end="")
-
-
-def _from_page(drawn: PageTable) -> tuple[TerminalTable, ...] | tuple[TerminalTable, str]:
-    """Return a table of a page for a terminal, and what stands below it."""
-    from anhyst.support.page import NBSP
-
-    result = TerminalTable(drawn.title, drawn.head)
-    for row in drawn.rows:
-        result.add_row(*(cell.text.replace(NBSP, " ") for cell in row))
-    return (result, drawn.caption) if drawn.caption else (result,)
-
-
 Part = Union[str, TerminalTable, "PageTable"]
 """A sentence or a table that a verb shows."""
 
@@ -90,7 +74,14 @@ Part = Union[str, TerminalTable, "PageTable"]
 def show(*parts: Part) -> None:
     """Print tables and lines for a person, the most useful first."""
     for part in parts:
-        printer.print([part] if isinstance(part, str | TerminalTable) else _from_page(part))
+        if isinstance(part, str | TerminalTable):
+            printer.print([part])
+        else:  # a table of a page, and what is below it
+            rows = [
+                [cell.text.replace("\N{NO-BREAK SPACE}", " ") for cell in row] for row in part.rows
+            ]
+            drawn = TerminalTable(part.title, part.head, rows)
+            printer.print([drawn, part.caption] if part.caption else [drawn])
 
 
 def show_with(warnings: Sequence[str], *parts: Part) -> None:
@@ -144,8 +135,7 @@ def _duration(seconds: float) -> str:
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
     """Show how far long work is: a bar on a terminal, a line a minute where there is none."""
-    shown = _bar if sys.stderr.isatty() else _lines
-    with shown(title) as update:
+    with (_bar if sys.stderr.isatty() else _lines)(title) as update:
         yield update
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
@@ -58,10 +58,8 @@ class DesignTable(Table):
     @model_validator(mode="after")
     def _massive(self) -> Self:
         if not self.mass_kg + self.virtual_mass_kg > 0.0:
-            raise InputError(
-                "virtual_mass_kg takes away all of mass_kg; raise it",
-                code="virtual-mass-too-negative",
-            )
+            text = "virtual_mass_kg takes away all of mass_kg; raise it"
+            raise InputError(text, code="virtual-mass-too-negative")
         return self
 
 
@@ -186,18 +184,12 @@ class ControllerTable(Table):
         if self.gains is not None:
             gains = self.gains
             return Gains(
-                K_p=gains.K_p_N_per_m,
-                K_i=gains.K_i_N_per_m_s,
-                K_d=gains.K_d_N_s_per_m,
-                K_dd=gains.K_dd_N_s2_per_m,
+                gains.K_p_N_per_m, gains.K_i_N_per_m_s, gains.K_d_N_s_per_m, gains.K_dd_N_s2_per_m
             )
         rule = self.design
         if rule is None:
-            raise InputError(
-                "neither [design] nor [gains] is there; add one of the two tables",
-                code="missing",
-                key="design",
-            )
+            text = "neither [design] nor [gains] is there; add one of the two tables"
+            raise InputError(text, code="missing", key="design")
         return design(rule.mass_kg, rule.bandwidth_Hz, rule.damping, rule.virtual_mass_kg)
 
     def pidd2(self) -> Pidd2:
@@ -205,19 +197,21 @@ class ControllerTable(Table):
         return Pidd2(
             rate=self.rate_Hz,
             **asdict(self.pidd2_gains()),
-            cutoff=self.filter.cutoff_Hz,
-            cutoff_2=self.filter.cutoff_2_Hz,
+            **self._named("cutoff", "cutoff_2", "low", "high"),
             weight=self.set_point_weight,
-            low=self.limits.force_low_N,
-            high=self.limits.force_high_N,
         )
+
+    def _named(self, *names: str) -> dict[str, Any]:
+        """Return what the file says of some names of :mod:`anhyst.control`."""
+        places = {name: _KEYS[name] for name in names}
+        return {name: getattr(getattr(self, table), key) for name, (table, key) in places.items()}
 
     def converter_of_currents(self) -> ReferenceConverter:
         """Return the converter of the references; where none is named, one over their limits."""
-        if self.converter is None:
-            limits = self.limits
-            return ReferenceConverter(limits.current_low_A, limits.current_high_A, CONVERTER_BITS)
-        return ReferenceConverter(self.converter.low_A, self.converter.high_A, self.converter.bits)
+        if (own := self.converter) is not None:
+            return ReferenceConverter(own.low_A, own.high_A, own.bits)
+        limits = self.limits
+        return ReferenceConverter(limits.current_low_A, limits.current_high_A, CONVERTER_BITS)
 
     def force_max(self, pair: PairTable | None) -> float:
         """Return the largest force of one magnet, N."""
@@ -244,23 +238,14 @@ class ControllerTable(Table):
         flux_full_scale: float = 1.0,
     ) -> PositionControl:
         """Return the controller of the position around its compensators."""
-        limits = self.limits
         return PositionControl(
             pidd2=self.pidd2(),
             levitation=Levitation(
-                detect=self.lift_off.detect_m,
-                rise_speed=self.lift_off.speed_m_per_s,
-                descend_speed=self.landing.speed_m_per_s,
-                lift_rate=self.lift_off.force_rate_N_per_s,
-                set_down_rate=self.landing.force_rate_N_per_s,
+                **self._named("detect", "rise_speed", "descend_speed", "lift_rate", "set_down_rate")
             ),
             limits=PositionLimits(
-                gap_low=limits.gap_low_m,
-                gap_high=limits.gap_high_m,
-                step=limits.step_m,
-                current_low=limits.current_low_A,
-                current_high=limits.current_high_A,
-                release=limits.current_high_A / RELEASE_S,
+                **self._named("gap_low", "gap_high", "step", "current_low", "current_high"),
+                release=self.limits.current_high_A / RELEASE_S,
                 max_missing_samples=self.safety.max_missing_samples,
                 hold=self.safety.hold_ticks,
             ),
@@ -291,8 +276,7 @@ def read_controller(path: PathLike) -> ControllerFile:
     """Read a controller file."""
     file = Path(path)
     settings = read_toml(file, ControllerTable, [CONTROLLER])
-    faults = _own_faults(settings)
-    if faults:
+    if faults := _own_faults(settings):
         raise faults_error(file, faults)
     return ControllerFile(file, settings)
 
@@ -300,19 +284,11 @@ def read_controller(path: PathLike) -> ControllerFile:
 def _own_faults(settings: ControllerTable) -> list[FileFault]:
     faults: list[FileFault] = []
     if settings.design is not None and settings.gains is not None:
-        faults.append(
-            FileFault(
-                ("gains",), "stands beside [design]; keep one of the two tables", code="both-given"
-            )
-        )
+        text = "stands beside [design]; keep one of the two tables"
+        faults.append(FileFault(("gains",), text, code="both-given"))
     if settings.design is None and settings.gains is None:
-        faults.append(
-            FileFault(
-                ("design",),
-                "is missing, and so is [gains]; add one of the two tables",
-                code="missing",
-            )
-        )
+        text = "is missing, and so is [gains]; add one of the two tables"
+        faults.append(FileFault(("design",), text, code="missing"))
     for key in ("cutoff_Hz", "cutoff_2_Hz"):
         cutoff = getattr(settings.filter, key)
         if cutoff >= settings.rate_Hz / 2.0:
@@ -383,9 +359,8 @@ HEADS = {
 
 def write_controller(path: PathLike, settings: ControllerTable, note: str) -> None:
     """Write a controller file, whole or not at all, for a person to read and edit."""
-    text = controller_text(settings, note)
     with atomic_writer(path) as stream:
-        stream.write(text)
+        stream.write(controller_text(settings, note))
 
 
 def controller_text(settings: ControllerTable, note: str) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from anhyst.control.pidd2 import FixedPidd2, Pidd2
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 
 if TYPE_CHECKING:
@@ -46,14 +46,9 @@ def to_control(controller: Pidd2 | FixedPidd2) -> TransferFunction:
     position = position + e * s * t * _W**2 * under_integral
     reference = weight * p * under_integral + k
     rows = [(reference, under_integral), (-position, denominator), (Polynomial([load]), whole)]
-    return library.TransferFunction(
-        [[_in_z(above) for above, _ in rows]],
-        [[_in_z(below) for _, below in rows]],
-        dt=1.0 / controller.rate,
-        inputs=list(INPUTS),
-        outputs=[OUTPUT],
-        name="pidd2",
-    )
+    above, below = ([[_in_z(row[side]) for row in rows]] for side in (0, 1))
+    signals = {"inputs": list(INPUTS), "outputs": [OUTPUT]}
+    return library.TransferFunction(above, below, dt=1.0 / controller.rate, name="pidd2", **signals)
 
 
 def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -> Pidd2:
@@ -73,7 +68,11 @@ def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -
             "give one from the error, or one with " + ", ".join(INPUTS),
             code="signals-wrong",
         )
-    cutoff, cutoff_2 = (_cutoff(share, rate) for share in shares)
+    # of a low-pass that passes this share of a step in one tick, Hz
+    cutoff, cutoff_2 = (
+        -math.log1p(-share) * rate / (2.0 * math.pi) if share < 1.0 - _ROUNDING else math.inf
+        for share in shares
+    )
     return Pidd2(
         rate=rate,
         K_p=p,
@@ -92,11 +91,8 @@ def control_library() -> Any:
     try:
         import control
     except ImportError as error:
-        raise InputError(
-            "python-control is not installed: pip install 'anhyst[control]'",
-            code="not-installed",
-            key="control",
-        ) from error
+        text = "python-control is not installed: pip install 'anhyst[control]'"
+        raise InputError(text, code="not-installed", key="control") from error
     return control
 
 
@@ -116,7 +112,7 @@ def _over_w(coefficients: FloatArray) -> FloatArray:
 def _check_time(transfer: TransferFunction, rate: float) -> None:
     """Refuse what is not discrete with this rate."""
     if not (math.isfinite(rate) and rate > 0.0):
-        raise InputError(f"rate: {rate} Hz is not above zero", code="not-above-zero", key="rate")
+        raise wrong_key("rate", f"{rate} Hz is not above zero", code="not-above-zero")
     if transfer.dt is None or transfer.dt == 0:
         raise InputError(
             "transfer function: it is continuous; discretise it first, with "
@@ -178,18 +174,14 @@ def _shares(rest: FloatArray) -> tuple[float, float]:
         product, total = float(rest[0]), float(rest[1])
         under = (total / 2.0) ** 2 - product
         if under < -1e-9 * total**2:
-            raise InputError(
-                "transfer function: has complex poles, which no filter of a PIDD2 has",
-                code="complex-poles",
-            )
+            text = "transfer function: has complex poles, which no filter of a PIDD2 has"
+            raise InputError(text, code="complex-poles")
         larger = total / 2.0 + math.copysign(math.sqrt(max(0.0, under)), total)
         shares = (larger, product / larger)
     if not all(0.0 < share <= 1.0 + _ROUNDING for share in shares):
         poles = ", ".join(f"{1.0 - share:g}" for share in shares)
-        raise InputError(
-            f"transfer function: poles at {poles}; filters have theirs within 0..1",
-            code="poles-out-of-range",
-        )
+        text = f"transfer function: poles at {poles}; filters have theirs within 0..1"
+        raise InputError(text, code="poles-out-of-range")
     return shares
 
 
@@ -200,17 +192,12 @@ def _weight(transfer: TransferFunction, p: float, k: float) -> float:
     order = 1 if k == 0.0 else 2
     integrates = len(below) == 2 and below[0] == 0.0
     if len(below) != order or len(above) > order or (order == 2 and not integrates):
-        raise InputError(
-            "reference: must pass proportionally and through the integral only",
-            code="not-a-pidd2",
-            key="reference",
-        )
+        text = "must pass proportionally and through the integral only"
+        raise wrong_key("reference", text, code="not-a-pidd2")
     above = above / below[-1]
     if order == 2 and not math.isclose(above[0], k, rel_tol=1e-6):
-        raise InputError(
-            "reference: has another gain of the integral than the position",
-            code="not-a-pidd2",
-            key="reference",
+        raise wrong_key(
+            "reference", "has another gain of the integral than the position", code="not-a-pidd2"
         )
     if p == 0.0:
         return 1.0
@@ -223,10 +210,5 @@ def _constant(numerator: FloatArray, denominator: FloatArray) -> float:
     """Return the value of a function that must be one number."""
     above, below = _over_w(numerator), _over_w(denominator)
     if len(above) != 1 or len(below) != 1:
-        raise InputError("load: must be fed forward by one number", code="not-a-pidd2", key="load")
+        raise wrong_key("load", "must be fed forward by one number", code="not-a-pidd2")
     return float(above[0] / below[0])
-
-
-def _cutoff(share: float, rate: float) -> float:
-    """Return the cut-off of a low-pass that passes this share of a step in one tick, Hz."""
-    return math.inf if share >= 1.0 - _ROUNDING else -math.log1p(-share) * rate / (2.0 * math.pi)

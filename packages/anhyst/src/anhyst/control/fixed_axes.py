@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedAxes, FixedForceController, ForceController, ForceControllerF32
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray, q31
 
 _ROW_BITS, _ROW_SHIFT = 27, 58
@@ -109,29 +109,11 @@ def fixed_wrench(drives: Drives, wrench: FloatArray, force: float) -> tuple[Word
     }
 
 
-def _in_codes(settings: Mapping[str, float]) -> dict[str, float]:
-    """Return the settings of a controller in fixed point: currents and idle force as codes.
-
-    The highest current is the last one of the converter's grid that is within the limit.
-    """
-    current = settings["current_full"]
-    low = q31(settings["current_low"] / current)
-    step = q31(settings["current_step"] / current)
-    steps = (q31(settings["current_high"] / current) - low) // step
-    return {
-        **settings,
-        "idle": q31(settings["idle"] / settings["demand_full"]),
-        "current_low": low,
-        "current_high": low + steps * step,
-        "current_step": step,
-    }
-
-
 def fixed_axes(
     rows: Mapping[str, FloatArray], drives: Drives, settings: Mapping[str, float]
 ) -> FixedController:
     """Return all words of a controller, from its rows and settings in SI."""
-    scales, currents = _scales(rows, drives, settings), _in_codes(settings)
+    scales = _scales(rows, drives, settings)
     pose, wrench = scales.pose, scales.wrench
     words, numbers = fixed_wrench(drives, wrench, scales.force)
     heads = len(rows["at"])
@@ -146,9 +128,10 @@ def fixed_axes(
         words[name] = codes(rows[name], pose[:, None])
     if not (words["lift"] > 0.0).all():
         raise _too("small", "control.lift_m_per_s")
-    numbers |= {
-        f"current_{end}": int(currents[f"current_{end}"]) for end in ("low", "high", "step")
-    }
+    ends = ("low", "high", "step")
+    low, high, step = (q31(settings[f"current_{end}"] / scales.current) for end in ends)
+    high = low + (high - low) // step * step  # the last one of the converter's grid
+    numbers |= {"current_low": low, "current_high": high, "current_step": step}
     numbers |= {"heads": heads, "follow": q31(settings["follow"])}
     numbers |= {key: q31(settings[key] / scales.current) for key in ("slew", "off")}
     numbers["jump"] = q31(settings["jump"] / scales.head)
@@ -225,8 +208,8 @@ def _pid(filter_: Sequence[float], gain: float) -> list[float]:
 
 
 def _too(what: str, key: str) -> InputError:
-    return InputError(
-        f"{key}: too {what} for the full scales of fixed point at this rate; compile with io f32",
+    return wrong_key(
+        key,
+        f"too {what} for the full scales of fixed point at this rate; compile with io f32",
         code=f"too-{what}-for-fixed-point",
-        key=key,
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray, as_factor, as_smoothing, passed
 
 _ORDER = ("proportional", "integral", "derivative", "second", "load", "back")
@@ -28,11 +28,8 @@ class FullScales:
         for field in fields(self):
             value = getattr(self, field.name)
             if not (math.isfinite(value) and value > 0.0):
-                raise InputError(
-                    f"full scale of {field.name}: {value} is not above zero",
-                    code="not-above-zero",
-                    key=field.name,
-                )
+                text = f"full scale of {field.name}: {value} is not above zero"
+                raise InputError(text, code="not-above-zero", key=field.name)
 
 
 @dataclass(frozen=True)
@@ -86,37 +83,26 @@ class Pidd2:
     def __post_init__(self) -> None:
         for name in ("rate", "K_p", "K_i", "K_d", "K_dd", "K_load"):
             if not math.isfinite(getattr(self, name)):
-                raise InputError(
-                    f"{name}: {getattr(self, name)} is not a finite number",
-                    code="not-finite",
-                    key=name,
+                raise wrong_key(
+                    name, f"{getattr(self, name)} is not a finite number", code="not-finite"
                 )
         for name in ("rate", "cutoff", "cutoff_2"):
             if not getattr(self, name) > 0.0:
-                raise InputError(
-                    f"{name}: {getattr(self, name)} Hz is not above zero",
-                    code="not-above-zero",
-                    key=name,
+                raise wrong_key(
+                    name, f"{getattr(self, name)} Hz is not above zero", code="not-above-zero"
                 )
         if not 0.0 <= self.weight <= 1.0:
-            raise InputError(
-                f"weight: {self.weight} is not within 0..1", code="out-of-range", key="weight"
-            )
+            raise wrong_key("weight", f"{self.weight} is not within 0..1", code="out-of-range")
         if self.K_p * self.K_i < 0.0:
-            raise InputError(
-                "K_i: must have the sign of K_p, or the loop drives itself away",
-                code="gain-signs-differ",
-                key="K_i",
-            )
+            text = "must have the sign of K_p, or the loop drives itself away"
+            raise wrong_key("K_i", text, code="gain-signs-differ")
         if not self.low <= self.high:
-            raise InputError(
-                f"low: {self.low} N is above high, {self.high} N", code="range-reversed", key="low"
+            raise wrong_key(
+                "low", f"{self.low} N is above high, {self.high} N", code="range-reversed"
             )
         if self.tracking is not None and not self.tracking > 0.0:
-            raise InputError(
-                f"tracking: {self.tracking} s is not above zero",
-                code="not-above-zero",
-                key="tracking",
+            raise wrong_key(
+                "tracking", f"{self.tracking} s is not above zero", code="not-above-zero"
             )
 
     @property
@@ -183,11 +169,8 @@ def _limit(name: str, value: float, scales: FullScales) -> int:
     """Return a limit of the output as a q31."""
     part = value / scales.output
     if math.isfinite(value) and abs(part) > 1.0:
-        raise InputError(
-            f"{name}: {value} N is beyond the full scale of {scales.output} N",
-            code="beyond-full-scale",
-            key=name,
-        )
+        text = f"{value} N is beyond the full scale of {scales.output} N"
+        raise wrong_key(name, text, code="beyond-full-scale")
     return int(max(-_Q31, min(_Q31 - 1.0, round(part * _Q31) if math.isfinite(part) else part * 2)))
 
 
@@ -208,21 +191,16 @@ def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 
     >>> f"{gains.K_p:.4g} N/m, {gains.K_i:.4g} N/(m s), {gains.K_d:.4g} N s/m"
     '3.411e+06 N/m, 8.573e+08 N/(m s), 4524 N s/m'
     """
-    for name, value, unit in (
-        ("mass", mass, " kg"),
-        ("bandwidth", bandwidth, " Hz"),
-        ("damping", damping, ""),
-    ):
+    given = {"mass": (mass, " kg"), "bandwidth": (bandwidth, " Hz"), "damping": (damping, "")}
+    for name, (value, unit) in given.items():
         if not (math.isfinite(value) and value > 0.0):
-            raise InputError(
-                f"{name}: {value}{unit} is not above zero", code="not-above-zero", key=name
-            )
+            raise wrong_key(name, f"{value}{unit} is not above zero", code="not-above-zero")
     if not (math.isfinite(virtual_mass) and mass + virtual_mass > 0.0):
-        raise InputError(
-            f"virtual_mass: {virtual_mass} kg leaves nothing of a mass of {mass} kg; "
+        raise wrong_key(
+            "virtual_mass",
+            f"{virtual_mass} kg leaves nothing of a mass of {mass} kg; "
             "give a number above minus the mass",
             code="virtual-mass-too-negative",
-            key="virtual_mass",
         )
     w = 2.0 * math.pi * bandwidth
     total = mass + virtual_mass
@@ -234,34 +212,18 @@ def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 
     )
 
 
-@dataclass(frozen=True)
-class Biquad:
-    """``(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)``."""
+def notch(frequency: float, damping: float, width: float, dt: float) -> FloatArray:
+    """Return what takes a resonance (Hz, damping ratio) out and puts one of another damping in.
 
-    forward: tuple[float, float, float]  # b0, b1, b2
-    back: tuple[float, float]  # a1, a2
-
-    @property
-    def coefficients(self) -> FloatArray:
-        """The members of ``anhyst_biquad_f64`` in their order, shape (5,)."""
-        return np.array([*self.forward, *self.back])
-
-
-def notch(frequency: float, damping: float, width: float, dt: float) -> Biquad:
-    """Return what takes a resonance (Hz, damping ratio) out and puts one of another damping in."""
+    These are b0, b1, b2, a1 and a2 of ``(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)``, the members of
+    ``anhyst_biquad_f64``.
+    """
     w = math.tan(math.pi * frequency * dt)
-    scale = 1.0 + 2.0 * width * w + w * w
-    b0, b1, b2 = (
-        part / scale
-        for part in (
-            1.0 + 2.0 * damping * w + w * w,
-            2.0 * (w * w - 1.0),
-            1.0 - 2.0 * damping * w + w * w,
-        )
-    )
-    return Biquad((b0, b1, b2), (b1, (1.0 - 2.0 * width * w + w * w) / scale))
+    middle, own, put_in = 2.0 * (w * w - 1.0), 2.0 * damping * w, 2.0 * width * w
+    parts = [1.0 + own + w * w, middle, 1.0 - own + w * w, middle, 1.0 - put_in + w * w]
+    return np.array(parts) / (1.0 + put_in + w * w)
 
 
-def integrator(gain: float) -> Biquad:
-    """Return the sum of all inputs times a gain."""
-    return Biquad((gain, 0.0, 0.0), (-1.0, 0.0))
+def integrator(gain: float) -> FloatArray:
+    """Return the sum of all inputs times a gain, as :func:`notch`."""
+    return np.array([gain, 0.0, 0.0, -1.0, 0.0])

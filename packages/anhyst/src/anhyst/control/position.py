@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from anhyst.control.pidd2 import FullScales, Pidd2
 from anhyst.support.block_words import Scales
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray, as_factor, q31
 
@@ -48,23 +48,15 @@ class PositionLimits:
         _above_zero(self, "step", "release", "selftest")
         for name in ("max_missing_samples", "hold", "selftest"):
             if not 0 <= getattr(self, name) <= 65535:
-                raise InputError(
-                    f"{name}: {getattr(self, name)} ticks are not within 0..65535",
-                    code="out-of-range",
-                    key=name,
-                )
+                text = f"{getattr(self, name)} ticks are not within 0..65535"
+                raise wrong_key(name, text, code="out-of-range")
         if not 0.0 <= self.gap_low < self.gap_high:
-            raise InputError(
-                "gap_low: must be below gap_high, and not below zero",
-                code="range-reversed",
-                key="gap_low",
+            raise wrong_key(
+                "gap_low", "must be below gap_high, and not below zero", code="range-reversed"
             )
         if not self.current_low <= 0.0 < self.current_high:
-            raise InputError(
-                "current_low: zero must lie within the limits of the current",
-                code="zero-outside-range",
-                key="current_low",
-            )
+            text = "zero must lie within the limits of the current"
+            raise wrong_key("current_low", text, code="zero-outside-range")
 
 
 @dataclass(frozen=True)
@@ -91,16 +83,11 @@ class ReferenceConverter:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
-            raise InputError(
-                "the lower end of a converter must be below its upper end",
-                code="range-reversed",
-                key="low",
-            )
+            text = "the lower end of a converter must be below its upper end"
+            raise InputError(text, code="range-reversed", key="low")
         if not 1 <= self.bits <= 20:
-            raise InputError(
-                f"bits: {self.bits} of a converter are not within 1..20",
-                code="out-of-range",
-                key="bits",
+            raise wrong_key(
+                "bits", f"{self.bits} of a converter are not within 1..20", code="out-of-range"
             )
 
     @property
@@ -113,11 +100,8 @@ class ReferenceConverter:
         first = math.ceil((max(low, self.low) - self.low) / self.step - 1e-6)
         last = math.floor((min(high, self.high) - self.low) / self.step + 1e-6)
         if last <= first:
-            raise InputError(
-                "current_high: the limits hold no step of the converter; widen them",
-                code="range-too-narrow",
-                key="current_high",
-            )
+            text = "the limits hold no step of the converter; widen them"
+            raise wrong_key("current_high", text, code="range-too-narrow")
         return self.low + first * self.step, last - first
 
 
@@ -139,17 +123,11 @@ class PositionControl:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.bias <= self.scales.demand:
-            raise InputError(
-                f"bias: {self.bias} N is not within 0..{self.scales.demand} N",
-                code="out-of-range",
-                key="bias",
-            )
+            text = f"{self.bias} N is not within 0..{self.scales.demand} N"
+            raise wrong_key("bias", text, code="out-of-range")
         if not 0.0 < self.pidd2.high < math.inf:
-            raise InputError(
-                "high: the largest force must be above zero to lift anything",
-                code="not-above-zero",
-                key="high",
-            )
+            text = "the largest force must be above zero to lift anything"
+            raise wrong_key("high", text, code="not-above-zero")
 
     @property
     def press(self) -> float:
@@ -178,34 +156,33 @@ class PositionControl:
 
     def settings(self, number_format: NumberFormat) -> Settings:
         """Return everything else as the core takes it."""
-        common = self._levitation() | {"measured": self.measured}
+        common = self._levitation() | {
+            "measured": self.measured,
+            "gap_middle": self.gap_middle,
+            "position_full": self.position_full,
+            "demand_full": self.scales.demand,
+        }
         return common | (self._fixed() if number_format == "fixed" else self._real())
 
     def _levitation(self) -> dict[str, int]:
         """Return what is integer in every format: positions and demands as q31."""
         tick, limits, levitation = self.pidd2.tick, self.limits, self.levitation
 
-        def distance(name: str, metres: float) -> int:
-            return _rate(name, metres / self.position_full)
-
-        def force(name: str, newtons: float) -> int:
-            return _rate(name, newtons / self.scales.demand)
-
-        middle = self.gap_middle
+        middle, full, most = self.gap_middle, self.position_full, self.scales.demand
         return {
-            "position_low": q31((middle - limits.gap_high) / self.position_full),
-            "position_high": q31((middle - limits.gap_low) / self.position_full),
-            "position_step": distance("step", limits.step),
+            "position_low": q31((middle - limits.gap_high) / full),
+            "position_high": q31((middle - limits.gap_low) / full),
+            "position_step": _rate("step", limits.step / full),
             "max_missing_samples": limits.max_missing_samples,
             "hold": limits.hold,
             "selftest": limits.selftest,
-            "detect": distance("detect", levitation.detect),
-            "rise": distance("rise_speed", levitation.rise_speed * tick),
-            "descend": distance("descend_speed", levitation.descend_speed * tick),
-            "lift": force("lift_rate", levitation.lift_rate * tick),
-            "set_down": force("set_down_rate", levitation.set_down_rate * tick),
-            "most": force("high", self.pidd2.high),
-            "press": q31(self.press / self.scales.demand),
+            "detect": _rate("detect", levitation.detect / full),
+            "rise": _rate("rise_speed", levitation.rise_speed * tick / full),
+            "descend": _rate("descend_speed", levitation.descend_speed * tick / full),
+            "lift": _rate("lift_rate", levitation.lift_rate * tick / most),
+            "set_down": _rate("set_down_rate", levitation.set_down_rate * tick / most),
+            "most": _rate("high", self.pidd2.high / most),
+            "press": q31(self.press / most),
         }
 
     def _gap_lines(self) -> list[tuple[float, float]]:
@@ -219,9 +196,6 @@ class PositionControl:
         low, steps = self.converter.within(self.limits.current_low, self.limits.current_high)
         step = self.converter.step
         numbers = {
-            "gap_middle": self.gap_middle,
-            "position_full": self.position_full,
-            "demand_full": self.scales.demand,
             "current_low": low,
             "current_high": low + steps * step,
             "current_step": step,
@@ -237,21 +211,15 @@ class PositionControl:
         low, steps = self.converter.within(self.limits.current_low, self.limits.current_high)
         codes = round(step / scales.current * _Q31)
         if codes < _COARSEST_STEP:
-            raise InputError(
-                "bits: the converter is too fine for a full scale of 31 bits",
-                code="converter-too-fine",
-                key="bits",
-            )
+            text = "the converter is too fine for a full scale of 31 bits"
+            raise wrong_key("bits", text, code="converter-too-fine")
         # A step of the converter is a whole number of codes: the full scale gives way, by less than
         # 0.1 % and with 16 bits by 2e-5.
         current = step / codes * _Q31
         first = round(low / current * _Q31)
         release = self.limits.release * self.pidd2.tick
         numbers: dict[str, float] = {
-            "gap_middle": self.gap_middle,
-            "position_full": self.position_full,
             "current_full": current,
-            "demand_full": scales.demand,
             "load_full": self.load_full_scale,
             "flux_full": self.flux_full_scale,
             "current_low": first,
@@ -264,11 +232,8 @@ class PositionControl:
             factor = 0.5 * direction * self.position_full / scales.gap_span
             mantissa, shift = as_factor("range of the compensator's gaps", factor)
             if shift > 0:
-                raise InputError(
-                    "gap_high: the compensator covers too little of the gaps that can be; narrow them",
-                    code="range-too-narrow",
-                    key="gap_high",
-                )
+                text = "the compensator covers too little of the gaps that can be; narrow them"
+                raise wrong_key("gap_high", text, code="range-too-narrow")
             numbers |= {
                 f"gap_offset_{i}": q31(scales.gap_share(offset)),
                 f"gap_mantissa_{i}": mantissa,
@@ -281,16 +246,14 @@ def _above_zero(table: object, *names: str) -> None:
     for name in names:
         value = getattr(table, name)
         if not (math.isfinite(value) and value > 0):
-            raise InputError(f"{name}: {value} is not above zero", code="not-above-zero", key=name)
+            raise wrong_key(name, f"{value} is not above zero", code="not-above-zero")
 
 
 def _rate(name: str, part: float) -> int:
     """Return the nearest q31 of a number that may not vanish."""
     code = q31(part)
     if code < 1:
-        raise InputError(
-            f"{name}: too small to be told from zero; raise it", code="rate-too-small", key=name
-        )
+        raise wrong_key(name, "too small to be told from zero; raise it", code="rate-too-small")
     return code
 
 

@@ -383,7 +383,7 @@ class CellProblem:
                 start = (
                     single.settled(at_once, loop.time, known=True) if settled else np.array([rest])
                 )
-                columns.append(single.added(at_once, loop.time, start).values - at_once)
+                columns.append(single.creep(at_once, loop.time, start, known=True)[0] - at_once)
             found.append(np.stack(columns, axis=1))
         return found
 

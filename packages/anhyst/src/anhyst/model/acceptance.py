@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.output_map import output_map
-from anhyst.model.predict import predict, slow_times
+from anhyst.model.predict import run_through, slow_times
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
@@ -66,16 +66,15 @@ class GapCheck:
 
     def text(self, unit: str) -> str:
         """One sentence for a person; ``unit`` is that of the drive."""
-        span = f"{1e3 * self.gaps[0]:.4g} to {1e3 * self.gaps[-1]:.4g} mm"
+        at = f"{1e3 * self.gap:.4g} mm"
         if self.trouble:
-            return (
-                f"the model cannot be computed at a gap of {1e3 * self.gap:.4g} mm: {self.trouble}"
-            )
+            return f"the model cannot be computed at a gap of {at}: {self.trouble}"
         if self.passed:
+            span = f"{1e3 * self.gaps[0]:.4g} to {1e3 * self.gaps[-1]:.4g} mm"
             return f"at every drive the output rises as the gap closes ({span}, both branches)"
         return (
             f"the output falls as the gap closes: by {100 * self.fall:.2g} % of the largest, at "
-            f"{1e3 * self.gap:.4g} mm and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
+            f"{at} and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
             "no electromagnet with a plain gap does that, do not use the model there"
         )
 
@@ -126,11 +125,18 @@ def check_over_drive(model: ActuatorRecord) -> DriveCheck | None:
     }
     worst = DriveCheck(0.0, start, "")
     most = max(map(abs, model.valid.output))
-    for gap in _gaps(model):
+    places: list[float | None] = [None]
+    if model.needs_schedule:
+        nodes = np.array(model.nodes)
+        places = [*np.sort([*nodes, *(0.5 * (nodes[1:] + nodes[:-1]))]).tolist()]
+    for gap in places:
         for history, words in states.items():
-            where = words if gap is None else f"at {_shown(model, gap)} {words}"
+            where = words
+            if gap is not None and model.schedule is not None:
+                where = f"at {model.schedule.show(gap)} {words}"
             try:
-                output = predict(model, rise, gap, slow_times(rise.size), history).output
+                time = slow_times(rise.size)
+                output = run_through(model, "drive", rise, gap, time, history).output
             except (InputError, NegativeResult) as error:
                 return DriveCheck(np.inf, start, where, str(error))
             falls = np.maximum.accumulate(output) - output
@@ -141,19 +147,6 @@ def check_over_drive(model: ActuatorRecord) -> DriveCheck | None:
     return worst
 
 
-def _gaps(model: ActuatorRecord) -> list[float | None]:
-    nodes = np.array(model.nodes)
-    if not model.needs_schedule:
-        return [None]
-    between = 0.5 * (nodes[1:] + nodes[:-1])
-    return [float(gap) for gap in np.sort(np.concatenate([nodes, between]))]
-
-
-def _shown(model: ActuatorRecord, gap: float) -> str:
-    assert model.schedule is not None
-    return model.schedule.show(gap)
-
-
 @dataclass(frozen=True, slots=True)
 class Acceptance:
     """Outcome of both tests; None where one does not apply."""
@@ -161,15 +154,18 @@ class Acceptance:
     over_gap: GapCheck | None
     over_drive: DriveCheck | None
 
+    def _checks(self) -> list[GapCheck | DriveCheck]:
+        return [check for check in (self.over_gap, self.over_drive) if check is not None]
+
     @property
     def passed(self) -> bool | None:
         """Whether all that apply have passed; None if none applies."""
-        verdicts = [check.passed for check in (self.over_gap, self.over_drive) if check is not None]
-        return all(verdicts) if verdicts else None
+        checks = self._checks()
+        return all(check.passed for check in checks) if checks else None
 
     def text(self, unit: str) -> str:
         """Say what failed, or else what has passed; ``unit`` is that of the drive."""
-        checks = [check for check in (self.over_gap, self.over_drive) if check is not None]
+        checks = self._checks()
         failed = [check for check in checks if not check.passed]
         return "; ".join(check.text(unit) for check in failed or checks)
 
@@ -199,9 +195,8 @@ def check_over_gap(
     gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * parts).ravel(), nodes[-1])
     half = np.linspace(_rest(model), _largest_drive(model), DRIVES_A_BRANCH)
     drive = np.concatenate([half, half[-2::-1]])
-    towards = (
-        -1.0 if not output_map(model.output).even and half[-1] < 0.0 else 1.0
-    )  # "rises" means: in magnitude
+    # "rises" means: in magnitude
+    towards = -1.0 if not output_map(model.output).even and half[-1] < 0.0 else 1.0
     output = np.full((gaps.size, drive.size), np.nan)
     offset = np.zeros(gaps.size)
     troubles: list[tuple[float, str]] = []
@@ -213,13 +208,18 @@ def check_over_gap(
             shares = np.atleast_1d(model.parameters["in_0"]) / largest
             share = fixed.over_schedule("in_0", gap)[0] / largest
             seen = drive - largest * float(np.clip(shares.max() - share, 0.0, OFFSET))
-            output[index] = predict(fixed, seen, schedule, slow_times(drive.size), "settled").output
+            time = slow_times(drive.size)
+            output[index] = run_through(fixed, "drive", seen, schedule, time, "settled").output
         except (InputError, NegativeResult) as error:
             troubles.append((gap, str(error)))
     if troubles:
         gap, trouble = troubles[0]
         return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", towards, trouble)
-    return _judge(gaps, drive, output, offset, towards)
+    fall = _falls(towards * output, towards * offset)
+    place, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
+    worst = float(fall[place, sample]), float(gaps[place]), float(drive[sample])
+    branch = "rising" if sample < DRIVES_A_BRANCH else "falling"
+    return GapCheck(gaps, drive, output, offset, *worst, branch, towards)
 
 
 _FURTHER = 1.05
@@ -246,28 +246,9 @@ def _rest(model: ActuatorRecord, most: float = 0.5) -> float:
 
 def _falls(output: FloatArray, offset: FloatArray) -> FloatArray:
     """How far the output lies below that of any wider gap, in parts of the largest output."""
-    largest = max(
-        float(np.fmax.reduce(np.abs(output), axis=None, initial=0.0)), np.finfo(np.float64).tiny
-    )
+    tiny = np.finfo(np.float64).tiny
+    largest = float(np.fmax.reduce(np.abs(output), axis=None, initial=tiny))
     reach = OFFSET * largest
     closing = (output - np.clip(offset, -reach, reach)[:, None])[::-1]
     best = np.fmax.accumulate(closing, axis=0)
     return (best - closing)[::-1] / largest
-
-
-def _judge(
-    gaps: FloatArray, drive: FloatArray, output: FloatArray, offset: FloatArray, towards: float
-) -> GapCheck:
-    fall = _falls(towards * output, towards * offset)
-    gap, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
-    return GapCheck(
-        gaps=gaps,
-        drive=drive,
-        output=output,
-        offset=offset,
-        fall=float(fall[gap, sample]),
-        gap=float(gaps[gap]),
-        at_drive=float(drive[sample]),
-        branch="rising" if sample < DRIVES_A_BRANCH else "falling",
-        towards=towards,
-    )

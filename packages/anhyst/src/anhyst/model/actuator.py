@@ -22,14 +22,14 @@ from anhyst.data.loops import Loop, Loops
 from anhyst.data.path import HistoryLike
 from anhyst.laws import LAWS
 from anhyst.model.acceptance import Acceptance, GapCheck, check_acceptance, check_over_gap
-from anhyst.model.predict import invert, predict
-from anhyst.model.prediction import Prediction
+from anhyst.model.predict import as_samples, run_through
+from anhyst.model.prediction import Given, Prediction, warn_if_far
 from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.stepper import Stepper
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike, check_path
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, group_label, length_scale, range_text, shades
 
@@ -87,8 +87,8 @@ class Model(Result, ActuatorRecord):
         time: ArrayLike | None = None,
         history: HistoryLike | None = None,
     ) -> Prediction:
-        """Compute the output that a drive gives; see :func:`anhyst.model.predict.predict`."""
-        return predict(self, drive, schedule, time, history)
+        """Compute the output that a drive gives."""
+        return self._run("drive", drive, schedule, time, history)
 
     def invert(
         self,
@@ -97,8 +97,25 @@ class Model(Result, ActuatorRecord):
         time: ArrayLike | None = None,
         history: HistoryLike | None = None,
     ) -> Prediction:
-        """Compute the drive that a demanded output needs; see :func:`anhyst.model.predict.invert`."""
-        return invert(self, demand, schedule, time, history)
+        """Compute the drive that a demanded output needs.
+
+        The drive for a force is unipolar; a sample without an answer is flagged
+        (:meth:`.Circuit.flux_density`).
+        """
+        return self._run("demand", demand, schedule, time, history)
+
+    def _run(
+        self,
+        kind: Given,
+        values: ArrayLike,
+        schedule: ArrayLike | None,
+        time: ArrayLike | None,
+        history: HistoryLike | None,
+    ) -> Prediction:
+        found = run_through(self, kind, values, schedule, time, history)
+        quantity = self.input if kind == "drive" else self.output
+        warn_if_far(self, quantity, as_samples(values, kind), schedule)
+        return found
 
     def on(self, loop: Loop) -> FloatArray:
         """Return the output that the model gives for the drive of a measured loop, shape (n,)."""
@@ -117,24 +134,10 @@ class Model(Result, ActuatorRecord):
         return check_acceptance(self)
 
     def settled_loop(self, schedule: float | None, samples: int) -> tuple[FloatArray, FloatArray]:
-        """Return the settled loop over the range of the input where the model holds.
+        """Return drive and output of the settled loop where the model holds: up, then down.
 
-        Parameters
-        ----------
-        schedule : float or None
-            Scheduling variable, SI.
-        samples : int
-            Of each branch.
-
-        Returns
-        -------
-        drive, output : ndarray, shape (2*samples,)
-            Up, then down; a model whose loops depend on the rate is cycled in :data:`CYCLE_S`.
-
-        Raises
-        ------
-        InputError
-            The model does not say where it holds.
+        Each branch has this number of samples. A model whose loops depend on the rate is cycled in
+        :data:`CYCLE_S`. It is an `InputError` if the model does not say where it holds.
         """
         up = np.linspace(*self.valid_range.input, samples)
         drive = np.concatenate([up, up[::-1]])
@@ -144,14 +147,12 @@ class Model(Result, ActuatorRecord):
     def facts(self) -> dict[str, str]:
         """Return law, gap map, where the model holds and how well it fits."""
         facts = {"name": self.name, "law": self.law, "gap map": self.gap_map}
-        valid, fit = self.valid, self.fit
-        if valid is not None:
+        if (valid := self.valid) is not None:
             facts[self.input.name] = range_text(*valid.input, self.input.unit)
             facts[self.output.name] = range_text(*valid.output, self.output.unit)
-        if valid is not None and valid.schedule is not None and self.schedule is not None:
-            ends = (self.schedule.show(value) for value in valid.schedule)
-            facts["holds from"] = " to ".join(ends)
-        if fit is not None:
+            if valid.schedule is not None and self.schedule is not None:
+                facts["holds from"] = " to ".join(map(self.schedule.show, valid.schedule))
+        if (fit := self.fit) is not None:
             share = 100.0 / fit.largest_output
             facts["fit"] = f"mean {share * fit.mean_abs:.2g} %, worst {share * fit.worst:.2g} %"
         return facts
@@ -168,13 +169,7 @@ class Model(Result, ActuatorRecord):
         return {"parameter": list(names), at: list(positions), "value": list(numbers)}
 
     def draw(self, ax: Axes) -> None:
-        """Draw the settled loop over the range where the model holds, at each node.
-
-        Raises
-        ------
-        InputError
-            The model does not say where it holds.
-        """
+        """Draw :meth:`settled_loop` at each node."""
         scale, label = length_scale(self.output)
         for node, colour in shades(self.nodes or (0.0,)).items():
             at = node if self.nodes else None
@@ -237,11 +232,8 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
     """Read the measurements of a model again, exactly as for its identification."""
     sources = model.provenance.sources
     if not sources:
-        raise InputError(
-            "the model does not say which measurements it came from: [provenance]",
-            code="no-provenance",
-            key="provenance",
-        )
+        text = "the model does not say which measurements it came from: [provenance]"
+        raise InputError(text, code="no-provenance", key="provenance")
     kept = {
         name.removeprefix(PREFIX): str(value)
         for name, value in model.provenance.settings.items()
@@ -250,7 +242,7 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
     unknown = set(kept) - {item.name for item in fields(ReadOptions)}
     if unknown:
         key = f"provenance.settings.{PREFIX}{min(unknown)}"
-        raise InputError(f"{key}: is unknown; remove it", code="extra-forbidden", key=key)
+        raise wrong_key(key, "is unknown; remove it", code="extra-forbidden")
     options = ReadOptions.from_text(**kept)
     return options.read([_find(source.path, source.sha256, Path(folder)) for source in sources])
 
@@ -263,10 +255,8 @@ def _find(path: str, sha256: str, folder: Path) -> Path:
             if hashlib.file_digest(stream, "sha256").hexdigest() == sha256:
                 return candidate
     if present:
-        raise InputError(
-            f"{present[0]}: has changed since the model was identified; identify again",
-            code="source-changed",
-        )
+        text = f"{present[0]}: has changed since the model was identified; identify again"
+        raise InputError(text, code="source-changed")
     raise InputError(
         f"{path}: no such file; put the measurements back or identify again", code="no-such-file"
     )

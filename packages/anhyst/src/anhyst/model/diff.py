@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -22,14 +23,16 @@ if TYPE_CHECKING:
 
 DRIVES_A_BRANCH = 200
 
+Value = Parameter | str | None
+
 
 @dataclass(frozen=True, slots=True)
 class Change:
     """One setting or parameter that differs; SI."""
 
     name: str
-    first: Parameter | str | None
-    second: Parameter | str | None
+    first: Value
+    second: Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,16 +116,10 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
                 f"{other.column}",
                 code="quantities-differ",
             )
-    settings = tuple(
-        Change(name, old, other) for name, old, other in _settings(first, second) if old != other
-    )
-    parameters = tuple(
-        Change(name, first.parameters.get(name), second.parameters.get(name))
-        for name in {**first.specs, **second.specs}
-        if first.parameters.get(name) != second.parameters.get(name)
-    )
+    settings = _changes(_settings(first), _settings(second))
+    parameters = _changes(first.parameters, second.parameters)
     try:
-        drive = _common([m.valid.input for m in (first, second) if m.valid], "input")
+        drive = _common([m.valid.input for m in (first, second) if m.valid])
         gaps = _common_schedule(first, second)
     except InputError as error:
         return ModelDiff(settings, parameters, None, (), None, None, str(error))
@@ -131,40 +128,35 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     return ModelDiff(settings, parameters, drive, loops, mean, max(loop.worst for loop in loops))
 
 
-def _settings(
-    first: Model, second: Model
-) -> list[tuple[str, Parameter | str | None, Parameter | str | None]]:
-    def of(model: Model) -> dict[str, Parameter | str | None]:
-        schedule, valid = model.schedule, model.valid
-        return {
-            "law": model.law,
-            "cells": str(model.cells) if model.cells else None,
-            "layers": str(model.layers) if model.layers else None,
-            "gap_map": model.gap_map,
-            "history": str(model.history),
-            "schedule": schedule.column if schedule else None,
-            "nodes": model.nodes,
-            f"valid {model.input.symbol}": valid.input if valid else None,
-            f"valid {model.output.symbol}": valid.output if valid else None,
-            "valid schedule": valid.schedule if valid else None,
-        }
-
-    mine, other = of(first), of(second)
-    return [(name, mine[name], other[name]) for name in mine]
+def _changes(first: Mapping[str, Value], second: Mapping[str, Value]) -> tuple[Change, ...]:
+    pairs = ((name, first.get(name), second.get(name)) for name in {**first, **second})
+    return tuple(Change(name, old, new) for name, old, new in pairs if old != new)
 
 
-def _common(ranges: list[Range], name: str) -> Range:
+def _settings(model: Model) -> dict[str, Value]:
+    schedule, valid = model.schedule, model.valid
+    return {
+        "law": model.law,
+        "cells": str(model.cells) if model.cells else None,
+        "layers": str(model.layers) if model.layers else None,
+        "gap_map": model.gap_map,
+        "history": str(model.history),
+        "schedule": schedule.column if schedule else None,
+        "nodes": model.nodes,
+        f"valid {model.input.symbol}": valid.input if valid else None,
+        f"valid {model.output.symbol}": valid.output if valid else None,
+        "valid schedule": valid.schedule if valid else None,
+    }
+
+
+def _common(ranges: list[Range]) -> Range:
     if not ranges:
-        raise InputError(
-            f"neither model has a valid range of the {name}: no loops compared",
-            code="no-valid-range",
-            key="valid",
-        )
+        text = "neither model has a valid range of the input: no loops compared"
+        raise InputError(text, code="no-valid-range", key="valid")
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if not low < high:
-        raise InputError(
-            f"the valid ranges of the {name} do not overlap: no loops compared", code="ranges-apart"
-        )
+        text = "the valid ranges of the input do not overlap: no loops compared"
+        raise InputError(text, code="ranges-apart")
     return low, high
 
 
@@ -182,10 +174,8 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     low, high = max(low for low, _ in spans), min(high for _, high in spans)
     within = nodes[(nodes >= low) & (nodes <= high)]
     if not within.size:
-        raise InputError(
-            "the valid ranges of the schedule do not overlap: no loops compared",
-            code="ranges-apart",
-        )
+        text = "the valid ranges of the schedule do not overlap: no loops compared"
+        raise InputError(text, code="ranges-apart")
     return sorted([*within.tolist(), *(0.5 * (within[1:] + within[:-1])).tolist()])
 
 
@@ -195,10 +185,5 @@ def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> Lo
     slow = slow_times(cycle.size)
     output, other = (model.predict(cycle, gap, slow, "settled").output for model in (first, second))
     apart = np.abs(output - other)
-    return LoopDifference(
-        schedule=gap,
-        largest_output=full_scale(first.output, (output,)),
-        mean=float(apart.mean()),
-        worst=float(apart.max()),
-        at_drive=float(cycle[int(np.argmax(apart))]),
-    )
+    largest, at = full_scale(first.output, (output,)), float(cycle[int(np.argmax(apart))])
+    return LoopDifference(gap, largest, float(apart.mean()), float(apart.max()), at)

@@ -51,8 +51,8 @@ class Dynamics:
     def __post_init__(self) -> None:
         numbers = (self.lag, self.fastest, *self.times, *self.shares)
         if not all(math.isfinite(number) and number >= 0.0 for number in numbers):
-            raise InputError("model dynamics: lag, times, shares and rate must be finite and not "
-                             "negative", code="out-of-range")  # fmt: skip
+            text = "model dynamics: lag, times, shares and rate must be finite and not negative"
+            raise InputError(text, code="out-of-range")
         if len(self.times) != len(self.shares):
             raise InputError(
                 "model dynamics: give one creep share for each creep time", code="length-differs"
@@ -71,36 +71,33 @@ class Dynamics:
         """Return the slow parts after a flux density has held for a time, s."""
         return np.asarray(flux + np.exp(-step / np.array(self.times)) * (slow - flux))
 
-    def added(self, flux: FloatArray, time: FloatArray, slow: FloatArray) -> Creeping:
-        """Add creep to a flux density."""
-        return self._run(flux, time, slow, known=True)
-
-    def removed(self, late: FloatArray, time: FloatArray, slow: FloatArray) -> Creeping:
-        """Take creep off again; the inverse of :meth:`added`."""
-        return self._run(late, time, slow, known=False)
-
-    def _run(
+    def creep(
         self, inputs: FloatArray, time: FloatArray, slow: FloatArray, *, known: bool
-    ) -> Creeping:
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """Add creep to a known flux density, or take it off one that has it.
+
+        Return the record without or with its creep, the slow parts at its last sample, and the
+        flux density there.
+        """
         kept = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
         shares = np.array(self.shares)
         if known:
             parts = np.stack([_lagging(inputs, *one) for one in zip(kept.T, slow, strict=True)])
-            return Creeping(inputs + shares @ parts, parts[:, -1], float(inputs[-1]))
+            return inputs + shares @ parts, parts[:, -1], float(inputs[-1])
         creep = np.empty(inputs.size)
         before = 0.0
         for i, value in enumerate(inputs.tolist()):
             slow = before + kept[i] * (slow - before) if i else slow
             creep[i] = before = value - float(shares @ slow)
-        return Creeping(creep, slow, before)
+        return creep, slow, before
 
     def settled(self, inputs: FloatArray, time: FloatArray, *, known: bool) -> FloatArray:
         """Return the slow parts with which a cycle begins that has been repeated for ever."""
         step = float(np.median(np.diff(time)))
 
         def around(slow: FloatArray) -> FloatArray:
-            end = self._run(inputs, time, slow, known=known)
-            return self.follow(end.last, end.slow, step)
+            _, end, last = self.creep(inputs, time, slow, known=known)
+            return self.follow(last, end, step)
 
         rest = around(np.zeros(len(self.times)))
         linear = np.stack([around(unit) - rest for unit in np.eye(len(self.times))], axis=1)
@@ -109,10 +106,6 @@ class Dynamics:
     def delayed(self, values: FloatArray, time: FloatArray) -> FloatArray:
         """Return a record delayed by the lag, its first value held before its start."""
         return np.interp(time - self.lag, time, values)
-
-    def advanced(self, values: FloatArray, time: FloatArray) -> FloatArray:
-        """Return a record advanced by the lag, its last value held after its end."""
-        return np.interp(time + self.lag, time, values)
 
 
 def _lagging(inputs: FloatArray, kept: FloatArray, start: float) -> FloatArray:
@@ -144,11 +137,8 @@ class Layers:
             ("laminated", not 0.0 <= self.laminated < 1.0, "from 0 to below 1"),
         ):
             if wrong:
-                raise InputError(
-                    f"model layers: {key} is {getattr(self, key):g}; give a number {wanted}",
-                    code="out-of-range",
-                    key=key,
-                )
+                text = f"model layers: {key} is {getattr(self, key):g}; give a number {wanted}"
+                raise InputError(text, code="out-of-range", key=key)
 
     @property
     def memories(self) -> int:
@@ -161,15 +151,6 @@ class Layers:
             f"{self.count}, {100.0 * self.surface:.3g} % of the section at the surface, "
             f"{100.0 * self.laminated:.3g} % of the path laminated"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Creeping:
-    """A record with or without its creep, the slow parts at its last sample, and that sample."""
-
-    values: FloatArray
-    slow: FloatArray
-    last: float
 
 
 def too_fast(dynamics: Dynamics, drive: FloatArray, time: FloatArray) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -90,7 +91,8 @@ def left_over(records: Sequence[Residual], span: float) -> LeftOver:
     """Assess the residual of a fit."""
     off = np.concatenate([record.off for record in records])
     rms = float(np.sqrt(np.mean(off**2))) / span
-    if rms < EXACT or _is_rounding(records):
+    written = np.concatenate([record.measured for record in records])
+    if rms < EXACT or float(np.max(np.abs(off))) <= 0.75 * _step(written):  # rounded digits
         return LeftOver(rms, rms)
     outlier = _find_outlier(records, rms, span)
     if outlier is not None:
@@ -100,18 +102,13 @@ def left_over(records: Sequence[Residual], span: float) -> LeftOver:
         ]
         return replace(left_over(calm, span), rms=rms, outlier=outlier)
     # White is not enough: a resonance that a random input excites leaves a white residual, too.
-    noisy = _noise_of(records)
+    noisy = float(np.mean([min(noise(each.measured), noise(each.off)) for each in records]))
     most_noise = noisy * (_FINE if rms <= MAX_UNEXPLAINED else _CERTAIN_NOISE)
     if rms * span <= most_noise and _is_white([record.off for record in records]):
         return LeftOver(rms, rms)
     most = min(_MOST, max(_FEWEST, _ALL // len(records)))
     seen = [record.every(math.ceil(record.off.size / most)) for record in records]
     return _attributed(seen, rms, span, (noisy, most_noise))
-
-
-def _noise_of(records: Sequence[Residual]) -> float:
-    """Return the noise of the sensors, from measured outputs and residuals."""
-    return float(np.mean([min(noise(record.measured), noise(record.off)) for record in records]))
 
 
 def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outlier | None:
@@ -125,12 +122,6 @@ def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outli
     steps = np.abs(np.diff(drive[max(sample - _LAGS, 0) : sample + _LAGS]))
     is_at_jump = float(steps.max(initial=0.0)) > _JUMP * float(np.ptp(drive))
     return Outlier(size, index, sample, is_at_jump)
-
-
-def _is_rounding(records: Sequence[Residual]) -> bool:
-    """Whether nothing is left but the steps in which the output was written down."""
-    step = _step(np.concatenate([record.measured for record in records]))
-    return all(float(np.max(np.abs(record.off))) <= 0.75 * step for record in records)
 
 
 def _step(values: FloatArray) -> float:
@@ -170,10 +161,6 @@ class _Way:
     columns: FloatArray
     chance: float
 
-    def of(self, rest: FloatArray) -> FloatArray:
-        """Part of a residual that goes this way."""
-        return self.columns @ (self.columns.T @ rest)
-
     def worth(self, rest: FloatArray) -> float:
         """Sum of squares of that part, less chance."""
         along = self.columns.T @ rest
@@ -197,12 +184,16 @@ def _attributed(
     attributed: list[tuple[Shape, float]] = []
     rest, first = off, 0
     while ways:
-        way = _foremost(rest, ways)
+        # The shape that explains most, or one with fewer numbers that explains almost as much.
+        worths = [each.worth(rest) for each in ways]
+        enough = max(worths) - (1.0 - _AS_MUCH) * abs(max(worths))
+        as_good = [each for each, worth in zip(ways, worths, strict=True) if worth >= enough]
+        way = min(as_good, key=lambda each: each.columns.shape[1])
         worth, size = way.worth(rest), way.columns.shape[1]
         if around.is_chance(worth + way.chance, way.chance, size):
             break
         attributed.append((way.shape, worth / off.size))
-        part = way.of(rest)
+        part = way.columns @ (way.columns.T @ rest)
         first = _faded(records, part, around.variance) if way.shape == "start" else first
         rest = rest - part
         ways = [other for other in ways if other.shape != way.shape]
@@ -215,14 +206,6 @@ def _attributed(
         return LeftOver(rms, rms)
     shares = tuple((name, min(size / (beyond * span) ** 2, 1.0)) for name, size in attributed)
     return LeftOver(rms, noisy, beyond, shares, first)
-
-
-def _foremost(rest: FloatArray, ways: list[_Way]) -> _Way:
-    """Shape that explains most, or one with fewer numbers that explains almost as much."""
-    worth = [way.worth(rest) for way in ways]
-    enough = max(worth) - (1.0 - _AS_MUCH) * abs(max(worth))
-    as_good = [way for way, share in zip(ways, worth, strict=True) if share >= enough]
-    return min(as_good, key=lambda cause: cause.columns.shape[1])
 
 
 def _faded(records: Sequence[Residual], part: FloatArray, variance: float) -> int:
@@ -241,17 +224,12 @@ _ALSO = 0.2
 
 def left_of(loopset: Loops, fitted: Sequence[FloatArray]) -> LeftOver:
     """Judge what a model leaves of loops."""
-    index_of = {value: index for index, value in enumerate(loopset.schedule_values)}
-    records = [
-        Residual(
-            loop.input,
-            loop.output,
-            output - loop.output,
-            index_of.get(loop.schedule_value, 0) if loop.schedule_value is not None else 0,
-            loop.history.kind == "settled",
-        )
-        for loop, output in zip(loopset.loops, fitted, strict=True)
-    ]
+    records = []
+    for loop, output in zip(loopset.loops, fitted, strict=True):
+        values, at = loopset.schedule_values, loop.schedule_value
+        gap = values.index(at) if at in values else 0
+        off, is_cycle = output - loop.output, loop.history.kind == "settled"
+        records.append(Residual(loop.input, loop.output, off, gap, is_cycle))
     return left_over(records, largest_output(loopset))
 
 
@@ -277,8 +255,18 @@ def explain_rejection(left: LeftOver, loopset: Loops) -> str:
 
 def left_over_text(left: LeftOver, loopset: Loops, model: Model) -> str:
     """Return one line: how much of the residual is noise, its shape, the remedy, and outliers."""
-    text = _residual_text(left, loopset, model)
-    return text if left.outlier is None else f"{text}; {_outlier_text(left.outlier, loopset)}"
+    text, outlier = _residual_text(left, loopset, model), left.outlier
+    if outlier is None:
+        return text
+    loop = loopset.loops[outlier.record]
+    time = "" if loop.time is None else f" ({loop.time[outlier.sample]:.4g} s)"
+    cause = "a spike or a disturbance; look there"
+    if outlier.is_at_jump:
+        cause = "the input jumps there and the output follows late"
+    return (
+        f"{text}; the worst deviation, {100.0 * outlier.size:.3g} %, is at sample "
+        f"{outlier.sample + 1}{time} of {loopset.describe(loop)}: {cause}"
+    )
 
 
 def _residual_text(left: LeftOver, loopset: Loops, model: Model) -> str:
@@ -295,64 +283,55 @@ def _residual_text(left: LeftOver, loopset: Loops, model: Model) -> str:
             "smooth along the record, but of no shape that repeats: details finer than the law has, "
             "or a sensor that lags; inspect the record"
         )
+    at = loopset.schedule.name if loopset.schedule is not None else "gap"
     main, share = left.shapes[0]
     text += f"{100.0 * share:.0f} % of its square " if share < 1.0 - _ALSO else ""
-    text += _WHAT[main].format(drive=loopset.input.name, at=_at(loopset), first=left.first)
+    text += _SHAPES[main].what.format(drive=loopset.input.name, at=at, first=left.first)
     if len(left.shapes) > 1 and left.shapes[1][1] >= _ALSO:
         second, share = left.shapes[1]
-        text += f" ({100.0 * share:.0f} %: {_SHORT[second].format(at=_at(loopset))})"
-    return f"{text}: {_advice(main, loopset, model)}"
-
-
-def _outlier_text(outlier: Outlier, loopset: Loops) -> str:
-    """Name the place of the largest deviation, and its likely cause."""
-    loop = loopset.loops[outlier.record]
-    time = "" if loop.time is None else f" ({loop.time[outlier.sample]:.4g} s)"
-    cause = (
-        "the input jumps there and the output follows late"
-        if outlier.is_at_jump
-        else "a spike or a disturbance; look there"
-    )
-    return (
-        f"the worst deviation, {100.0 * outlier.size:.3g} %, is at sample {outlier.sample + 1}{time} "
-        f"of {loopset.describe(loop)}: {cause}"
-    )
-
-
-def _at(loopset: Loops) -> str:
-    return loopset.schedule.name if loopset.schedule is not None else "gap"
-
-
-_WHAT: dict[Shape, str] = {
-    "input": "a smooth function of the {drive}, alike on rising and falling branches",
-    "direction": "of opposite sign on rising and falling branches",
-    "gap": "differs from {at} to {at}",
-    "amplitude": "differs between inner and outer loops",
-    "start": "in the first {first} samples of a record",
-    "drift": "runs steadily with time",
-}
-_SHORT: dict[Shape, str] = {
-    "input": "a smooth function of the input",
-    "direction": "of opposite sign on rising and falling branches",
-    "gap": "from {at} to {at}",
-    "amplitude": "inner against outer loops",
-    "start": "at the start of records",
-    "drift": "with time",
-}
-
-
-def _advice(shape: Shape, loopset: Loops, model: Model) -> str:
-    named = model.provenance.settings.get("law_wanted", "auto") != "auto"
-    other = "; try --law auto" if named else ", nor can any that was compared"
-    if shape == "gap":
-        at = _at(loopset)
+        text += f" ({100.0 * share:.0f} %: {_SHAPES[second].short.format(at=at)})"
+    if main == "gap":
         remedy = f"measure another {at}"
         remedy += " or try --gap-map circuit" if model.gap_map not in {"circuit", "free"} else ""
-        return f"the gap map '{model.gap_map}' cannot follow; {remedy}"
-    return {
-        "input": f"the law's curve cannot follow, as in saturation{other}",
-        "direction": f"the width of the loops is not that of the law{other}",
-        "amplitude": f"the law cannot follow all sizes of loops{other}",
-        "start": "they do not begin as their history says; check --history",
-        "drift": "a sensor drifts; let it warm up, or remove the drift (--clean)",
-    }[shape]
+        return f"{text}: the gap map '{model.gap_map}' cannot follow; {remedy}"
+    is_named = model.provenance.settings.get("law_wanted", "auto") != "auto"
+    other = "; try --law auto" if is_named else ", nor can any that was compared"
+    return f"{text}: {_SHAPES[main].advice.format(other=other)}"
+
+
+class _Words(NamedTuple):
+    """How a shape of the residual is called, and what helps."""
+
+    what: str  # if it is the largest
+    short: str  # after the largest
+    advice: str
+
+
+_SHAPES: dict[Shape, _Words] = {
+    "input": _Words(
+        "a smooth function of the {drive}, alike on rising and falling branches",
+        "a smooth function of the input",
+        "the law's curve cannot follow, as in saturation{other}",
+    ),
+    "direction": _Words(
+        "of opposite sign on rising and falling branches",
+        "of opposite sign on rising and falling branches",
+        "the width of the loops is not that of the law{other}",
+    ),
+    "gap": _Words("differs from {at} to {at}", "from {at} to {at}", ""),
+    "amplitude": _Words(
+        "differs between inner and outer loops",
+        "inner against outer loops",
+        "the law cannot follow all sizes of loops{other}",
+    ),
+    "start": _Words(
+        "in the first {first} samples of a record",
+        "at the start of records",
+        "they do not begin as their history says; check --history",
+    ),
+    "drift": _Words(
+        "runs steadily with time",
+        "with time",
+        "a sensor drifts; let it warm up, or remove the drift (--clean)",
+    ),
+}

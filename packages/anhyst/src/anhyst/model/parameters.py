@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from anhyst._core import exp, log
 from anhyst.data.output_map import OutputMap
 from anhyst.laws.law import Coordinate, Law, ParameterSpec
-from anhyst.support.errors import InputError
+from anhyst.support.errors import wrong_key
 from anhyst.support.numeric import FloatArray
 
 Parameter = float | tuple[float, ...]
@@ -24,23 +24,14 @@ GAP_MAPS: tuple[GapMap, ...] = ("none", "scaling", "reluctance", "circuit", "fre
 
 CIRCUIT = (
     ParameterSpec("c_H", "drive of the iron for a unit of input", low=0.0, coordinate="reciprocal"),
-    ParameterSpec(
-        "rho",
-        "reluctance of the gap over that of an air-filled iron path",
-        low=0.0,
-        closed=True,
-        default=0.0,
-    ),
+    ParameterSpec("rho", "reluctance of the gap over that of an air-filled iron path", low=0.0,
+                  closed=True, default=0.0),
     ParameterSpec("gamma", "eddy currents, 0 for none", low=0.0, closed=True, default=0.0),
-    ParameterSpec(
-        "c_out",
-        "output for a unit of flux density (squared for a force)",
-        low=0.0,
-        coordinate="log",
-    ),
+    ParameterSpec("c_out", "output for a unit of flux density (squared for a force)", low=0.0,
+                  coordinate="log"),
     ParameterSpec("in_0", "offset of the input", default=0.0),
     ParameterSpec("out_0", "offset of the output", default=0.0),
-)
+)  # fmt: skip
 """What surrounds the iron, the same whatever the law; units depend on input and output."""
 
 _SURROUNDS = frozenset({"c_out", "in_0", "out_0", "gamma"})
@@ -166,32 +157,22 @@ class Curve:
             array = np.array(getattr(self, field), dtype=np.float64)
             array.setflags(write=False)
             object.__setattr__(self, field, array)
-        self._check()
-
-    def _check(self) -> None:
         if self.nodes.ndim != 1 or self.nodes.shape != self.values.shape or not self.nodes.size:
-            raise InputError(
-                f"{self.name}: {self.values.size} values for {self.nodes.size} nodes; "
+            raise wrong_key(
+                self.name,
+                f"{self.values.size} values for {self.nodes.size} nodes; "
                 "give one value for each node",
                 code="length-differs",
-                key=self.name,
             )
         if not (np.isfinite(self.nodes).all() and np.isfinite(self.values).all()):
-            raise InputError(
-                f"{self.name}: a node or value is not finite; give plain numbers",
-                code="not-finite",
-                key=self.name,
+            raise wrong_key(
+                self.name, "a node or value is not finite; give plain numbers", code="not-finite"
             )
         if (np.diff(self.nodes) <= 0.0).any():
-            raise InputError(
-                f"{self.name}: the nodes do not ascend; sort them and drop repeats",
-                code="not-ascending",
-                key=self.name,
-            )
+            text = "the nodes do not ascend; sort them and drop repeats"
+            raise wrong_key(self.name, text, code="not-ascending")
         if self.coordinate != "plain" and (self.values <= 0.0).any():
-            raise InputError(
-                f"{self.name}: must be positive at every node", code="not-above-zero", key=self.name
-            )
+            raise wrong_key(self.name, "must be positive at every node", code="not-above-zero")
 
     def __call__(self, at: FloatArray) -> FloatArray:
         """Return the parameter at any values of the scheduling variable."""
@@ -208,58 +189,43 @@ class Curve:
         straight = inside(np.minimum(np.maximum(query, low), high))
         with np.errstate(over="ignore"):  # a parameter that is not finite is refused by name
             straight += slopes[0] * np.minimum(query - low, 0.0)
-            straight += slopes[1] * np.maximum(query - high, 0.0)
+            straight += slopes[-1] * np.maximum(query - high, 0.0)
         result = self._from_straight(straight)
         # Through a logarithm and back costs the last digit; at a node the value is known.
         segment = np.minimum(np.searchsorted(self.nodes, query), self.nodes.size - 1)
         return np.where(self.nodes[segment] == query, self.values[segment], result)
 
     @cached_property
-    def _interpolant(self) -> tuple[Callable[[FloatArray], FloatArray], tuple[float, float]]:
-        """Interpolant in the straight coordinate, and its slopes at the first and last node."""
+    def _interpolant(self) -> tuple[Callable[[FloatArray], FloatArray], FloatArray]:
+        """Interpolant in the straight coordinate, and its slopes at the nodes."""
         heights = self._to_straight(self.values)
         if self.nodes.size == 2:
             slope = float(np.diff(heights)[0] / np.diff(self.nodes)[0])
-            return (lambda x: heights[0] + slope * (x - self.nodes[0])), (slope, slope)
+            return (lambda x: heights[0] + slope * (x - self.nodes[0])), np.full(2, slope)
         slopes = _monotone_slopes(self.nodes, heights)
-        return _cubic(self.nodes, heights, slopes), (float(slopes[0]), float(slopes[-1]))
+        return _cubic(self.nodes, heights, slopes), slopes
 
     def straight(self) -> tuple[FloatArray, FloatArray]:
         """Return the nodes' values in the coordinate, and the slopes of the curve there."""
-        heights = self._to_straight(self.values)
-        if self.nodes.size < 3:
-            return heights, np.full(heights.shape, self._interpolant[1][0])
-        return heights, _monotone_slopes(self.nodes, heights)
+        return self._to_straight(self.values), self._interpolant[1]
 
     def _to_straight(self, values: FloatArray) -> FloatArray:
-        match self.coordinate:
-            case "reciprocal":
-                return 1.0 / values
-            case "log":
-                return log(values)
-            case _:
-                return values
+        if self.coordinate == "log":
+            return log(values)
+        return 1.0 / values if self.coordinate == "reciprocal" else values
 
     def _from_straight(self, straight: FloatArray) -> FloatArray:
-        match self.coordinate:
-            case "reciprocal":
-                if (straight <= 0.0).any():
-                    raise self._too_far()
-                return 1.0 / straight
-            case "log":
-                if (np.abs(straight) > LARGEST_LOGARITHM).any():
-                    raise self._too_far()
-                return exp(straight)
-            case _:
-                return straight
-
-    def _too_far(self) -> InputError:
-        return InputError(
-            f"{self.name}: the straight line beyond the nodes {self.nodes[0]:g} to "
-            f"{self.nodes[-1]:g} has left the range of the parameter; stay nearer to the nodes",
-            code="too-far-beyond-nodes",
-            key=self.name,
-        )
+        if self.coordinate == "plain":
+            return straight
+        is_log = self.coordinate == "log"
+        if (np.abs(straight) > LARGEST_LOGARITHM if is_log else straight <= 0.0).any():
+            raise wrong_key(
+                self.name,
+                f"the straight line beyond the nodes {self.nodes[0]:g} to {self.nodes[-1]:g} has "
+                "left the range of the parameter; stay nearer to the nodes",
+                code="too-far-beyond-nodes",
+            )
+        return exp(straight) if is_log else 1.0 / straight
 
 
 def _monotone_slopes(nodes: FloatArray, heights: FloatArray) -> FloatArray:

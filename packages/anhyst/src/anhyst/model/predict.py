@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 from anhyst._core import status_text
 from anhyst.data.path import History, HistoryLike
 from anhyst.laws.law import IronOperator
-from anhyst.model.dynamics import Dynamics, too_fast
+from anhyst.model.dynamics import too_fast
 from anhyst.model.parameters import Circuit
-from anhyst.model.prediction import BoolArray, Given, Prediction, flag, warn_if_far
+from anhyst.model.prediction import BoolArray, Given, Prediction, flag
 from anhyst.model.record import ActuatorRecord
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult, wrong_key
 from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import count_of
 
@@ -48,7 +48,7 @@ class SampleError(InputError):
         self.what = what
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Record:
     """A record on its way through the core: what is given, and room for what is found."""
 
@@ -57,10 +57,11 @@ class _Record:
     inputs: FloatArray
     schedule: FloatArray | None
     rate: FloatArray | None
-    answers: FloatArray
-    flux_density: FloatArray
-    field: FloatArray
-    reachable: BoolArray
+
+    def __post_init__(self) -> None:
+        size = self.inputs.size
+        self.answers, self.flux_density, self.field = (np.empty(size) for _ in range(3))
+        self.reachable: BoolArray = np.ones(size, dtype=np.bool_)
 
     def circuit(self, run: slice) -> Circuit:
         """Return what surrounds the iron during a run."""
@@ -76,37 +77,6 @@ class _Record:
         return flux_density
 
 
-def predict(
-    model: ActuatorRecord,
-    drive: ArrayLike,
-    schedule: ArrayLike | None = None,
-    time: ArrayLike | None = None,
-    history: HistoryLike | None = None,
-) -> Prediction:
-    """Compute the output that a drive gives."""
-    prediction = run_through(model, "drive", drive, schedule, time, history)
-    warn_if_far(model, model.input, prediction.drive, schedule)
-    return prediction
-
-
-def invert(
-    model: ActuatorRecord,
-    demand: ArrayLike,
-    schedule: ArrayLike | None = None,
-    time: ArrayLike | None = None,
-    history: HistoryLike | None = None,
-) -> Prediction:
-    """Compute the drive that a demanded output needs.
-
-    A force has two answers, a flux density and its negative; the positive one is taken, so the
-    drive is unipolar. A demanded force below ``out_0`` has no answer: the flux density is then
-    zero and the sample flagged.
-    """
-    prediction = run_through(model, "demand", demand, schedule, time, history)
-    warn_if_far(model, model.output, as_samples(demand, "demand"), schedule)
-    return prediction
-
-
 def run_through(
     model: ActuatorRecord,
     kind: Given,
@@ -115,12 +85,11 @@ def run_through(
     time: ArrayLike | None,
     history: HistoryLike | None,
 ) -> Prediction:
-    """Compute as `predict` (``"drive"``) or `invert` (``"demand"``), without a Python warning."""
+    """Compute the output that a drive gives, or the drive that a demanded output needs."""
     inputs = as_samples(values, kind)
     if model.dynamics is not None and model.dynamics.needs_time:
         clock = _clock(time, inputs.size, "a lag or creep ([dynamics])")
-        run = _drive_late if kind == "drive" else _demand_late
-        return run(model, model.dynamics, inputs, schedule, clock, as_history(history, model))
+        return _run_late(model, kind, inputs, schedule, clock, as_history(history, model))
     return _run_at_once(model, kind, inputs, schedule, time, history)
 
 
@@ -137,17 +106,7 @@ def _run_at_once(
     if at is None:
         model.schedule_or_default(None)
     past = as_history(history, model)
-    record = _Record(
-        model=model,
-        kind=kind,
-        inputs=inputs,
-        schedule=at,
-        rate=eddy_rate(model, time, inputs.size),
-        answers=np.empty(inputs.size),
-        flux_density=np.empty(inputs.size),
-        field=np.empty(inputs.size),
-        reachable=np.ones(inputs.size, dtype=np.bool_),
-    )
+    record = _Record(model, kind, inputs, at, eddy_rate(model, time, inputs.size))
     runs = list(_runs(model, at, inputs.size))
     ends = [_one_run(record, run, past) for run in runs]
     drive, output = (inputs, record.answers) if kind == "drive" else (record.answers, inputs)
@@ -163,7 +122,11 @@ def _run_at_once(
         )
     if model.dynamics is not None and time is not None:
         notes += too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
-    if past.kind == "settled" and any(_is_open(inputs[run]) for run in runs):
+    cycles = [inputs[run] for run in runs] if past.kind == "settled" else []
+    if any(
+        each.size > 2 and abs(each[-1] - each[0]) > 2.0 * np.abs(np.diff(each)).max()
+        for each in cycles
+    ):
         notes.append(
             f"the {kind} does not end where it starts; 'settled' repeats it with a straight return"
         )
@@ -183,84 +146,64 @@ def _run_at_once(
     )
 
 
-def _drive_late(
+def _run_late(
     model: ActuatorRecord,
-    late: Dynamics,
-    drive: FloatArray,
+    kind: Given,
+    inputs: FloatArray,
     schedule: ArrayLike | None,
     time: FloatArray,
     past: History,
 ) -> Prediction:
-    """Compute the output of an actuator that lags and creeps."""
-    prediction = _run_at_once(model, "drive", late.delayed(drive, time), schedule, time, past)
-    at = None if schedule is None else as_samples(schedule, "schedule", drive.size)
-    output = prediction.output
-    if late.times:
-        flux = prediction.flux_density
-        slow = _slow_start(model, late, past, at, flux, time, known=True)
-        circuit = model.circuit(at, np.zeros(drive.size))
-        output = circuit.output(late.added(flux, time, slow).values)
-    valid, flags = flag(model, "drive", drive, output, at, prediction.reachable)
-    return replace(prediction, drive=drive, output=output, valid=valid, flags=flags)
+    """Compute a record of an actuator that lags and creeps; a drive is one lag ahead of its demand."""
+    late, at = model.dynamics, None
+    assert late is not None
+    if schedule is not None:
+        at = as_samples(schedule, "schedule", inputs.size)
+
+    def creeping(flux: FloatArray) -> FloatArray:
+        """Return the output with creep for a drive, without it for a demand."""
+        if past.kind == "settled":
+            slow = late.settled(flux, time, known=kind == "drive")
+        else:  # after a long rest
+            slow = np.full(len(late.times), _flux_at_rest(model, at, past))
+        creep, _, _ = late.creep(flux, time, slow, known=kind == "drive")
+        return model.circuit(at, np.zeros(inputs.size)).output(creep)
+
+    at_once, reachable = inputs, np.ones(inputs.size, dtype=np.bool_)
+    if kind == "drive":
+        at_once = late.delayed(inputs, time)
+    elif late.times:
+        flux, reachable = model.circuit(at, np.zeros(inputs.size)).flux_density(inputs)
+        at_once = creeping(flux)
+    run = _run_at_once(model, kind, at_once, schedule, time, past)
+    drive, output = inputs, run.output
+    if kind == "demand":
+        # One lag ahead; the last value is held after the end.
+        drive, output = np.interp(time + late.lag, time, run.drive), inputs
+    elif late.times:
+        output = creeping(run.flux_density)
+    valid, flags = flag(model, kind, drive, output, at, reachable & run.reachable)
+    return replace(run, drive=drive, output=output, valid=valid, flags=flags)
 
 
-def _demand_late(
-    model: ActuatorRecord,
-    late: Dynamics,
-    demand: FloatArray,
-    schedule: ArrayLike | None,
-    time: FloatArray,
-    past: History,
-) -> Prediction:
-    """Compute the drive of an actuator with lag and creep, one lag ahead of the demand."""
-    at = None if schedule is None else as_samples(schedule, "schedule", demand.size)
-    circuit = model.circuit(at, np.zeros(demand.size))
-    at_once, reachable = demand, np.ones(demand.size, dtype=np.bool_)
-    if late.times:
-        flux, reachable = circuit.flux_density(demand)
-        slow = _slow_start(model, late, past, at, flux, time, known=False)
-        at_once = circuit.output(late.removed(flux, time, slow).values)
-    prediction = _run_at_once(model, "demand", at_once, schedule, time, past)
-    drive = late.advanced(prediction.drive, time)
-    valid, flags = flag(model, "demand", drive, demand, at, reachable & prediction.reachable)
-    return replace(prediction, drive=drive, output=demand, valid=valid, flags=flags)
-
-
-def _slow_start(
-    model: ActuatorRecord,
-    late: Dynamics,
-    past: History,
-    schedule: FloatArray | None,
-    flux: FloatArray,
-    time: FloatArray,
-    *,
-    known: bool,
-) -> FloatArray:
-    """Return the slow parts at the first sample: after a long rest, or of a settled cycle."""
-    if past.kind == "settled":
-        return late.settled(flux, time, known=known)
-    rest = 0.0
-    if past.turning_points:
-        at = None if schedule is None else schedule[:1]
-        last = as_samples(past.turning_points[-1:], "turning point")
-        rest = float(_run_at_once(model, "drive", last, at, [0.0], past).flux_density[0])
-    return np.full(len(late.times), rest)
+def _flux_at_rest(model: ActuatorRecord, schedule: FloatArray | None, past: History) -> float:
+    """Return the flux density, T, at the last turning point before the first sample."""
+    if not past.turning_points:
+        return 0.0
+    at = None if schedule is None else schedule[:1]
+    last = as_samples(past.turning_points[-1:], "turning point")
+    return float(_run_at_once(model, "drive", last, at, [0.0], past).flux_density[0])
 
 
 def _clock(time: ArrayLike | None, size: int, why: str) -> FloatArray:
     """Return the times of samples, s; `why` says what of a model needs them."""
     if time is None:
-        raise InputError(
-            f"the model has {why}: give the time, in a file as column t_s",
-            code="time-missing",
-            key="t_s",
-        )
+        text = f"the model has {why}: give the time, in a file as column t_s"
+        raise InputError(text, code="time-missing", key="t_s")
     clock = as_samples(time, "time", size)
     if (np.diff(clock) <= 0.0).any():
         sample = int(np.argmax(np.diff(clock) <= 0.0)) + 1
-        raise InputError(
-            f"time: does not ascend at sample {sample}", code="time-not-rising", key="time"
-        )
+        raise wrong_key("time", f"does not ascend at sample {sample}", code="time-not-rising")
     return clock
 
 
@@ -346,32 +289,22 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
     if size is not None and np.ndim(values) == 0:
         array = np.full(size, float(array.reshape(-1)[0]))
     if array.ndim != 1 or not array.size:
-        raise InputError(
-            f"{name}: has shape {array.shape}; give one row of samples",
-            code="wrong-shape",
-            key=name,
+        raise wrong_key(
+            name, f"has shape {array.shape}; give one row of samples", code="wrong-shape"
         )
     if size is not None and array.size != size:
-        raise InputError(
-            f"{name}: has {count_of(array.size, 'sample')} for {size}; give one for each",
-            code="length-differs",
-            key=name,
-        )
+        text = f"has {count_of(array.size, 'sample')} for {size}; give one for each"
+        raise wrong_key(name, text, code="length-differs")
     finite = np.isfinite(array)
     if not finite.all():
-        raise InputError(
-            f"{name}: sample {int(np.argmin(finite))} is not a finite number; mend it",
-            code="not-finite",
-            key=name,
-        )
+        text = f"sample {int(np.argmin(finite))} is not a finite number; mend it"
+        raise wrong_key(name, text, code="not-finite")
     return array
 
 
 def as_history(history: HistoryLike | None, model: ActuatorRecord) -> History:
     """Return the history that a call asks for, or that of the model."""
-    if history is None:
-        return model.history
-    return History.of(history)
+    return model.history if history is None else History.of(history)
 
 
 def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> FloatArray | None:
@@ -387,11 +320,9 @@ def check(status: int, name: str, index: int, values: FloatArray) -> None:
     if status == OK:
         return
     error = SampleError(name, index, f"({values[index]:g}) {status_text(status)}")
-    raise (
-        NegativeResult(str(error), code=error.code, key=name)
-        if status in {NOT_CONVERGED, NOT_SETTLED}
-        else error
-    )
+    if status in {NOT_CONVERGED, NOT_SETTLED}:
+        raise NegativeResult(str(error), code=error.code, key=name)
+    raise error
 
 
 def _runs(model: ActuatorRecord, schedule: FloatArray | None, size: int) -> Iterator[slice]:
@@ -410,10 +341,3 @@ def _runs(model: ActuatorRecord, schedule: FloatArray | None, size: int) -> Iter
         )
     for start, stop in pairwise(edges):
         yield slice(int(start), int(stop))
-
-
-def _is_open(values: FloatArray) -> bool:
-    """Whether a record ends farther from its start than from sample to sample."""
-    return values.size > 2 and bool(
-        abs(values[-1] - values[0]) > 2.0 * np.abs(np.diff(values)).max()
-    )

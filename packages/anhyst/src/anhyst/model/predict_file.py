@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 Rows = NDArray[np.intp]
 Direction = Literal["predict", "invert"]
-GIVEN: Mapping[Direction, str] = {"predict": "drive", "invert": "demand"}
+GIVEN: Mapping[Direction, Given] = {"predict": "drive", "invert": "demand"}
 """What the two verbs are given, as their argument is called."""
 _WANTED = "a file, Loops, a data frame or a dict of arrays"
 
@@ -115,9 +115,9 @@ class RunSummary(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures, without the columns."""
-        plain = {item.name: getattr(self, item.name) for item in fields(self)}
+        plain = asdict(replace(self, columns={}))
         del plain["columns"]
-        return plain | {"deviation": None if self.deviation is None else asdict(self.deviation)}
+        return plain
 
     def save(self, path: PathLike) -> Path:
         """Write the columns to a CSV file, whole or not at all."""
@@ -181,7 +181,7 @@ def _compute(
     model: Model, direction: Direction, table: DataTable, history: str
 ) -> tuple[FloatArray, NDArray[np.bool_], list[Rows], tuple[str, ...]]:
     """Compute all runs of a table: the answers, where they are valid, the runs, the warnings."""
-    forward = direction == "predict"
+    forward, kind = direction == "predict", GIVEN[direction]
     quantity = model.input if forward else model.output
     values = table.need(_named(table, quantity), quantity.column)
     schedule = None if model.schedule is None else table.get(model.schedule.name)
@@ -201,10 +201,9 @@ def _compute(
     answers, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
     for rows, past in zip(runs, pasts, strict=True):
-        at, clock = (None if c is None else _part(c, rows) for c in (schedule, time))
+        at, clock = (None if c is None else c[rows] for c in (schedule, time))
         try:
-            kind: Given = "drive" if forward else "demand"
-            result = run_through(model, kind, _part(values, rows), at, clock, past)
+            result = run_through(model, kind, values[rows], at, clock, past)
         except SampleError as error:
             raise InputError(
                 f"{table.where(int(rows[error.sample]))}: {quantity.name.replace('_', ' ')} "
@@ -217,10 +216,8 @@ def _compute(
         answers[rows] = result.output if forward else result.drive
         reachable[rows] = result.reachable
         notes.update(result.notes)
-    if forward:
-        valid, flags = flag(model, "drive", values, answers, schedule, reachable, rows=True)
-    else:
-        valid, flags = flag(model, "demand", answers, values, schedule, reachable, rows=True)
+    drive, output = (values, answers) if forward else (answers, values)
+    valid, flags = flag(model, kind, drive, output, schedule, reachable, rows=True)
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
     lines += [IN_ONE_RUN] if any(past != pasts[0] for past in pasts) else []
@@ -241,17 +238,11 @@ def _pasts(
     measured, time = _measured(table, _named(table, model.output)), _measured(table, "time")
     if past != SETTLED or direction == "invert" or measured is None or time is None:
         return [past] * len(runs)
+    loops = []
     try:
-        loops = [
-            Loop(
-                str(index),
-                values[rows],
-                measured[rows],
-                None if schedule is None else schedule[rows],
-                time[rows],
-            )
-            for index, rows in enumerate(runs)
-        ]
+        for index, rows in enumerate(runs):
+            at = None if schedule is None else schedule[rows]
+            loops.append(Loop(str(index), values[rows], measured[rows], at, time[rows]))
     except InputError:  # a run that is no loop
         return [past] * len(runs)
     is_gap = model.schedule is not None and model.schedule.name == "gap"
@@ -274,24 +265,13 @@ def _measured(table: DataTable, name: str) -> FloatArray | None:
         return None
 
 
-def _part(column: FloatArray, rows: Rows) -> FloatArray:
-    return column if rows.size == column.size else column[rows]
-
-
 def _find_runs(table: DataTable, schedule: FloatArray | None, *, settled: bool) -> list[Rows]:
     """Rows of each run, in their order."""
-    labels = next(
-        (
-            column
-            for header, column in zip(table.headers, table.columns, strict=True)
-            if header.is_label and isinstance(column, Texts)
-        ),
-        None,
-    )
+    for header, column in zip(table.headers, table.columns, strict=True):
+        if header.is_label and isinstance(column, Texts):
+            return [run for rows in column.groups() for run in _by_value(schedule, rows)]
     everything = np.arange(len(table))
-    if labels is None:
-        return _by_value(schedule, everything) if settled else [everything]
-    return [run for rows in labels.groups() for run in _by_value(schedule, rows)]
+    return _by_value(schedule, everything) if settled else [everything]
 
 
 def _by_value(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
@@ -305,10 +285,7 @@ def _by_value(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
 
 
 def _completed(
-    table: DataTable,
-    quantity: Quantity,
-    answer: FloatArray,
-    valid: NDArray[np.bool_],
+    table: DataTable, quantity: Quantity, answer: FloatArray, valid: NDArray[np.bool_]
 ) -> tuple[str, dict[str, Any]]:
     """Return the header of the computed column, and the columns of the table with those computed."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
@@ -319,11 +296,8 @@ def _completed(
         flag = "valid_model"
     if name in columns or flag in columns:
         taken = name if name in columns else flag
-        raise InputError(
-            f"{table.path}: has a column '{taken}' already; rename it in the file",
-            code="exists-already",
-            key=taken,
-        )
+        text = f"{table.path}: has a column '{taken}' already; rename it in the file"
+        raise InputError(text, code="exists-already", key=taken)
     return name, columns | {name: answer, flag: valid}
 
 
@@ -335,10 +309,6 @@ def _deviation(
         return None
     apart = np.abs(predicted - measured)
     largest = full_scale(quantity, (measured[rows] for rows in runs))
-    return Deviation(
-        mean_abs=float(apart.mean()),
-        rms=float(np.sqrt(np.square(apart).mean())),
-        worst=float(apart.max()),
-        largest=largest,
-        of=name_full_scale(quantity, largest),
-    )
+    mean, rms = float(apart.mean()), float(np.sqrt(np.square(apart).mean()))
+    of = name_full_scale(quantity, largest)
+    return Deviation(mean, rms, float(apart.max()), largest, of)

@@ -55,11 +55,11 @@ def flag(
         (model.output, output, model.valid.output),
         (model.schedule, schedule, model.valid.schedule),
     )
-    far = any(
-        far_outside(quantity, values, limits)
+    far = {
+        quantity: far_outside(quantity, values, limits)
         for quantity, values, limits in ranges
         if quantity is not computed
-    )
+    }
     for quantity, values, limits in ranges:
         if quantity is None or values is None or limits is None:
             continue
@@ -68,14 +68,14 @@ def flag(
         allowance = margin * (high - low) + GIVEN_MARGIN * max(abs(low), abs(high))
         inside = (values >= low - allowance) & (values <= high + allowance)
         valid &= inside
-        if not inside.all() and not (far and quantity is computed):  # which would follow from it
+        # Far outside, a computed value would only follow from that.
+        if not inside.all() and not (quantity is computed and any(far.values())):
             what = (
                 f"lie outside the valid range of {quantity.name.replace('_', ' ')}, {low:g} to "
                 f"{high:g} {quantity.unit}"
             )
-            likely = far_outside(quantity, values, limits) if quantity is not computed else ""
             text = _sentence(inside, values, quantity.unit, rows, what)
-            flags.append(f"{text}: {likely}" if likely else text)
+            flags.append(": ".join(filter(None, (text, far.get(quantity)))))
     return valid, tuple(flags)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from copy import deepcopy
 from typing import Any, TypeVar
 
@@ -13,19 +15,10 @@ from anhyst.data.path import History
 from anhyst.laws import LAWS, law_of
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import Law
+from anhyst.model import schema
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.parameters import Parameter, find_problems
 from anhyst.model.record import ActuatorRecord
-from anhyst.model.schema import (
-    VERSION,
-    CellsTable,
-    ModelTable,
-    Names,
-    QuantityTable,
-    meant,
-    model_table,
-    section_names,
-)
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MODEL
@@ -46,11 +39,17 @@ class _Reader:
 
     def __init__(self, file: TomlFile) -> None:
         self.file = file
-        self.names: dict[tuple[str, ...], Names] = {}
+        self.names: dict[tuple[str, ...], schema.Names] = {}
 
     def read(self, kind: type[Record]) -> Record:
         content = self.file.content
-        self._check_version(content)
+        check_kind(self.file, [MODEL])
+        if (version := content.get("version")) != schema.VERSION:
+            text = f"is {version!r}, but this anhyst reads version {schema.VERSION}; update anhyst"
+            if version is None:
+                text = f"is missing; a file of this anhyst says version = {schema.VERSION}"
+            self.file.add(("version",), text, code="wrong-version")
+        self._stop_if_wrong()
         drive, answer, schedule = (
             self._quantity(content, key) for key in ("input", "output", "schedule")
         )
@@ -59,14 +58,16 @@ class _Reader:
         assert answer is not None
         name = content.get("law")
         law = LAWS.get(name) if isinstance(name, str) else None
-        self.names = section_names(None, drive, answer, schedule)
+        self.names = schema.section_names(None, drive, answer, schedule)
         cells = self._cells(content)
         if law is not None and cells is not None:
-            law = self._with_cells(law, cells)
-        self.names = section_names(law, drive, answer, schedule)
+            with self._collecting("cells"):
+                law = law_of(law.name, cells)
+            self._stop_if_wrong()
+        self.names = schema.section_names(law, drive, answer, schedule)
         self._strip_units(content, ())
         try:
-            table = model_table(law).model_validate(content)
+            table = schema.model_table(law).model_validate(content)
         except ValidationError as error:
             self._collect(error)
             table = None
@@ -74,19 +75,6 @@ class _Reader:
         self._stop_if_wrong()
         assert table is not None
         return self._build(kind, table, drive, answer, schedule, cells)
-
-    def _check_version(self, content: dict[str, Any]) -> None:
-        check_kind(self.file, [MODEL])
-        if content.get("version") != VERSION:
-            version = content.get("version")
-            self.file.add(
-                ("version",),
-                f"is missing; a file of this anhyst says version = {VERSION}"
-                if version is None
-                else f"is {version!r}, but this anhyst reads version {VERSION}; update anhyst",
-                code="wrong-version",
-            )
-        self._stop_if_wrong()
 
     def _cells(self, content: dict[str, Any]) -> CellWeights | None:
         """Read the table of cells ahead of the rest: it says which parameters are left."""
@@ -96,7 +84,7 @@ class _Reader:
         self._strip_units(written, ("cells",))
         self._stop_if_wrong()
         try:
-            table = CellsTable.model_validate(written)
+            table = schema.CellsTable.model_validate(written)
         except ValidationError as error:
             self._collect(error, ("cells",))
             self._stop_if_wrong()
@@ -109,55 +97,45 @@ class _Reader:
             )
             self.file.add(self._file_path(("cells", "weights")), text, code="wrong-shape")
             self._stop_if_wrong()
-        try:
-            return CellWeights(
-                np.array(table.thresholds),
-                np.array(table.widths),
-                np.array(table.weights),
-                table.shape,
-                None if table.centres is None else np.array(table.centres),
-            )
-        except ValueError as error:
-            self.file.add(("cells",), str(error), code="cells-out-of-range")
-            self._stop_if_wrong()
-            raise
+        thresholds, widths, weights = map(np.array, (table.thresholds, table.widths, table.weights))
+        centres, cells = None if table.centres is None else np.array(table.centres), None
+        with self._collecting("cells"):
+            cells = CellWeights(thresholds, widths, weights, table.shape, centres)
+        self._stop_if_wrong()
+        return cells
 
-    def _with_cells(self, law: Law, cells: CellWeights) -> Law:
+    @contextmanager
+    def _collecting(self, key: str) -> Iterator[None]:
+        """Collect the error of a table, without the place that it names itself."""
         try:
-            return law_of(law.name, cells)
+            yield
+        except InputError as error:
+            text = str(error).removeprefix(f"model {key}: ")
+            self.file.add((key, error.key) if key == "layers" else (key,), text, code=error.code)
         except ValueError as error:
-            self.file.add(("cells",), str(error), code="cells-out-of-range")
-            self._stop_if_wrong()
-            raise
+            self.file.add((key,), str(error), code="cells-out-of-range")
 
     def _quantity(self, content: dict[str, Any], key: str) -> Quantity | None:
         written = content.get(key)
         if written is None and key == "schedule":
             return None
-        fields = set(QuantityTable.model_fields)
-        known = {k: v for k, v in written.items() if k in fields} if isinstance(
-            written, dict
-        ) else written  # fmt: skip
+        if written is None:
+            self.file.add((key,), "is missing; add this table", code="missing")
+            return None
+        if isinstance(written, dict):
+            written = {k: v for k, v in written.items() if k in schema.QuantityTable.model_fields}
         try:
-            if written is None:
-                self.file.add((key,), "is missing; add this table", code="missing")
-                return None
-            table = QuantityTable.model_validate(known)
+            table = schema.QuantityTable.model_validate(written)
         except ValidationError as error:
             self._collect(error, (key,))
             return None
-        return self._check_unit(key, Quantity(table.quantity, table.symbol, table.unit))
-
-    def _check_unit(self, key: str, quantity: Quantity) -> Quantity:
+        quantity = Quantity(table.quantity, table.symbol, table.unit)
         usual = QUANTITIES.get(quantity.name)
         unit = find_unit(quantity.unit)
         symbol = usual.unit if usual else unit.si if unit else None
         if symbol is None:
-            self.file.add(
-                (key, "unit"),
-                f"unknown unit {quantity.unit!r}; write an SI unit",
-                code="unknown-unit",
-            )
+            text = f"unknown unit {quantity.unit!r}; write an SI unit"
+            self.file.add((key, "unit"), text, code="unknown-unit")
         elif quantity.unit != symbol:
             text = f"is {quantity.unit!r}; model files are in SI, write {symbol!r}"
             self.file.add((key, "unit"), text, code="unit-not-si")
@@ -175,7 +153,7 @@ class _Reader:
         for key in list(table):
             if key in fields:
                 table[fields[key]] = table.pop(key)
-            elif field := meant(key, names):
+            elif field := schema.meant(key, names):
                 text = f"its unit must stand in the key; write {names[field][1]}"
                 self.file.add((*at, key), text, code="unit-missing")
                 table[field] = table.pop(key)
@@ -195,7 +173,7 @@ class _Reader:
             return plain
         return Advice(f"is unknown; did you mean {near[0]}?", code="extra-forbidden")
 
-    def _names_in(self, table: KeyPath) -> Names:
+    def _names_in(self, table: KeyPath) -> schema.Names:
         """Keys that carry units in a table; elements of an array of tables are alike."""
         return self.names.get(tuple(part for part in table if isinstance(part, str)), {})
 
@@ -215,23 +193,18 @@ class _Reader:
             for name, value in parameters.items()
         }
         nodes = content.get("schedule", {}).get("nodes", [])
+        places = {"gap_map": ("gap_map",), "nodes": ("schedule", "nodes")}
         for problem in find_problems(law, values, nodes, content["gap_map"]):
-            self.file.add(self._file_path(_path_of(problem.key)), problem.text, code=problem.code)
+            place = places.get(problem.key, ("parameters", problem.key))
+            self.file.add(self._file_path(place), problem.text, code=problem.code)
         for key, pair in content.get("valid", {}).items():
             if pair[0] > pair[1]:
-                self.file.add(
-                    self._file_path(("valid", key)),
-                    "the first must not exceed the second",
-                    code="range-reversed",
-                )
+                text = "the first must not exceed the second"
+                self.file.add(self._file_path(("valid", key)), text, code="range-reversed")
         if "schedule" in content.get("valid", {}) and "schedule" not in content:
-            self.file.add(
-                ("valid",),
-                "has a range of a scheduling variable that there is not",
-                code="no-schedule",
-            )
-        unsure = content.get("uncertainty")
-        if unsure is not None:
+            text = "has a range of a scheduling variable that there is not"
+            self.file.add(("valid",), text, code="no-schedule")
+        if (unsure := content.get("uncertainty")) is not None:
             self._check_lengths(unsure)
 
     def _check_lengths(self, unsure: dict[str, Any]) -> None:
@@ -243,27 +216,28 @@ class _Reader:
             ("correlation", [len(matrix), *map(len, matrix)] if matrix else [count]),
         ):
             if set(sizes) != {count}:
-                self.file.add(
-                    ("uncertainty", key),
-                    f"must hold one entry for each of {count} names",
-                    code="length-differs",
-                )
+                text = f"must hold one entry for each of {count} names"
+                self.file.add(("uncertainty", key), text, code="length-differs")
 
     def _build(
         self,
         kind: type[Record],
-        table: ModelTable,
+        table: schema.ModelTable,
         drive: Quantity,
         answer: Quantity,
         schedule: Quantity | None,
         cells: CellWeights | None,
     ) -> Record:
-        try:
+        late, layers, given = None, None, table.dynamics
+        with self._collecting("history"):
             history = History.parse(table.history)
-        except InputError as error:
-            self.file.add(("history",), str(error), code=error.code)
-        late = self._dynamics(table)
-        layers = self._layers(table)
+        if given is not None:
+            times, shares = tuple(given.creep_times), tuple(given.creep_shares)
+            with self._collecting("dynamics"):
+                late = Dynamics(given.lag, times, shares, given.fastest)
+        if table.layers is not None:
+            with self._collecting("layers"):
+                layers = Layers(**dict(table.layers))
         self._stop_if_wrong()
         model = kind(
             name=table.name,
@@ -287,49 +261,12 @@ class _Reader:
             dynamics=late,
             layers=layers,
         )
-        try:
+        with self._collecting("parameters"):
             for node in model.nodes if model.fixed_gap_only else (None,):
                 model.iron_at(node)
-        except InputError as error:
-            self.file.add(
-                ("parameters",), str(error).removeprefix("model parameters: "), code=error.code
-            )
-            self._stop_if_wrong()
+        self._stop_if_wrong()
         return model
-
-    def _dynamics(self, table: ModelTable) -> Dynamics | None:
-        dynamics = table.dynamics
-        if dynamics is None:
-            return None
-        try:
-            return Dynamics(
-                dynamics.lag,
-                tuple(dynamics.creep_times),
-                tuple(dynamics.creep_shares),
-                dynamics.fastest,
-            )
-        except InputError as error:
-            self.file.add(
-                ("dynamics",), str(error).removeprefix("model dynamics: "), code=error.code
-            )
-            return None
-
-    def _layers(self, table: ModelTable) -> Layers | None:
-        if table.layers is None:
-            return None
-        try:
-            return Layers(**dict(table.layers))
-        except InputError as error:
-            text = str(error).removeprefix("model layers: ")
-            self.file.add(("layers", error.key), text, code=error.code)
-            return None
 
     def _stop_if_wrong(self) -> None:
         if self.file.problems:
             raise self.file.error()
-
-
-def _path_of(key: str) -> tuple[str, ...]:
-    if key == "gap_map":
-        return ("gap_map",)
-    return ("schedule", "nodes") if key == "nodes" else ("parameters", key)

@@ -26,6 +26,7 @@ from anhyst.data.path import History
 from anhyst.laws import DEFAULT_LAW, LAWS, law_of
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
+from anhyst.model import schema
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.parameters import (
     CIRCUIT,
@@ -36,26 +37,12 @@ from anhyst.model.parameters import (
     find_problems,
     specs_of,
 )
-from anhyst.model.schema import (
-    FitFigures,
-    Names,
-    Provenance,
-    ReductionStep,
-    Uncertainty,
-    ValidRange,
-    parameter_names,
-)
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 
 SHORT_ROW, MOST_ROWS = 1 << 13, 32
 """Samples of a row of the scheduling variable, and how many of them, whose look-up is kept."""
-
-
-def _as_parameter(value: ArrayLike) -> Parameter:
-    numbers = np.asarray(value, dtype=np.float64)
-    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
 
 
 @lru_cache(maxsize=256)
@@ -126,24 +113,25 @@ class ActuatorRecord:
     schedule: Quantity | None = None
     nodes: tuple[float, ...] = ()
     history: History = field(default_factory=lambda: History("demagnetised"))
-    valid: ValidRange | None = None
-    fit: FitFigures | None = None
-    uncertainty: Uncertainty | None = None
-    reduction: tuple[ReductionStep, ...] = ()
-    provenance: Provenance = field(default_factory=Provenance)
+    valid: schema.ValidRange | None = None
+    fit: schema.FitFigures | None = None
+    uncertainty: schema.Uncertainty | None = None
+    reduction: tuple[schema.ReductionStep, ...] = ()
+    provenance: schema.Provenance = field(default_factory=schema.Provenance)
     cells: CellWeights | None = None
     dynamics: Dynamics | None = None
     layers: Layers | None = None
 
     def __post_init__(self) -> None:
-        parameters = {name: _as_parameter(value) for name, value in self.parameters.items()}
+        parameters: dict[str, Parameter] = {}
+        for name, value in self.parameters.items():
+            numbers = np.asarray(value, dtype=np.float64)
+            parameters[name] = tuple(numbers.tolist()) if numbers.ndim else float(numbers)
         nodes = tuple(float(node) for node in self.nodes)
         object.__setattr__(self, "nodes", nodes)
         if self.law not in LAWS:
-            raise InputError(
-                f"law: is {self.law!r}; use one of {', '.join(LAWS)}",
-                code="unknown-choice",
-                key="law",
+            raise wrong_key(
+                "law", f"is {self.law!r}; use one of {', '.join(LAWS)}", code="unknown-choice"
             )
         try:
             law = self.operator_law
@@ -153,16 +141,11 @@ class ActuatorRecord:
             ) from error
         problems = find_problems(law, parameters, nodes, self.gap_map)
         if problems:
-            raise InputError(
-                f"model parameter {problems[0].key}: {problems[0].text}",
-                code=problems[0].code,
-                key=problems[0].key,
-            )
+            text = f"model parameter {problems[0].key}: {problems[0].text}"
+            raise InputError(text, code=problems[0].code, key=problems[0].key)
         if nodes and self.schedule is None:
-            raise InputError(
-                "model: there are nodes but no scheduling variable; name it",
-                code="no-schedule",
-                key="model",
+            raise wrong_key(
+                "model", "there are nodes but no scheduling variable; name it", code="no-schedule"
             )
         complete = {
             name: parameters.get(name, 0.0 if spec.default is None else spec.default)
@@ -191,9 +174,9 @@ class ActuatorRecord:
         return self.operator_law.states * (self.layers.memories if self.layers else 1)
 
     @cached_property
-    def keys(self) -> Names:
+    def keys(self) -> schema.Names:
         """Names of the parameters in a file, bare and with their unit."""
-        return parameter_names(self.operator_law, self.input, self.output)
+        return schema.parameter_names(self.operator_law, self.input, self.output)
 
     @property
     def power(self) -> int:
@@ -232,14 +215,11 @@ class ActuatorRecord:
         return bool(np.any(self.parameters["gamma"]))
 
     @property
-    def valid_range(self) -> ValidRange:
+    def valid_range(self) -> schema.ValidRange:
         """Where it holds, which what is asked for needs to know."""
         if self.valid is None:
-            raise InputError(
-                "the model does not say where it holds ([valid]); identify it from loops",
-                code="no-valid-range",
-                key="valid",
-            )
+            text = "the model does not say where it holds ([valid]); identify it from loops"
+            raise InputError(text, code="no-valid-range", key="valid")
         return self.valid
 
     @property
@@ -265,24 +245,9 @@ class ActuatorRecord:
         }
 
     def over_schedule(self, name: str, at: ArrayLike) -> FloatArray:
-        """Return one parameter at values of the scheduling variable.
+        """Return one of :attr:`specs` at values of the scheduling variable; all in SI, shape (n,).
 
-        Parameters
-        ----------
-        name : str
-            One of :attr:`specs`.
-        at : array_like, shape (n,)
-            Scheduling variable, SI.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The parameter, SI.
-
-        Raises
-        ------
-        InputError
-            So far outside the nodes that the parameter leaves its range.
+        It is an `InputError` to go so far outside the nodes that the parameter leaves its range.
         """
         query = np.atleast_1d(np.asarray(at, dtype=np.float64))
         if name in self.curves and query.size:
@@ -300,22 +265,9 @@ class ActuatorRecord:
         return np.full(query.shape, value[0] if isinstance(value, tuple) else value)
 
     def parameters_at(self, schedule: float | None = None) -> dict[str, float]:
-        """Return all parameters at one value of the scheduling variable.
+        """Return all parameters at one value of the scheduling variable, SI.
 
-        Parameters
-        ----------
-        schedule : float, optional
-            Scheduling variable, SI; may be left out where nothing varies.
-
-        Returns
-        -------
-        dict of str to float
-            SI.
-
-        Raises
-        ------
-        InputError
-            The model needs the scheduling variable.
+        It may be left out where nothing varies, and is an `InputError` to leave out elsewhere.
         """
         at = np.array([self.schedule_or_default(schedule)])
         return {name: float(self.over_schedule(name, at)[0]) for name in self.specs}
@@ -342,7 +294,6 @@ class ActuatorRecord:
 
     @cached_property
     def _iron_everywhere(self) -> IronOperator:
-        """The iron, the same at all values of the scheduling variable."""
         return self._iron(0.0)
 
     def _iron(self, schedule: float) -> IronOperator:
@@ -352,27 +303,20 @@ class ActuatorRecord:
 
     def circuit(self, schedule: FloatArray | None, eddy_rate: FloatArray) -> Circuit:
         """Return what surrounds the iron at each sample; ``eddy_rate`` is 1/dt, 0 without eddy currents."""
-        at = (
-            np.full(eddy_rate.shape, self.schedule_or_default(None))
-            if schedule is None
-            else schedule
-        )
-        c_h, rho, gamma, c_out, in_0, out_0 = self._surroundings(at)
-        return Circuit(c_h, rho, gamma * eddy_rate, c_out, in_0, out_0, output_map(self.output))
-
-    def _surroundings(self, at: FloatArray) -> tuple[FloatArray, ...]:
-        """Return the parameters around the iron; a search asks for the same short rows again."""
+        at = schedule
+        if at is None:
+            at = np.full(eddy_rate.shape, self.schedule_or_default(None))
+        # A search asks for the same short rows again.
         key, kept = at.tobytes() if at.size <= SHORT_ROW else b"", self._looked_up
-        rows = kept.get(key) if key else None
-        if rows is None:
-            rows = tuple(self.over_schedule(spec.name, at) for spec in CIRCUIT)
-            if key:
-                for values in rows:
-                    values.flags.writeable = False
-                if len(kept) >= MOST_ROWS:
-                    kept.clear()
-                kept[key] = rows
-        return rows
+        rows = kept.get(key) or tuple(self.over_schedule(spec.name, at) for spec in CIRCUIT)
+        if key and key not in kept:
+            for values in rows:
+                values.flags.writeable = False
+            if len(kept) >= MOST_ROWS:
+                kept.clear()
+            kept[key] = rows
+        c_h, rho, gamma, c_out, in_0, out_0 = rows
+        return Circuit(c_h, rho, gamma * eddy_rate, c_out, in_0, out_0, output_map(self.output))
 
     @cached_property
     def _looked_up(self) -> dict[bytes, tuple[FloatArray, ...]]:

@@ -45,22 +45,17 @@ class Residual:
 
     def every(self, step: int) -> Residual:
         """Take every so manieth sample."""
-        return Residual(
-            self.drive[::step], self.measured[::step], self.off[::step], self.gap, self.settled
-        )
+        drive, measured, off = (each[::step] for each in (self.drive, self.measured, self.off))
+        return Residual(drive, measured, off, self.gap, self.settled)
 
 
-@dataclass(frozen=True, eq=False)
-class _Path:
-    """Where the samples of a record lie: on which branch, and where on it."""
+def _path(record: Residual) -> FloatArray:
+    """Return where the samples of a record lie on its branches, shape (4, samples).
 
-    rising: FloatArray  # 1 where the input rises, -1 where it falls
-    along: FloatArray  # place between the ends of the branch, -1 at the lower one, 1 at the upper
-    reach: FloatArray  # half of what the branch spans, in units of the input
-    ahead: FloatArray  # what is left of the first branch, from 1 to 0; 0 after it
-
-
-def _path(record: Residual) -> _Path:
+    The rows: 1 where the input rises and -1 where it falls; the place on the branch, -1 at its
+    lower end and 1 at its upper one; half of what the branch spans, in units of the input; what is
+    left of the first branch, from 1 to 0, and 0 after it.
+    """
     drive = record.drive
     parts = branches(drive)
     rising, along, reach = np.ones(drive.size), np.zeros(drive.size), np.ones(drive.size)
@@ -74,7 +69,7 @@ def _path(record: Residual) -> _Path:
     if not record.settled or len(parts) > 2:
         first = parts[0].rows
         ahead[first] = 0.5 * (1.0 - rising[first] * along[first])
-    return _Path(rising, along, reach, ahead)
+    return np.stack([rising, along, reach, ahead])
 
 
 def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
@@ -83,15 +78,11 @@ def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     Where a cause may act alike on all gaps or in proportion to their outputs, both are given. What
     differs from gap to gap, or from size to size, is that alone: without what is common to all.
     """
-    paths = [_path(record) for record in records]
+    rising, along, reach, ahead = np.concatenate([_path(record) for record in records], axis=1)
     drive = np.concatenate([record.drive for record in records])
     middle, half = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
     x = (drive - middle) / max(half, 1e-300)
     sizes = [record.drive.size for record in records]
-    rising, along, reach, ahead = (
-        np.concatenate([getattr(path, name) for path in paths])
-        for name in ("rising", "along", "reach", "ahead")
-    )
     gap = np.repeat([record.gap for record in records], sizes)
     span = np.zeros(int(gap.max()) + 1)
     for record in records:
@@ -190,8 +181,22 @@ def coloured(off: FloatArray, shapes: FloatArray, sizes: Sequence[int]) -> Colou
     left = off - shapes @ (shapes.T @ off)
     power = max(float(left @ left), 1e-300)
     seen = float(left @ _neighbours(left, lengths)) / power
-    remainder = _Remainder(shapes, lengths)
-    expected = [remainder.at(at) for at in _GRID]
+    shifted = _neighbours(shapes, lengths)
+    # Products by einsum, on one thread: a library would wait for its others.
+    within = np.einsum("nk,nl->kl", shapes, shifted)
+
+    def remainder(with_last: float) -> tuple[float, float]:
+        """Return the sums of squares, and of products with the sample before, that are left."""
+        smooth = _smoothed(shapes, with_last, lengths)
+        inside = np.einsum("nk,nl->kl", shapes, smooth)
+        together = (
+            with_last * (off.size - len(lengths))
+            - 2.0 * float(np.einsum("nk,nk->", shifted, smooth))
+            + float(np.einsum("kl,kl->", within, inside))
+        )
+        return off.size - float(np.trace(inside)), together
+
+    expected = [remainder(at) for at in _GRID]
     ratio = np.maximum.accumulate([together / whole for whole, together in expected])
     with_last = float(np.interp(seen, ratio, _GRID))
     free = max(off.size - shapes.shape[1], 2)
@@ -199,39 +204,9 @@ def coloured(off: FloatArray, shapes: FloatArray, sizes: Sequence[int]) -> Colou
     error = float(np.sqrt((1.0 - with_last**2) / free))
     unsure = min(max(with_last / error - _CHANCE, 0.0), _UNSURE)
     with_last = min(with_last + unsure * error, float(_GRID[-1]))
-    whole = remainder.at(with_last)[0]
+    whole, _ = remainder(with_last)
     slower = (1.0 - with_last**2) / (1.0 + with_last**2)
     return Coloured(lengths, power / whole, with_last, max(free * slower, _FEWEST))
-
-
-class _Remainder:
-    """Sum of squares, and of products with the sample before, that shapes leave of such noise."""
-
-    def __init__(self, shapes: FloatArray, sizes: tuple[int, ...]) -> None:
-        self._shapes, self._sizes = shapes, sizes
-        self._shifted = _neighbours(shapes, sizes)
-        self._inside = _products(shapes, self._shifted)
-
-    def at(self, with_last: float) -> tuple[float, float]:
-        smooth = _smoothed(self._shapes, with_last, self._sizes)
-        inside = _products(self._shapes, smooth)
-        whole = sum(self._sizes) - float(np.trace(inside))
-        together = (
-            with_last * (sum(self._sizes) - len(self._sizes))
-            - 2.0 * float(np.einsum("nk,nk->", self._shifted, smooth))
-            + float(np.einsum("kl,kl->", self._inside, inside))
-        )
-        return whole, together
-
-
-def _products(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Products of columns with columns, on one thread: a library would wait for its others."""
-    products: FloatArray = np.einsum("nk,nl->kl", first, second)
-    return products
-
-
-def _parts(columns: FloatArray, sizes: tuple[int, ...]) -> list[FloatArray]:
-    return np.split(columns, np.cumsum(sizes)[:-1])
 
 
 def _smoothed(columns: FloatArray, with_last: float, sizes: tuple[int, ...]) -> FloatArray:
@@ -241,7 +216,7 @@ def _smoothed(columns: FloatArray, with_last: float, sizes: tuple[int, ...]) -> 
     return np.concatenate(
         [
             decaying_sum(part, with_last) + decaying_sum(part[::-1], with_last)[::-1] - part
-            for part in _parts(columns, sizes)
+            for part in np.split(columns, np.cumsum(sizes)[:-1])
         ]
     )
 
@@ -249,7 +224,7 @@ def _smoothed(columns: FloatArray, with_last: float, sizes: tuple[int, ...]) -> 
 def _neighbours(columns: FloatArray, sizes: tuple[int, ...]) -> FloatArray:
     """Mean of the samples before and after each, nothing beyond the ends of a record."""
     pairs = []
-    for part in _parts(columns, sizes):
+    for part in np.split(columns, np.cumsum(sizes)[:-1]):
         mean = np.zeros_like(part)
         mean[1:] += 0.5 * part[:-1]
         mean[:-1] += 0.5 * part[1:]

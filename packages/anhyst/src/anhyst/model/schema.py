@@ -171,17 +171,9 @@ def fit_figures(
     for loop, output in zip(loopset.loops, fitted, strict=True):
         off = np.abs(output - loop.output)
         deviations.append(off)
-        rows.append(
-            LoopFit(
-                label=loop.label,
-                schedule=loop.schedule_value,
-                samples=loop.n,
-                largest_output=full_scale(loopset.output, (loop.output,)),
-                mean_abs=float(off.mean()),
-                rms=rms(off),
-                worst=float(off.max()),
-            )
-        )
+        full = full_scale(loopset.output, (loop.output,))
+        mean, worst = float(off.mean()), float(off.max())
+        rows.append(LoopFit(loop.label, loop.schedule_value, loop.n, full, mean, rms(off), worst))
     pooled = np.concatenate(deviations)
     largest, pooled_rms = largest_output(loopset), rms(pooled)
     return FitFigures(

@@ -11,7 +11,7 @@ from anhyst.model.parameters import Circuit
 from anhyst.model.predict import as_history, as_samples, check, initial_state, run_through
 from anhyst.model.prediction import flag, warn_if_far
 from anhyst.model.record import ActuatorRecord
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 
 
@@ -48,15 +48,24 @@ class Stepper:
         history: HistoryLike | None = None,
     ) -> None:
         self.model = model
-        self._schedule = model.schedule_or_default(schedule)
+        self._schedule = schedule = model.schedule_or_default(schedule)
         warn_if_far(model, model.input, np.zeros(1), self._schedule)
         self._iron = model.iron_at(self._schedule)
         past = as_history(history, model)
-        self._state = (
-            self._cycled()
-            if past.kind == "settled"
-            else initial_state(model, self._iron, past, self._schedule)
-        )
+        if past.kind == "settled":
+            if model.valid is None:
+                raise InputError(
+                    "a stepper cannot start settled: the model has no valid range of the input to "
+                    "cycle over; pass history='demagnetised' or 'conditioned:...'",
+                    code="no-valid-range",
+                    key="valid",
+                )
+            low, high = model.valid.input
+            slow = [0.0, 1e9, 2e9]  # eddy currents do not count
+            cycle = [low, high, low]
+            self._state = run_through(model, "drive", cycle, schedule, slow, "settled").state
+        else:
+            self._state = initial_state(model, self._iron, past, self._schedule)
         self._output: float | None = None
         # schedule, step and whether it had begun, and the circuit there: that of the last step
         self._around: tuple[float, float | None, bool, Circuit] | None = None
@@ -83,26 +92,10 @@ class Stepper:
         slow = self._slow
         if self._output is not None:
             if dt is None:
-                raise InputError(
-                    "dt: the model creeps ([dynamics]); give the time of the step",
-                    code="time-missing",
-                    key="dt",
-                )
+                text = "the model creeps ([dynamics]); give the time of the step"
+                raise wrong_key("dt", text, code="time-missing")
             slow = self._late.follow(self._flux, slow, dt)
         return float(np.array(self._late.shares) @ slow), slow
-
-    def _cycled(self) -> FloatArray:
-        if self.model.valid is None:
-            raise InputError(
-                "a stepper cannot start settled: the model has no valid range of the input to "
-                "cycle over; pass history='demagnetised' or 'conditioned:...'",
-                code="no-valid-range",
-                key="valid",
-            )
-        low, high = self.model.valid.input
-        slow = [0.0, 1e9, 2e9]  # eddy currents do not count
-        cycle = [low, high, low]
-        return run_through(self.model, "drive", cycle, self._schedule, slow, "settled").state
 
     @property
     def state(self) -> FloatArray:
@@ -188,18 +181,13 @@ class Stepper:
 
     def _circuit(self, at: float, dt: float | None) -> Circuit:
         if dt is not None and not dt > 0.0:
-            raise InputError(
-                f"dt: is {dt:g} s; give a time above 0", code="not-above-zero", key="dt"
-            )
+            raise wrong_key("dt", f"is {dt:g} s; give a time above 0", code="not-above-zero")
         begun = self._output is not None  # the first commit has nothing before it to be timed from
         if self._around is not None and self._around[:3] == (at, dt, begun):
             return self._around[3]  # at a gap that rests, step after step
         if dt is None and begun and np.any(self.model.over_schedule("gamma", [at]) > 0.0):
-            raise InputError(
-                "dt: the model has eddy currents (gamma); give the time of the step",
-                code="time-missing",
-                key="dt",
-            )
+            text = "the model has eddy currents (gamma); give the time of the step"
+            raise wrong_key("dt", text, code="time-missing")
         rate = 0.0 if dt is None else 1.0 / dt
         circuit = self.model.circuit(np.array([at]), np.array([rate]))
         self._around = at, dt, begun, circuit

@@ -13,21 +13,9 @@ import numpy as np
 
 from anhyst.laws import LAWS
 from anhyst.laws.cells import CellWeights
-from anhyst.model.dynamics import Dynamics, Layers
+from anhyst.model import schema
 from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
-from anhyst.model.schema import (
-    FORMAT,
-    VERSION,
-    FitFigures,
-    Names,
-    Provenance,
-    Uncertainty,
-    Whole,
-    column,
-    of_output,
-    section_names,
-)
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import FileRecord
@@ -99,11 +87,8 @@ def write_model(model: ActuatorRecord, path: PathLike) -> None:
             read_as(draft, ActuatorRecord)
         except InputError as error:
             reason = str(error).replace(str(draft), str(path))
-            raise InputError(
-                f"{reason}; no file could be read with that, so none is written",
-                code=error.code,
-                key=error.key,
-            ) from error
+            text = f"{reason}; no file could be read with that, so none is written"
+            raise InputError(text, code=error.code, key=error.key) from error
 
     with atomic_writer(path, check) as stream:
         stream.write(text)
@@ -111,12 +96,13 @@ def write_model(model: ActuatorRecord, path: PathLike) -> None:
 
 def model_text(model: ActuatorRecord) -> str:
     """Return the text of the model file."""
-    names = section_names(model.operator_law, model.input, model.output, model.schedule)
+    names = schema.section_names(model.operator_law, model.input, model.output, model.schedule)
     known = " or ".join(f'"{law}"' for law in LAWS)
     text = f"The hysteresis law, {known}. The parameters mean nothing under another one."
     lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
+    table: dict[str, object] = {}
     sections = [
-        HEAD + _keys({"format": FORMAT, "version": VERSION, "name": model.name}),
+        HEAD + _keys({"format": schema.FORMAT, "version": schema.VERSION, "name": model.name}),
         "\n" + "\n".join(lines) + "\n" + _keys({"law": model.law}),
         GAP_MAP + _keys({"gap_map": model.gap_map}),
         HISTORY + _keys({"history": str(model.history)}),
@@ -125,9 +111,17 @@ def model_text(model: ActuatorRecord) -> str:
         _schedule(model),
         "\n[parameters]" + PARAMETERS_HEAD + _parameters(model),
         _cells(model.cells) if model.cells else "",
-        _dynamics(model.dynamics) if model.dynamics else "",
-        _layers(model.layers) if model.layers else "",
     ]
+    if late := model.dynamics:
+        times, shares = list(map(float, late.times)), list(map(float, late.shares))
+        table = {"lag_s": float(late.lag), "creep_times_s": times, "creep_shares": shares}
+        sections.append(
+            f"{DYNAMICS}[dynamics]\n" + _keys(table | {"fastest_Hz": float(late.fastest)})
+        )
+    if cut := model.layers:
+        surface, laminated = float(cut.surface), float(cut.laminated)
+        table = {"count": cut.count, "surface": surface, "laminated": laminated}
+        sections.append(f"{LAYERS}[layers]\n" + _keys(table))
     if model.valid:
         sections.append(f"{VALID}[valid]\n" + _record(model.valid, names["valid",]))
     if model.fit:
@@ -137,8 +131,15 @@ def model_text(model: ActuatorRecord) -> str:
     if model.reduction:
         sections.append("\n# Reduction: in each round the parameter whose freezing cost least.\n")
     sections += ["\n[[reduction]]\n" + _record(step) for step in model.reduction]
-    if model.provenance != Provenance():
-        sections.append(_provenance(model.provenance))
+    if (origin := model.provenance) != schema.Provenance():
+        table = {"version": origin.version, "seed": origin.seed}
+        sections.append("\n# Where the model came from.\n[provenance]\n" + _keys(table))
+        if origin.settings:
+            sections.append("\n[provenance.settings]\n" + _keys(origin.settings))
+        for source in origin.sources:
+            table = {"path": source.path, "sha256": source.sha256}
+            table["columns"] = dict(source.columns) or None
+            sections.append("\n[[provenance.source]]\n" + _keys(table))
     return "".join(sections)
 
 
@@ -158,7 +159,7 @@ def _quantity(quantity: Quantity) -> str:
 def _schedule(model: ActuatorRecord) -> str:
     if model.schedule is None:
         return ""
-    nodes = {column("nodes", model.schedule.unit): list(model.nodes)} if model.nodes else {}
+    nodes = {schema.column("nodes", model.schedule.unit): list(model.nodes)} if model.nodes else {}
     return "\n[schedule]\n" + _quantity(model.schedule) + _keys(nodes)
 
 
@@ -176,34 +177,15 @@ def _parameters(model: ActuatorRecord) -> str:
 def _cells(cells: CellWeights) -> str:
     table = {
         "shape": cells.shape,
-        column("thresholds", "A/m"): cells.thresholds.tolist(),
-        column("widths", "A/m"): cells.widths.tolist(),
+        schema.column("thresholds", "A/m"): cells.thresholds.tolist(),
+        schema.column("widths", "A/m"): cells.widths.tolist(),
     }
     text = CELLS
     if cells.centres is not None:
-        table[column("centres", "A/m")] = cells.centres.tolist()
+        table[schema.column("centres", "A/m")] = cells.centres.tolist()
         text += CENTRES
-    weights = f"{column('weights', 'A/m')} = {_rows(cells.weights.tolist())}\n"
+    weights = f"{schema.column('weights', 'A/m')} = {_rows(cells.weights.tolist())}\n"
     return f"{text}[cells]\n{_keys(table)}{weights}"
-
-
-def _dynamics(late: Dynamics) -> str:
-    table = {
-        "lag_s": float(late.lag),
-        "creep_times_s": list(map(float, late.times)),
-        "creep_shares": list(map(float, late.shares)),
-        "fastest_Hz": float(late.fastest),
-    }
-    return f"{DYNAMICS}[dynamics]\n{_keys(table)}"
-
-
-def _layers(layers: Layers) -> str:
-    table = {
-        "count": layers.count,
-        "surface": float(layers.surface),
-        "laminated": float(layers.laminated),
-    }
-    return f"{LAYERS}[layers]\n{_keys(table)}"
 
 
 def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingProxyType({})) -> str:
@@ -221,8 +203,12 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
             continue
         if field.name == "schedule" and field.name not in names:
             continue
-        written = toml_value(_plain(value, whole=hints[field.name] is Whole))
-        share = field.name in of_output(type(record)) and field.name != "largest_output" and largest
+        written = toml_value(_plain(value, whole=hints[field.name] is schema.Whole))
+        share = (
+            field.name in schema.of_output(type(record))
+            and field.name != "largest_output"
+            and largest
+        )
         text += f"{toml_key(key)} = {written}"
         text += f"  # {100.0 * value / largest:.3g} %\n" if share else "\n"
     return text
@@ -248,7 +234,7 @@ def _plain(value: Any, *, whole: bool = False) -> Any:
     return int(value) if whole else float(value)
 
 
-def _fit(fit: FitFigures, names: Mapping[tuple[str, ...], Names]) -> str:
+def _fit(fit: schema.FitFigures, names: Mapping[tuple[str, ...], schema.Names]) -> str:
     text = f"{FIT}[fit]\n" + _record(fit, names["fit",])
     if fit.cross_validation:
         text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_record(fit.cross_validation)}"
@@ -259,7 +245,7 @@ def _fit(fit: FitFigures, names: Mapping[tuple[str, ...], Names]) -> str:
     return text
 
 
-def _uncertainty(unsure: Uncertainty) -> str:
+def _uncertainty(unsure: schema.Uncertainty) -> str:
     plain = replace(unsure, correlation=(), statements=())
     text = f"{UNCERTAINTY}[uncertainty]\n{_record(plain)}"
     if unsure.correlation:
@@ -272,18 +258,3 @@ def _uncertainty(unsure: Uncertainty) -> str:
 def _rows(rows: Iterable[Sequence[float] | str]) -> str:
     inside = "".join(f"    {toml_value(row)},\n" for row in rows)
     return f"[\n{inside}]"
-
-
-def _provenance(origin: Provenance) -> str:
-    table: dict[str, object] = {"version": origin.version, "seed": origin.seed}
-    text = "\n# Where the model came from.\n[provenance]\n" + _keys(table)
-    if origin.settings:
-        text += "\n[provenance.settings]\n" + _keys(origin.settings)
-    for source in origin.sources:
-        table = {
-            "path": source.path,
-            "sha256": source.sha256,
-            "columns": dict(source.columns) or None,
-        }
-        text += "\n[[provenance.source]]\n" + _keys(table)
-    return text

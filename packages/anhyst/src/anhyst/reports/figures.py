@@ -23,7 +23,6 @@ from anhyst.data.path import branches, smooth_curve
 from anhyst.data.speeds import Speeds, rate_of
 from anhyst.data.verdict import largest_output
 from anhyst.model.schema import ReductionStep, Uncertainty
-from anhyst.reports.figures_over_schedule import figure_between, figure_parameters
 from anhyst.support.figures import (
     FAINT,
     FALLING,
@@ -38,17 +37,6 @@ from anhyst.support.figures import (
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import NBSP, Scale, label, name_of, number, scale_for, shown_at, written
 
-__all__ = [
-    "figure_between",
-    "figure_correlation",
-    "figure_differences",
-    "figure_loops",
-    "figure_parameters",
-    "figure_reduction",
-    "figure_residuals",
-    "figure_small_loops",
-    "figure_speeds",
-]
 Fitted = Sequence[FloatArray | None]
 """Modelled output of each loop of a set, in its order; None where it cannot be computed."""
 
@@ -76,11 +64,9 @@ def groups_of(loopset: Loops) -> list[Group]:
     indices: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
     for index, loop in enumerate(loopset.loops):
         indices.setdefault(loop.schedule_value, []).append(index)
-    schedule = loopset.schedule
+    moving = f"{name_of(loopset.schedule)} moving"
     return [
-        Group(
-            f"{name_of(schedule)} moving" if at is None else shown_at(schedule, at), tuple(places)
-        )
+        Group(moving if at is None else shown_at(loopset.schedule, at), tuple(places))
         for at, places in indices.items()
     ]
 
@@ -100,14 +86,6 @@ def small_loops(loopset: Loops) -> list[Group]:
 
 def _name(loop: Loop) -> str:
     return f"loop {loop.label}" if loop.label.isdigit() else loop.label
-
-
-def shown(groups: list[Group]) -> list[Group]:
-    """Choose groups, evenly, where there are more than a figure can hold."""
-    if len(groups) <= MOST_PANELS:
-        return groups
-    places = np.unique(np.linspace(0, len(groups) - 1, MOST_PANELS).round().astype(int))
-    return [groups[index] for index in places]
 
 
 @styled
@@ -142,22 +120,19 @@ def figure_differences(
 
     Hysteresis is a few per cent of the output: over the whole range it can hardly be seen.
     """
-    groups = shown(groups_of(loopset))
-    figure, axes = _panels(len(groups), panel_height=(3.6, 2.7, 2.2), share_y=True)
+    figure, axes = _panels(groups_of(loopset), panel_height=(3.6, 2.7, 2.2), share_y=True)
     across = scale_for(loopset.input, [_largest(loop.input) for loop in loopset.loops])
     up = scale_for(loopset.output, [_largest(over) for over in single_valued])
-    for ax, group in zip(axes, groups, strict=True):
+    for ax, group in axes.items():
         ax.axhline(0.0, color="#555555", lw=0.7)
         curve = _curve([(loopset.loops[index], single_valued[index]) for index in group.places])
         for index in group.places:
             loop, output = loopset.loops[index], fitted[index]
             x, without = across.factor * loop.input, np.interp(loop.input, *curve)
-            ax.plot(x, up.factor * (loop.output - without), rasterized=True, **_dots(loop.n))
+            _measured(ax, x, up.factor * (loop.output - without))
             if output is not None:
                 ax.plot(x, up.factor * (output - without), color=MODEL, lw=0.9)
-        ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, what="less the curve")
-        _percent_axis(ax, axes, up.factor * largest_output(loopset))
     _measured_and_model(figure)
     return figure
 
@@ -168,14 +143,18 @@ def _curve(group: Sequence[tuple[Loop, FloatArray]]) -> tuple[FloatArray, FloatA
     return smooth_curve(drive, np.concatenate([loop.output - over for loop, over in group]))
 
 
-def _dots(samples: int) -> dict[str, Any]:
-    size = 2.6 if samples < 2000 else 1.9
-    return {"ls": "none", "marker": "o", "ms": size, "mew": 0.0, "color": MEASURED}
+def _dots(colour: str, size: float = 5.0) -> dict[str, Any]:
+    """Return how dots are drawn; they have this size in a legend."""
+    return {"ls": "none", "marker": "o", "ms": size, "mew": 0.0, "color": colour}
+
+
+def _measured(ax: Axes, x: FloatArray, y: FloatArray) -> None:
+    ax.plot(x, y, rasterized=True, **_dots(MEASURED, 2.6 if x.size < 2000 else 1.9))
 
 
 def _measured_and_model(figure: Figure) -> None:
     handles = [
-        Line2D([], [], ls="none", marker="o", ms=5.0, mew=0.0, color=MEASURED, label="measured"),
+        Line2D([], [], label="measured", **_dots(MEASURED)),
         Line2D([], [], color=MODEL, lw=1.6, label="model"),
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=2)
@@ -191,20 +170,18 @@ def figure_small_loops(loopset: Loops, fitted: Fitted) -> Figure | None:
 def _loops(
     loopset: Loops, fitted: Fitted, groups: list[Group], *, own_units: bool = False
 ) -> Figure:
-    groups = shown(groups)
-    figure, axes = _panels(len(groups), panel_height=(4.4, 3.1, 2.5))
+    figure, axes = _panels(groups, panel_height=(4.4, 3.1, 2.5))
     everything = _scales(loopset, range(len(loopset)))
-    for ax, group in zip(axes, groups, strict=True):
+    for ax, group in axes.items():
         across, up = _scales(loopset, group.places) if own_units else everything
         loops = [loopset.loops[index] for index in group.places]
         x = across.factor * np.concatenate([loop.input for loop in loops])
         y = up.factor * np.concatenate([loop.output for loop in loops])
-        ax.plot(x, y, rasterized=True, **_dots(x.size))
+        _measured(ax, x, y)
         for loop, index in zip(loops, group.places, strict=True):
             output = fitted[index]
             if output is not None:
                 ax.plot(across.factor * loop.input, up.factor * output, color=MODEL, lw=0.9)
-        ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, every=own_units)
     _measured_and_model(figure)
     return figure
@@ -213,8 +190,7 @@ def _loops(
 @styled
 def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     """Draw what the model leaves over, one panel for each value of the scheduling variable."""
-    groups = shown(groups_of(loopset))
-    figure, axes = _panels(len(groups), panel_height=(3.4, 2.5, 2.1), share_y=True)
+    figure, axes = _panels(groups_of(loopset), panel_height=(3.4, 2.5, 2.1), share_y=True)
     left_over = [
         None if output is None else output - loop.output
         for loop, output in zip(loopset.loops, fitted, strict=True)
@@ -222,35 +198,21 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     largest = [float(np.max(np.abs(residual))) for residual in left_over if residual is not None]
     across = scale_for(loopset.input, [_largest(loop.input) for loop in loopset.loops])
     up = scale_for(loopset.output, largest)
-    for ax, group in zip(axes, groups, strict=True):
+    for ax, group in axes.items():
         loops = [loopset.loops[index] for index in group.places]
         sigma = np.average([noise(o.output) for o in loops], weights=[o.n for o in loops])
         ax.axhspan(-2.0 * up.factor * sigma, 2.0 * up.factor * sigma, color=FAINT, lw=0.0)
         ax.axhline(0.0, color="#555555", lw=0.7)
         _residuals(ax, loopset, left_over, group, across, up)
-        ax.set_title(group.title)
         _label(ax, axes, loopset, across, up, what="model \N{MINUS SIGN} measured")
-        _percent_axis(ax, axes, up.factor * largest_output(loopset))
-    dots: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 5.0, "mew": 0.0}
-    rising = f"{name_of(loopset.input)} rising"
+    drive = name_of(loopset.input)
     handles = [
-        Line2D([], [], color=RISING, label=rising, **dots),
-        Line2D([], [], color=FALLING, label=f"{name_of(loopset.input)} falling", **dots),
+        Line2D([], [], label=f"{drive} rising", **_dots(RISING)),
+        Line2D([], [], label=f"{drive} falling", **_dots(FALLING)),
         Patch(color=FAINT, lw=0.0, label="noise, ±2σ"),
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=3)
     return figure
-
-
-def _percent_axis(ax: Axes, axes: Sequence[Axes], whole: float) -> None:
-    """Add an axis in percent of the full scale where nothing is on the right."""
-    last = (axes.index(ax) + 1) % columns_of(len(axes)) == 0 or ax is axes[-1]
-    if whole <= 0.0 or not last:
-        return
-    functions = (lambda y: 100.0 * y / whole, lambda y: 0.01 * y * whole)
-    axis = ax.secondary_yaxis("right", functions=functions)
-    axis.set_ylabel("% of full scale")
-    axis.spines["right"].set_visible(True)
 
 
 def rising(loop: Loop) -> NDArray[np.bool_]:
@@ -262,12 +224,7 @@ def rising(loop: Loop) -> NDArray[np.bool_]:
 
 
 def _residuals(
-    ax: Axes,
-    loopset: Loops,
-    left_over: Sequence[FloatArray | None],
-    group: Group,
-    across: Scale,
-    up: Scale,
+    ax: Axes, loopset: Loops, left_over: Fitted, group: Group, across: Scale, up: Scale
 ) -> None:
     for upwards, colour in ((True, RISING), (False, FALLING)):
         x, y = [np.empty(0)], [np.empty(0)]
@@ -279,9 +236,8 @@ def _residuals(
             x.append(across.factor * loop.input[rows])
             y.append(up.factor * over[rows])
         drawn = np.concatenate(x), np.concatenate(y)
-        size = 2.4 if drawn[0].size < 2000 else 1.4
-        dots: dict[str, Any] = {"ls": "none", "marker": "o", "ms": size, "mew": 0.0, "alpha": 0.7}
-        ax.plot(*drawn, color=colour, rasterized=True, **dots)
+        dots = _dots(colour, 2.4 if drawn[0].size < 2000 else 1.4)
+        ax.plot(*drawn, rasterized=True, alpha=0.7, **dots)
 
 
 @styled
@@ -326,9 +282,8 @@ def _draw_candidates(
             text += f" ↑ {number(cost, 2)} %"
         else:
             ax.plot(x, cost, "o", mfc="none", color=FALLING, ms=5.0)
-        last = max(
-            min(cost, 1.1 * top), last + 0.055 * top
-        )  # labels of like costs one above the other
+        # Labels of like costs one above the other.
+        last = max(min(cost, 1.1 * top), last + 0.055 * top)
         ax.annotate(text, (x + 0.05, last), va="center", fontsize=7.5, color="#8A3B00")
 
 
@@ -352,10 +307,8 @@ def figure_correlation(unsure: Uncertainty) -> Figure:
     ax = figure.subplots()
     drawn = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
     if numbered:
-        for row, column in np.ndindex(matrix.shape):
+        for row, column in np.argwhere(np.isfinite(matrix)).tolist():
             value = float(matrix[row, column])
-            if not np.isfinite(value):
-                continue
             ink = "white" if abs(value) > 0.6 else "#222222"
             text = f"{value:.2f}".replace("-", "\N{MINUS SIGN}")
             middle = (column + 0.5, row + 0.5)
@@ -378,18 +331,23 @@ def figure_correlation(unsure: Uncertainty) -> Figure:
 
 
 def _panels(
-    count: int, *, panel_height: tuple[float, float, float], share_y: bool = False
-) -> tuple[Figure, list[Axes]]:
-    """Start a figure of panels; the height of one depends on whether there are 1, 2, 3 columns."""
-    columns = columns_of(count)
-    rows = -(-count // columns)
-    figure = new_figure(0.4 + rows * panel_height[columns - 1])
-    return figure, panels(figure, count, share_y=share_y)
+    groups: list[Group], *, panel_height: tuple[float, float, float], share_y: bool = False
+) -> tuple[Figure, dict[Axes, Group]]:
+    """Start a figure of panels for groups, or for evenly chosen ones if there are too many.
+
+    The height of a panel depends on whether there are 1, 2 or 3 columns.
+    """
+    if len(groups) > MOST_PANELS:
+        places = np.unique(np.linspace(0, len(groups) - 1, MOST_PANELS).round().astype(int))
+        groups = [groups[index] for index in places]
+    columns = columns_of(len(groups))
+    figure = new_figure(0.4 - (-len(groups) // columns) * panel_height[columns - 1])
+    return figure, dict(zip(panels(figure, len(groups), share_y=share_y), groups, strict=True))
 
 
 def _label(
     ax: Axes,
-    axes: list[Axes],
+    axes: dict[Axes, Group],
     loopset: Loops,
     across: Scale,
     up: Scale,
@@ -397,13 +355,21 @@ def _label(
     what: str = "",
     every: bool = False,
 ) -> None:
-    """Label the outer axes, or every one where units differ."""
-    columns = columns_of(len(axes))
-    index = axes.index(ax)
-    if every or index + columns >= len(axes):
+    """Label the outer axes, or every one where units differ; errors are in percent, too."""
+    columns, index = columns_of(len(axes)), list(axes).index(ax)
+    is_in_last_row = index + columns >= len(axes)
+    ax.set_title(axes[ax].title)
+    if every or is_in_last_row:
         ax.set_xlabel(label(loopset.input, across))
     if every or index % columns == 0:
         ax.set_ylabel(up.head(what) if what else label(loopset.output, up))
+    whole = up.factor * largest_output(loopset)
+    is_at_right = (index + 1) % columns == 0 or index + 1 == len(axes)
+    if what and is_at_right and whole > 0.0:
+        functions = (lambda y: 100.0 * y / whole, lambda y: 0.01 * y * whole)
+        axis = ax.secondary_yaxis("right", functions=functions)
+        axis.set_ylabel("% of full scale")
+        axis.spines["right"].set_visible(True)
 
 
 def _scales(loopset: Loops, places: Sequence[int]) -> tuple[Scale, Scale]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -53,12 +52,9 @@ def figure_parameters(model: Model) -> Figure | None:
     shown = running(model)
     if not shown or model.schedule is None:
         return None
-    names = model.keys
     columns = columns_of(len(shown))
-    rows = -(-len(shown) // columns)
-    figure = new_figure(
-        0.2 + rows * (3.2, 2.8, 2.3)[columns - 1], width=6.4 if columns == 1 else 9.6
-    )
+    height = 0.2 - (-len(shown) // columns) * (3.2, 2.8, 2.3)[columns - 1]
+    figure = new_figure(height, width=6.4 if columns == 1 else 9.6)
     at = np.linspace(model.nodes[0], model.nodes[-1], POINTS)
     across = scale_for(model.schedule, model.nodes)
     for ax, name in zip(panels(figure, len(shown)), shown, strict=True):
@@ -67,7 +63,7 @@ def figure_parameters(model: Model) -> Figure | None:
         up = scale_of(parameter_unit(model, name), np.abs(nodes).tolist())
         ax.plot(across.factor * at, up.factor * curve, color=MODEL, lw=1.2)
         ax.plot(across.factor * np.array(model.nodes), up.factor * nodes, "o", color=MODEL, ms=5.5)
-        base, _, index = names[name][0].partition("_")
+        base, _, index = model.keys[name][0].partition("_")
         index = rf"_{{{index}}}" if index else ""
         ax.set_ylabel(up.head(f"${GREEK.get(base, base)}{index}$"))
         ax.set_xlabel(label(model.schedule, across))
@@ -75,34 +71,23 @@ def figure_parameters(model: Model) -> Figure | None:
     return figure
 
 
-@dataclass(frozen=True, eq=False)
-class Sweep:
-    """Output over the scheduling variable, on a settled cycle from zero to the largest drive."""
+def _sweep(model: Model, check: GapCheck | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return places over the schedule, a settled cycle from zero, and the output there.
 
-    at: FloatArray
-    drive: FloatArray  # rising branch, then falling one; shape (n,)
-    output: FloatArray  # shape (g, n); NaN where the model cannot be computed
-
-    @property
-    def top(self) -> int:
-        """Place of the turning point."""
-        return self.drive.size // 2
-
-
-def sweep(model: Model, check: GapCheck | None) -> Sweep:
-    """Run the settled cycle over the scheduling variable, or take it from the acceptance test."""
+    The cycle of the acceptance test, or one to the largest drive: its rising branch, then the
+    falling one, shape (n,). The output has shape (g, n); NaN where the model cannot be computed.
+    """
     if check is not None:
-        return Sweep(check.gaps, check.drive, check.output)
+        return check.gaps, check.drive, check.output
     low, high = model.valid_range.input
     half = np.linspace(0.0, high if abs(high) >= abs(low) else low, POINTS // 2)
     drive = np.concatenate([half, half[-2::-1]])
     at = np.unique([*np.linspace(model.nodes[0], model.nodes[-1], GRID), *model.nodes])
     output = np.full((at.size, drive.size), np.nan)
     for index, value in enumerate(at.tolist()):
-        loop = settled_loop(model, drive, value)
-        if loop is not None:
+        if (loop := settled_loop(model, drive, value)) is not None:
             output[index] = loop
-    return Sweep(at, drive, output)
+    return at, drive, output
 
 
 def settled_loop(model: Model, drive: FloatArray, at: float) -> FloatArray | None:
@@ -148,9 +133,8 @@ def _loops(ax: Axes, model: Model, across: Scale, up: Scale) -> None:
             continue
         name = size.show(at, 4, short=True) + ("" if is_node else " (between)")
         dashes = "-" if is_node else (0, (4, 1.6))
-        ax.plot(
-            across.factor * drive, up.factor * output, color=colour, ls=dashes, lw=1.2, label=name
-        )
+        x, y = across.factor * drive, up.factor * output
+        ax.plot(x, y, color=colour, ls=dashes, lw=1.2, label=name)
     ax.set_xlabel(label(model.input, across))
     ax.set_ylabel(label(model.output, up))
     ax.set_title("settled loops at and between the nodes")
@@ -161,17 +145,16 @@ def _over_schedule(
     ax: Axes, model: Model, check: GapCheck | None, across: Scale, up: Scale
 ) -> None:
     assert model.schedule is not None
-    swept = sweep(model, check)
+    at, drive, output = _sweep(model, check)
     size = scale_for(model.schedule, model.nodes)
-    x = size.factor * swept.at
-    known = np.isin(swept.at, model.nodes)
+    x, known = size.factor * at, np.isin(at, model.nodes)
     handles = []
     for share, colour in zip(SHARES, _colours(len(SHARES)), strict=True):
-        row = round(share * swept.top)
-        ax.plot(x, up.factor * swept.output[:, row], color=colour, lw=1.2)
-        ax.plot(x, up.factor * swept.output[:, -1 - row], color=colour, lw=1.2, ls=(0, (1, 1.5)))
-        ax.plot(x[known], up.factor * swept.output[known, row], "o", color=colour, ms=3.5)
-        name = across.show(float(swept.drive[row]), 3)
+        row = round(share * (drive.size // 2))
+        ax.plot(x, up.factor * output[:, row], color=colour, lw=1.2)
+        ax.plot(x, up.factor * output[:, -1 - row], color=colour, lw=1.2, ls=(0, (1, 1.5)))
+        ax.plot(x[known], up.factor * output[known, row], "o", color=colour, ms=3.5)
+        name = across.show(float(drive[row]), 3)
         handles.append(Line2D([], [], color=colour, label=name))
     handles.append(Line2D([], [], color="#333333", label="rising"))
     handles.append(Line2D([], [], color="#333333", ls=(0, (1, 1.5)), label="falling"))

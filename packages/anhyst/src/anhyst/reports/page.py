@@ -11,31 +11,21 @@ import numpy as np
 
 from anhyst.data.loops import Loops
 from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst.model.acceptance import check_over_drive
 from anhyst.model.actuator import MODEL_SOURCES, Model, read_model
+from anhyst.reports import sections_model
 from anhyst.reports.figures import (
-    figure_between,
     figure_loops,
-    figure_parameters,
     figure_reduction,
     figure_residuals,
 )
+from anhyst.reports.figures_over_schedule import figure_between, figure_parameters
 from anhyst.reports.sections_fit import (
     section_loops,
     section_measurement,
     section_rate,
     section_residuals,
 )
-from anhyst.reports.sections_model import (
-    section_between,
-    section_gap_map,
-    section_laws,
-    section_origin,
-    section_parameters,
-    section_parameters_over,
-    section_reduction,
-)
-from anhyst.reports.subject import ModelSubject, acceptance, gather, own_figures, share
+from anhyst.reports.subject import ModelSubject, acceptance, gather, own_figures
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.errors import InputError
 from anhyst.support.figures import write_png
@@ -46,7 +36,6 @@ from anhyst.support.page import (
     Headline,
     Note,
     PageTable,
-    Scale,
     Section,
     Tile,
     name_of,
@@ -80,27 +69,23 @@ def headline(subject: ModelSubject) -> Headline:
         )
         notes.append(Note("warn", "Without measurements", text))
     judged = (*verdict(subject), acceptance(subject), *notes)
+    basis, loops = "", subject.fit.loops if subject.fit else ()
+    if loops:
+        at = {loop.schedule for loop in loops if loop.schedule is not None}
+        plural = {"gap": "gaps"}.get(subject.over, f"values of the {subject.over}")
+        where = f" at {len(at)} {plural}" if len(at) > 1 else ""
+        count = f"{len(loops)} loops" if len(loops) > 1 else "one loop"
+        samples = sum(loop.samples for loop in loops)
+        basis = f"Identified from {count}{where}, {samples} samples."
     return Headline(
         title=model.name,
         what=what,
-        basis=_basis(subject),
+        basis=basis,
         notes=tuple(sorted(judged, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),
         comparison=_comparison(subject),
         holds=_holds(subject),
     )
-
-
-def _basis(subject: ModelSubject) -> str:
-    loops = subject.fit.loops if subject.fit else ()
-    if not loops:
-        return ""
-    samples = sum(loop.samples for loop in loops)
-    at = {loop.schedule for loop in loops if loop.schedule is not None}
-    plural = {"gap": "gaps"}.get(subject.over, f"values of the {subject.over}")
-    where = f" at {len(at)} {plural}" if len(at) > 1 else ""
-    count = f"{len(loops)} loops" if len(loops) > 1 else "one loop"
-    return f"Identified from {count}{where}, {samples} samples."
 
 
 def verdict(subject: ModelSubject) -> tuple[Note, ...]:
@@ -140,13 +125,9 @@ def _tiles(subject: ModelSubject) -> tuple[Tile, ...]:
     fit, scale = subject.fit, subject.deviation
     if fit is None:
         return ()
-    named = (
-        ("mean deviation", fit.mean_abs),
-        ("rms deviation", fit.rms),
-        ("worst point", fit.worst),
-    )
+    named = {"mean deviation": fit.mean_abs, "rms deviation": fit.rms, "worst point": fit.worst}
     of = f"of {subject.full_scale}"
-    tiles = [Tile(scale.show(v), name, f"{percent(share(subject, v))} {of}") for name, v in named]
+    tiles = [Tile(scale.show(v), name, f"{subject.percent(v)} {of}") for name, v in named.items()]
     if subject.evidence is not None and subject.evidence.verdict.single_mean > 0.0:
         part = fit.mean_abs / subject.evidence.verdict.single_mean
         baseline = "the best single-valued curve"
@@ -162,22 +143,21 @@ def _comparison(subject: ModelSubject) -> PageTable | None:
     if fit is None or evidence is None:
         return None
     judged, scale = evidence.verdict, subject.deviation
-    baseline_rms = rms(np.concatenate(evidence.baseline))
-    noise_rms = _RMS_OF_MEAN * judged.noise_mean
+
+    def both(value: float) -> str:
+        return f"{scale.show(value)} ({subject.percent(value)})"
+
+    def row(name: Cell, mean: float, rms: float, worst: float | None) -> list[str | Cell]:
+        bar = mean / most if most else None
+        last = number(float("nan")) if worst is None else both(worst)
+        return [name, Cell(both(mean), bar=bar), both(rms), last]
+
+    single_rms, noise = rms(np.concatenate(evidence.baseline)), judged.noise_mean
     most = max(judged.single_mean, fit.mean_abs)
-    rows = [
-        ("Best single-valued curve", judged.single_mean, baseline_rms, judged.single_worst),
-        ("This model", fit.mean_abs, fit.rms, fit.worst),
-        ("Noise alone (no model gets below)", judged.noise_mean, noise_rms, None),
-    ]
     cells = [
-        [
-            Cell(name, strong=name == "This model"),
-            Cell(_both(subject, scale, mean), bar=mean / most if most else None),
-            Cell(_both(subject, scale, rms)),
-            Cell(_both(subject, scale, worst)),
-        ]
-        for name, mean, rms, worst in rows
+        row(Cell("Best single-valued curve"), judged.single_mean, single_rms, judged.single_worst),
+        row(Cell("This model", strong=True), fit.mean_abs, fit.rms, fit.worst),
+        row(Cell("Noise alone (no model gets below)"), noise, _RMS_OF_MEAN * noise, None),
     ]
     largest = subject.output_scale.show(fit.largest_output, 4)
     head = ["", "mean", "rms", "worst"]
@@ -187,12 +167,6 @@ def _comparison(subject: ModelSubject) -> PageTable | None:
         f"({curve}, fitted to the same loops) is what a look-up table without memory can reach."
     )
     return table("Deviation from the measurement", head, cells, caption)
-
-
-def _both(subject: ModelSubject, scale: Scale, value: float | None) -> str:
-    if value is None:
-        return number(float("nan"))
-    return f"{scale.show(value)} ({percent(share(subject, value))})"
 
 
 def _holds(subject: ModelSubject) -> str:
@@ -239,14 +213,14 @@ def _write(model: Model, folder: Path, path: Path, out: PathLike) -> tuple[str, 
 
 def subject_of(model: Model, folder: PathLike) -> ModelSubject:
     """Gather all there is to say about a model."""
-    check, over_drive = model.check_over_gap(), check_over_drive(model)
+    outcome = model.acceptance()
     try:
         evidence = gather(model, folder)
     except InputError as error:
-        return ModelSubject(model, model.fit, check, None, str(error), (), over_drive)
+        return ModelSubject(model, model.fit, outcome, None, str(error))
     fit, stale = own_figures(model, evidence)
     warnings = (*evidence.warnings, *([stale] if stale else []))
-    return ModelSubject(model, fit, check, evidence, "", warnings, over_drive)
+    return ModelSubject(model, fit, outcome, evidence, warnings=warnings)
 
 
 def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
@@ -255,14 +229,14 @@ def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
         section_loops(subject),
         section_rate(subject),
         section_residuals(subject),
-        section_parameters_over(subject),
-        section_reduction(subject),
-        section_between(subject),
-        section_laws(subject),
-        section_gap_map(subject),
-        section_parameters(subject),
+        sections_model.section_parameters_over(subject),
+        sections_model.section_reduction(subject),
+        sections_model.section_between(subject),
+        sections_model.section_laws(subject),
+        sections_model.section_gap_map(subject),
+        sections_model.section_parameters(subject),
         section_measurement(subject),
-        section_origin(subject, file_name, file_hash),
+        sections_model.section_origin(subject, file_name, file_hash),
     ]
     return render_page(
         headline(subject),

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,22 +16,12 @@ from anhyst.data.speeds import speeds_of
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA
 from anhyst.model.schema import LoopFit
-from anhyst.reports.figures import (
-    MOST_PANELS,
-    figure_differences,
-    figure_loops,
-    figure_residuals,
-    figure_small_loops,
-    figure_speeds,
-    groups_of,
-    rising,
-    small_loops,
-    speed_text,
-)
-from anhyst.reports.subject import Evidence, ModelSubject, share
+from anhyst.reports import figures
+from anhyst.reports.subject import Evidence, ModelSubject
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.page import (
     NBSP,
+    NOT_KNOWN,
     Block,
     Cell,
     Items,
@@ -53,25 +44,28 @@ def section_loops(subject: ModelSubject) -> Section | None:
     evidence = subject.evidence
     if evidence is None:
         return None
-    panels = _panels(subject, evidence)
+    panels, within = _panels(subject, evidence), ""
+    if subject.fit is not None:
+        worst = subject.deviation.show(subject.fit.worst)
+        within = f"The lines lie within {worst} of the points."
     blocks: list[Block] = [
         subject.picture(
-            figure_loops(evidence.loops, evidence.fitted),
+            figures.figure_loops(evidence.loops, evidence.fitted),
             f"{subject.answer} over {subject.drive}, {panels}: measured samples as grey points, "
-            "the modelled loops as blue lines. " + _distance(subject),
+            f"the modelled loops as blue lines. {within}",
             f"Measured samples (points) and model (line), {panels}." + _left_out(evidence),
         ),
         subject.picture(
-            figure_differences(evidence.loops, evidence.fitted, evidence.baseline),
+            figures.figure_differences(evidence.loops, evidence.fitted, evidence.baseline),
             f"The same less the best single-valued curve, {panels}: what remains is hysteresis, "
             "measured as grey points, modelled as blue lines.",
             "The same less the best single-valued curve (one for each panel): hysteresis by "
             "itself. A curve without memory would be the zero line.",
         ),
     ]
-    small = figure_small_loops(evidence.loops, evidence.fitted)
+    small = figures.figure_small_loops(evidence.loops, evidence.fitted)
     if small is not None:
-        shown = len(small_loops(evidence.loops))
+        shown = len(figures.small_loops(evidence.loops))
         blocks.append(
             subject.picture(
                 small,
@@ -107,7 +101,7 @@ def section_rate(subject: ModelSubject) -> Section | None:
     head = ["speed", "loops", scale.head("rms"), "of largest", scale.head("worst"), "of largest"]
     blocks += [
         subject.picture(
-            figure_speeds(evidence.loops, evidence.fitted, speeds),
+            figures.figure_speeds(evidence.loops, evidence.fitted, speeds),
             f"{subject.answer} over {subject.drive}, one panel for each speed: measured samples as "
             "grey points, the modelled loops as blue lines.",
             "Measured samples (points) and model (line) at each speed, the slow loops first.",
@@ -121,12 +115,12 @@ def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop])
     chosen, scale = {id(loop) for loop in group}, subject.deviation
     pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
     off = [fit - loop.output for loop, fit in pairs if fit is not None and id(loop) in chosen]
-    cells = [Cell(speed_text(group)), Cell(str(len(group)))]
+    cells = [Cell(figures.speed_text(group)), Cell(str(len(group)))]
     if not off:
         return [*cells, *[Cell("")] * 4]
     every = np.concatenate(off)
     for size in (rms(every), float(np.abs(every).max())):
-        cells += [Cell(scale.number(size)), Cell(percent(share(subject, size)))]
+        cells += [Cell(scale.number(size)), Cell(subject.percent(size))]
     return cells
 
 
@@ -180,20 +174,18 @@ def rate_corner(model: Model) -> float | None:
 
 
 def _panels(subject: ModelSubject, evidence: Evidence) -> str:
-    if evidence.loops.schedule is None or len(groups_of(evidence.loops)) == 1:
+    if evidence.loops.schedule is None or len(figures.groups_of(evidence.loops)) == 1:
         return "all loops in one panel"
     return f"one panel for each {subject.over}"
 
 
 def _left_out(evidence: Evidence) -> str:
-    groups = len(groups_of(evidence.loops))
-    return f" {MOST_PANELS} of {groups} panels are shown." if groups > MOST_PANELS else ""
-
-
-def _distance(subject: ModelSubject) -> str:
-    if subject.fit is None:
-        return ""
-    return f"The lines lie within {subject.deviation.show(subject.fit.worst)} of the points."
+    groups = len(figures.groups_of(evidence.loops))
+    return (
+        f" {figures.MOST_PANELS} of {groups} panels are shown."
+        if groups > figures.MOST_PANELS
+        else ""
+    )
 
 
 def section_residuals(subject: ModelSubject) -> Section | None:
@@ -203,7 +195,7 @@ def section_residuals(subject: ModelSubject) -> Section | None:
     if evidence is not None and any(output is not None for output in evidence.fitted):
         index = _worst_place(subject, evidence)
         noise = subject.deviation.show(evidence.verdict.noise_mean)
-        figure = figure_residuals(evidence.loops, evidence.fitted)
+        figure = figures.figure_residuals(evidence.loops, evidence.fitted)
         panels = _panels(subject, evidence)
         alt = (
             f"Modelled minus measured {subject.answer} over {subject.drive}, {panels}; samples on "
@@ -234,7 +226,7 @@ def _worst_place(subject: ModelSubject, evidence: Evidence) -> str:
         best = max(best, (float(off.max()), index, int(np.argmax(off))))
     size, index, sample = best
     loop = evidence.loops.loops[index]
-    branch = "rising" if rising(loop)[sample] else "falling"
+    branch = "rising" if figures.rising(loop)[sample] else "falling"
     at = loop.schedule_value
     where = "" if at is None or evidence.loops.schedule is None else (
         f", {shown_at(evidence.loops.schedule, at)}"
@@ -248,7 +240,7 @@ def _worst_place(subject: ModelSubject, evidence: Evidence) -> str:
 
 def _by_group(subject: ModelSubject, evidence: Evidence) -> list[Block]:
     """Deviations by scheduling value, with the bias of either branch; nothing for one value."""
-    groups, scale = groups_of(evidence.loops), subject.deviation
+    groups, scale = figures.groups_of(evidence.loops), subject.deviation
     if len(groups) < 2:
         return []
     rows = []
@@ -258,23 +250,15 @@ def _by_group(subject: ModelSubject, evidence: Evidence) -> list[Block]:
             loop, output = evidence.loops.loops[index], evidence.fitted[index]
             if output is not None:
                 over.append(output - loop.output)
-                up.append(rising(loop))
+                up.append(figures.rising(loop))
         if not over:
             continue
         pooled, upwards = np.concatenate(over), np.concatenate(up)
         mean = float(np.mean(np.abs(pooled)))
-        rows.append(
-            [
-                group.title,
-                str(pooled.size),
-                scale.number(mean),
-                percent(share(subject, mean)),
-                scale.number(rms(pooled)),
-                scale.number(float(np.max(np.abs(pooled)))),
-                scale.number(_mean(pooled[upwards]), 2),
-                scale.number(_mean(pooled[~upwards]), 2),
-            ]
-        )
+        row = [group.title, str(pooled.size), scale.number(mean), subject.percent(mean)]
+        row += map(scale.number, (rms(pooled), float(np.max(np.abs(pooled)))))
+        row += [scale.number(_mean(pooled[branch]), 2) for branch in (upwards, ~upwards)]
+        rows.append(row)
     head = [subject.over, "samples", scale.head("mean"), "of largest", scale.head("rms"),
             scale.head("worst"), scale.head("bias rising"), scale.head("bias falling")]  # fmt: skip
     caption = (
@@ -290,44 +274,36 @@ def _mean(values: FloatArray) -> float | None:
 
 
 def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
-    scale, model = subject.deviation, subject.model
-    size = scale_for(model.output, [loop.largest_output for loop in loops])
-    baseline = dict(enumerate(subject.evidence.baseline)) if subject.evidence else {}
+    scale = subject.deviation
+    size = scale_for(subject.model.output, [loop.largest_output for loop in loops])
     worst, most = max(loop.worst for loop in loops), max(loop.mean_abs for loop in loops)
-    rows = []
-    for index in sorted(range(len(loops)), key=lambda at: _order(loops[at].schedule)):
-        loop = loops[index]
-        row = [Cell(loop.label)]
-        if model.schedule is not None:
-            row.append(Cell(subject.schedule_scale.number(loop.schedule, 4, short=True)))
-        row += [
-            Cell(size.number(loop.largest_output)),
-            Cell(scale.number(loop.mean_abs), bar=loop.mean_abs / most if most else None),
-            Cell(percent(share(subject, loop.mean_abs))),
-            Cell(percent(loop.mean_abs / loop.largest_output if loop.largest_output else None)),
-            Cell(scale.number(loop.rms)),
-            Cell(scale.number(loop.worst), strong=loop.worst == worst),
-        ]
-        if baseline:
-            row.append(Cell(scale.number(float(np.mean(np.abs(baseline[index]))))))
-        rows.append(row)
-    head = ["loop", *([_over(subject)] if model.schedule is not None else []),
-            size.head("largest"), scale.head("mean"), "of largest", "of own", scale.head("rms"),
-            scale.head("worst")]  # fmt: skip
-    if baseline:
-        head.append(scale.head("single-valued"))
+    columns: list[Column] = [
+        (size.head("largest"), lambda one: size.number(one.largest_output)),
+        (
+            scale.head("mean"),
+            lambda one: Cell(scale.number(one.mean_abs), bar=one.mean_abs / most if most else None),
+        ),
+        ("of largest", lambda one: subject.percent(one.mean_abs)),
+        (
+            "of own",
+            lambda one: percent(one.mean_abs / one.largest_output if one.largest_output else None),
+        ),
+        (scale.head("rms"), lambda one: scale.number(one.rms)),
+        (
+            scale.head("worst"),
+            lambda one: Cell(scale.number(one.worst), strong=one.worst == worst),
+        ),
+    ]
     caption = (
         f"“Of largest”: mean in parts of {subject.full_scale} of all loops; “of own”: of "
         "the largest of that loop."
     )
-    if baseline:
+    if subject.evidence:
+        curves = zip(loops, subject.evidence.baseline, strict=False)
+        single = {id(one): float(np.mean(np.abs(curve))) for one, curve in curves}
+        columns.append((scale.head("single-valued"), lambda one: scale.number(single[id(one)])))
         caption += " “Single-valued”: mean deviation of the best single-valued curve."
-    return table("Loop by loop", head, rows, caption)
-
-
-def _over(subject: ModelSubject) -> str:
-    assert subject.model.schedule is not None
-    return subject.schedule_scale.head(subject.model.schedule.symbol)
+    return _by_loop(subject, loops, columns, "Loop by loop", caption)
 
 
 def section_measurement(subject: ModelSubject) -> Section | None:
@@ -362,22 +338,24 @@ def _short(text: str, evidence: Evidence) -> str:
     return text
 
 
-Column = tuple[str, Callable[[LoopFigures], str]]
+Column = tuple[str, Callable[[Any], str | Cell]]
+"""The head of a column, and its cell for a `LoopFit` or `LoopFigures`."""
 
 
 def _recorded(subject: ModelSubject, inspection: Inspection) -> PageTable:
-    across = scale_for(inspection.input, [v for o in inspection.loops for v in _inputs(o)])
-    up = scale_for(inspection.output, [v for o in inspection.loops for v in _outputs(o)])
+    loops = inspection.loops
+    across = scale_for(inspection.input, [v for o in loops for v in (o.input_low, o.input_high)])
+    up = scale_for(inspection.output, [v for o in loops for v in (o.output_low, o.output_high)])
     columns: list[Column] = [
         ("samples", lambda one: str(one.samples)),
         ("cycles", lambda one: number(one.cycles, 2, short=True)),
-        (across.head(subject.drive), lambda one: _span(across, *_inputs(one))),
-        (up.head(subject.answer), lambda one: _span(up, *_outputs(one))),
+        (across.head(subject.drive), lambda one: _span(across, one.input_low, one.input_high)),
+        (up.head(subject.answer), lambda one: _span(up, one.output_low, one.output_high)),
     ]
-    if any(loop.step is not None for loop in inspection.loops):
+    if any(loop.step is not None for loop in loops):
         columns.append(("step [ms]", lambda one: number(1e3 * (one.step or 0.0), short=True)))
     columns.append(("history", lambda one: str(one.history)))
-    return _figures_table(subject, inspection, columns, "What was recorded")
+    return _by_loop(subject, inspection.loops, columns, "What was recorded", unknown="moves")
 
 
 def _dirt(subject: ModelSubject, inspection: Inspection) -> PageTable:
@@ -405,39 +383,26 @@ def _dirt(subject: ModelSubject, inspection: Inspection) -> PageTable:
         "output behind the input, in samples. Saturation: slope at the tip over the steepest slope."
     )
     title = "How wide the loops are, and how clean the record"
-    return _figures_table(subject, inspection, columns, title, caption)
+    return _by_loop(subject, inspection.loops, columns, title, caption, unknown="moves")
 
 
-def _figures_table(
+def _by_loop(
     subject: ModelSubject,
-    inspection: Inspection,
+    loops: Sequence[LoopFit | LoopFigures],
     columns: Sequence[Column],
     title: str,
     caption: str = "",
+    unknown: str = NOT_KNOWN,
 ) -> PageTable:
-    scheduled = inspection.schedule is not None
+    """Return a row for each loop, ascending over the schedule, those without a value last."""
+    scale, schedule = subject.schedule_scale, subject.model.schedule
     rows = []
-    for one in sorted(inspection.loops, key=lambda loop: _order(loop.schedule)):
-        row = [one.label]
-        if scheduled:
-            at = subject.schedule_scale.number(one.schedule, 4, short=True)
-            row.append("moves" if one.schedule is None else at)
+    for one in sorted(loops, key=lambda o: math.inf if o.schedule is None else o.schedule):
+        at = unknown if one.schedule is None else scale.number(one.schedule, 4, short=True)
+        row = [one.label, *([] if schedule is None else [at])]
         rows.append([*row, *(text(one) for _, text in columns)])
-    head = ["loop", *([_over(subject)] if scheduled else []), *(name for name, _ in columns)]
-    return table(title, head, rows, caption)
-
-
-def _order(schedule: float | None) -> float:
-    """Give the place of a loop in a table: ascending, those without a value last."""
-    return math.inf if schedule is None else schedule
-
-
-def _inputs(loop: LoopFigures) -> tuple[float, float]:
-    return loop.input_low, loop.input_high
-
-
-def _outputs(loop: LoopFigures) -> tuple[float, float]:
-    return loop.output_low, loop.output_high
+    over = [] if schedule is None else [scale.head(schedule.symbol)]
+    return table(title, ["loop", *over, *(name for name, _ in columns)], rows, caption)
 
 
 def _span(scale: Scale, low: float, high: float) -> str:

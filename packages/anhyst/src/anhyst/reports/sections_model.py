@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 
 from markupsafe import Markup
 
@@ -28,7 +27,6 @@ from anhyst.support.page import (
     Cell,
     Items,
     Note,
-    PageTable,
     Section,
     Text,
     number,
@@ -39,31 +37,27 @@ from anhyst.support.page import (
     written,
 )
 
-GAP_MAPS: Mapping[str, str] = MappingProxyType(
-    {
-        "none": "Nothing runs over it.",
-        "scaling": "The iron is the same everywhere; only how strongly the input drives it (c_H) "
-        "runs over it, as in the paper.",
-        "reluctance": "The iron is the same everywhere and carries the hysteresis; a reluctance "
-        "ρ in series with it runs over it, as an air gap does.",
-        "circuit": "The iron is the same everywhere and carries the hysteresis; a reluctance "
-        "in series with it, what its flux gives and the offsets run over the scheduling variable.",
-        "free": "Any parameter may run over it, that of the iron too: for fixed values only.",
-    }
-)
+GAP_MAPS: Mapping[str, str] = {
+    "none": "Nothing runs over it.",
+    "scaling": "The iron is the same everywhere; only how strongly the input drives it (c_H) "
+    "runs over it, as in the paper.",
+    "reluctance": "The iron is the same everywhere and carries the hysteresis; a reluctance "
+    "ρ in series with it runs over it, as an air gap does.",
+    "circuit": "The iron is the same everywhere and carries the hysteresis; a reluctance "
+    "in series with it, what its flux gives and the offsets run over the scheduling variable.",
+    "free": "Any parameter may run over it, that of the iron too: for fixed values only.",
+}
 
-GLOSSARY: Mapping[str, str] = MappingProxyType(
-    {
-        "k/a": "pinning, in units of the shape a: how fat the loop is",
-        "(w*M_s)/a": "how strongly the flux acts back on the iron (circuit and interaction)",
-        "a/c_H": "input that carries the iron into its bend",
-        "output at saturation": "output with all magnetisation aligned",
-        "input offset": "input at which the iron feels nothing",
-        "output offset": "output without flux",
-        "gamma": "how late the middle of solid iron is",
-        "c": "reversible fraction of the magnetisation",
-    }
-)
+GLOSSARY: Mapping[str, str] = {
+    "k/a": "pinning, in units of the shape a: how fat the loop is",
+    "(w*M_s)/a": "how strongly the flux acts back on the iron (circuit and interaction)",
+    "a/c_H": "input that carries the iron into its bend",
+    "output at saturation": "output with all magnetisation aligned",
+    "input offset": "input at which the iron feels nothing",
+    "output offset": "output without flux",
+    "gamma": "how late the middle of solid iron is",
+    "c": "reversible fraction of the magnetisation",
+}
 """What the fitted quantities mean, by how their names begin; longer beginnings first."""
 
 
@@ -73,40 +67,32 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
     figure = figure_parameters(model)
     if figure is None:
         return None
-    names = model.keys
-    varying = ", ".join(names[name][0] for name in running(model))
-    nodes = ", ".join(subject.schedule_scale.number(node, 4, short=True) for node in model.nodes)
+    varying, scale = (
+        ", ".join(model.keys[name][0] for name in running(model)),
+        subject.schedule_scale,
+    )
+    nodes = ", ".join(scale.number(node, 4, short=True) for node in model.nodes)
     alt = (
-        f"{varying} over the {subject.over}: dots at the nodes {nodes} "
-        f"{subject.schedule_scale.unit}, a smooth curve between them that does not overshoot."
+        f"{varying} over the {subject.over}: dots at the nodes {nodes} {scale.unit}, a smooth "
+        "curve between them that does not overshoot."
     )
     caption = (
         f"What runs over the {subject.over}: dots where there were loops, the curve the model "
         "uses between. It cannot overshoot, and goes on as a straight line outside."
     )
-    blocks: tuple[Block, ...] = (
-        Text(GAP_MAPS[model.gap_map]),
-        subject.picture(figure, alt, caption),
-        _node_table(subject),
-    )
-    return Section("parameters-over", f"Parameters over the {subject.over}", blocks)
-
-
-def _node_table(subject: ModelSubject) -> PageTable:
-    model = subject.model
-    names = model.keys
-    head, columns = [subject.schedule_scale.head(subject.over)], []
+    head = [scale.head(subject.over)]
+    columns = [[scale.number(node, 5, short=True) for node in model.nodes]]
     for name in running(model):
         values = model.over_schedule(name, model.nodes).tolist()
         scale = scale_of(parameter_unit(model, name), values)
-        unit = f" [{scale.unit}]" if scale.unit else ""
-        head.append(Markup("{}{}").format(symbol(names[name][0]), unit))
+        head.append(Markup(scale.head("{}")).format(symbol(model.keys[name][0])))
         columns.append([scale.number(value, 5) for value in values])
-    rows = [
-        [subject.schedule_scale.number(node, 5, short=True), *(column[index] for column in columns)]
-        for index, node in enumerate(model.nodes)
-    ]
-    return table("At the nodes", head, rows, texts=0)
+    blocks: tuple[Block, ...] = (
+        Text(GAP_MAPS[model.gap_map]),
+        subject.picture(figure, alt, caption),
+        table("At the nodes", head, list(zip(*columns, strict=True)), texts=0),
+    )
+    return Section("parameters-over", f"Parameters over the {subject.over}", blocks)
 
 
 def section_reduction(subject: ModelSubject) -> Section | None:
@@ -124,37 +110,31 @@ def section_reduction(subject: ModelSubject) -> Section | None:
         "one running."
     )
     most = max(step.cost_after for step in steps)
-    rows = []
+    rows: list[list[str | Cell]] = []
     for order, step in enumerate(steps, start=1):
-        others = sorted(
-            (cost, name) for name, cost in step.candidates.items() if name != step.frozen
-        )
-        listed = ", ".join(f"{names.get(name, name)} {_cost(cost)}" for cost, name in others)
-        rows.append(
-            [
-                Cell(str(order)),
-                Cell(names.get(step.frozen, step.frozen), strong=True),
-                Cell(listed or "none"),
-                Cell(percent(step.cost_before, 3)),
-                Cell(percent(step.cost_after, 3), bar=step.cost_after / most if most else None),
-                Cell(percent(step.cost_after - step.cost_before, 2)),
-            ]
-        )
+        costs = sorted((cost, name) for name, cost in step.candidates.items())
+        others = [(cost, names.get(name, name)) for cost, name in costs if name != step.frozen]
+        listed = ", ".join(f"{name} {_cost(cost)}" for cost, name in others)
+        frozen = Cell(names.get(step.frozen, step.frozen), strong=True)
+        bar = step.cost_after / most if most else None
+        after = Cell(percent(step.cost_after, 3), bar=bar)
+        rise = percent(step.cost_after - step.cost_before, 2)
+        before = percent(step.cost_before, 3)
+        rows.append([str(order), frozen, listed or "none", before, after, rise])
     head = ["round", "frozen", "instead of", "before", "after", "rise"]
-    alt = (
-        f"Bar chart of the mean deviation: {percent(first)} with all parameters free; "
-        + "; ".join(
-            f"{percent(step.cost_after)} after freezing {names.get(step.frozen, step.frozen)}"
-            for step in steps
-        )
+    freezing = (
+        f"{percent(step.cost_after)} after freezing {names.get(step.frozen, step.frozen)}"
+        for step in steps
     )
+    bars = "; ".join([f"{percent(first)} with all parameters free", *freezing])
+    alt = f"Bar chart of the mean deviation: {bars}."
     caption = (
         "Mean deviation in parts of the largest output after each round (bars); rings: what "
         "freezing another parameter would have cost."
     )
     blocks = (
         Text(text),
-        subject.picture(figure_reduction(steps, names), f"{alt}.", caption),
+        subject.picture(figure_reduction(steps, names), alt, caption),
         table("Cost of each round", head, rows, "Cheapest alternatives first.", texts=3),
     )
     return Section("reduction", "Cost of each reduction step", blocks)
@@ -167,29 +147,28 @@ def _cost(cost: float) -> str:
 def section_between(subject: ModelSubject) -> Section | None:
     """Loops at and between the reference gaps (Figs. 2 and 5), and the acceptance test."""
     model = subject.model
-    figure = figure_between(model, subject.check)
+    check = subject.acceptance.over_gap
+    figure = figure_between(model, check)
     if figure is None:
         return None
-    places = at_and_between(model)
-    listed = ", ".join(subject.schedule_scale.number(at, 4, short=True) for at, _ in places)
-    unit = subject.schedule_scale.unit
-    drives = ", ".join(
-        subject.input_scale.number(part * max(map(abs, model.valid.input)), 3) for part in SHARES
-    ) if model.valid else ""  # fmt: skip
+    size, across = subject.schedule_scale, subject.input_scale
+    listed = ", ".join(size.number(at, 4, short=True) for at, _ in at_and_between(model))
+    largest = max(map(abs, model.valid_range.input))
+    drives = ", ".join(across.number(part * largest, 3) for part in SHARES)
     alt = (
-        f"Left: settled loops of the model at {subject.over} {listed} {unit}, nodes solid, "
+        f"Left: settled loops of the model at {subject.over} {listed} {size.unit}, nodes solid, "
         f"half-way places dashed. Right: {subject.answer} over the {subject.over} at fixed "
-        f"{subject.drive}, {drives} {subject.input_scale.unit}, on both branches."
+        f"{subject.drive}, {drives} {across.unit}, on both branches."
     )
     caption = (
         f"Left: settled loops at the nodes (solid) and half-way between (dashed), where nothing "
         f"was fitted: each must lie between its neighbours. Right: {subject.answer} at a fixed "
         f"{subject.drive} over the {subject.over}, dots at the nodes."
     )
-    if subject.check is not None:
+    if check is not None:
         caption += f" The {subject.answer} has to fall from left to right, on both branches."
     blocks: list[Block] = [subject.picture(figure, alt, caption)]
-    if subject.check is not None:
+    if check is not None:
         blocks.insert(0, acceptance(subject))
     nodes = "reference gaps" if subject.over == "gap" else f"nodes of the {subject.over}"
     return Section("between", f"Loops at and between the {nodes}", tuple(blocks))
@@ -236,32 +215,22 @@ def section_laws(subject: ModelSubject) -> Section | None:
     reason = str(subject.model.provenance.settings.get("law_reason", ""))
     errors = [candidate.left_out for candidate in fit.candidates if candidate.left_out is not None]
     most = max(errors, default=0.0)
-    rows = [
-        [
-            Cell(candidate.law, strong=candidate.note == "chosen"),
-            Cell(candidate.gap_map),
-            Cell(candidate.note),
-            Cell(str(candidate.numbers)),
-            Cell("" if candidate.rms is None else percent(candidate.rms)),
-            Cell("" if candidate.left_out is None else percent(candidate.left_out),
-                 bar=candidate.left_out / most if candidate.left_out is not None and most else None),
-        ]
-        for candidate in fit.candidates
-    ]  # fmt: skip
+    rows: list[list[str | Cell]] = []
+    for one in fit.candidates:
+        rms, error = "" if one.rms is None else percent(one.rms), Cell("")
+        if one.left_out is not None:
+            error = Cell(percent(one.left_out), bar=one.left_out / most if most else None)
+        law = Cell(one.law, strong=one.note == "chosen")
+        rows.append([law, one.gap_map, one.note, str(one.numbers), rms, error])
     caption = (
         "Numbers that were fitted; root mean square deviation from all loops; mean deviation on gaps "
         "or loops that were left out of the fit, in turn. The simpler law is chosen where the other "
         f"is not better by more than its scatter. In parts of {subject.full_scale}."
     )
     head = ["law", "map", "", "numbers", "rms deviation", "left out"]
-    return Section(
-        "laws",
-        "Which law: candidates side by side",
-        (
-            Text(reason[:1].upper() + reason[1:] + "."),
-            table("Laws compared", head, rows, caption, texts=3),
-        ),
-    )
+    said = Text(reason[:1].upper() + reason[1:] + ".")
+    laws = table("Laws compared", head, rows, caption, texts=3)
+    return Section("laws", "Which law: candidates side by side", (said, laws))
 
 
 def _expected(subject: ModelSubject, validation: CrossValidation) -> str:
@@ -299,9 +268,8 @@ def section_parameters(subject: ModelSubject) -> Section:
         if name == "rho" and subject.over != "gap":
             meaning = "reluctance in series with the iron, over that of an air-filled iron path"
         bare, key = names[name]
-        rows.append(
-            [symbol(bare), Cell(key, code=True), meaning, f"{text}{NBSP}{scale.unit}".strip()]
-        )
+        text = f"{text}{NBSP}{scale.unit}".strip()
+        rows.append([symbol(bare), Cell(key, code=True), meaning, text])
     blocks: list[Block] = [
         Text(f"Law: {model.operator_law.title}. The parameters mean nothing under another one."),
         Text(equations(subject)),
@@ -368,21 +336,15 @@ def symbol(name: str) -> Markup:
 
 
 def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
-    rows, last = [], ""
-    for index, (name, value, deviation) in enumerate(
-        zip(unsure.names, unsure.values, unsure.std, strict=True), start=1
-    ):
+    rows: list[list[str | Cell]] = []
+    last = ""
+    fitted = zip(unsure.names, unsure.values, unsure.std, strict=True)
+    for index, (name, value, deviation) in enumerate(fitted, start=1):
         part = deviation / abs(value) if value and "offset" not in name else None
         meaning = next((text for start, text in GLOSSARY.items() if name.startswith(start)), "")
-        rows.append(
-            [
-                Cell(str(index)),
-                Cell(written(name)),
-                Cell("" if meaning == last else meaning),
-                Cell(with_deviation(value, deviation)),
-                Cell(percent(part), strong=part is not None and part > 0.2),
-            ]
-        )
+        share = Cell(percent(part), strong=part is not None and part > 0.2)
+        shown = "" if meaning == last else meaning
+        rows.append([str(index), written(name), shown, with_deviation(value, deviation), share])
         last = meaning
     caption = (
         "What was fitted: quantities that the data determine, unlike single parameters that may be "
@@ -415,9 +377,8 @@ def _correlated(unsure: Uncertainty) -> str:
         ),
         reverse=True,
     )
-    named = "; ".join(
-        f"{first} with {two} {number(value, 3)}" for _, first, two, value in pairs[:3]
-    )
+    strongest = (f"{one} with {two} {number(value, 3)}" for _, one, two, value in pairs[:3])
+    named = "; ".join(strongest)
     text = f"Heat map of {len(unsure.names)} by {len(unsure.names)} correlations"
     return f"{text}, the strongest: {named}." if named else f"{text}."
 

@@ -12,7 +12,7 @@ from anhyst.data.inspection import Inspection, inspect
 from anhyst.data.loops import Loops
 from anhyst.data.output_map import name_full_scale
 from anhyst.data.verdict import Verdict, judge, single_valued
-from anhyst.model.acceptance import Acceptance, DriveCheck, GapCheck
+from anhyst.model.acceptance import Acceptance
 from anhyst.model.actuator import Model, read_sources
 from anhyst.model.left_over import left_of, left_over_text
 from anhyst.model.schema import FitFigures, fit_figures
@@ -20,7 +20,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.figures import svg_text
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import MINUS, Note, Picture, Scale, name_of, scale_for
+from anhyst.support.page import MINUS, Note, Picture, Scale, name_of, percent, scale_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,19 +29,11 @@ class ModelSubject:
 
     model: Model  # the model
     fit: FitFigures | None  # those that belong to its parameters
-    # outcome of the acceptance test over the gap; None where it does not apply
-    check: GapCheck | None
+    acceptance: Acceptance  # outcome of the acceptance test
     evidence: Evidence | None  # none where the measurements could not be read
     absent: str = ""  # why they could not; empty if they could
     warnings: tuple[str, ...] = ()  # what a reader has to know before anything else
-    # outcome of the acceptance test over the drive; None where it does not apply
-    over_drive: DriveCheck | None = None
     _pictures: Iterator[int] = field(default_factory=lambda: iter(range(1, 1000)))
-
-    @property
-    def acceptance(self) -> Acceptance:
-        """Outcome of the acceptance test, over the gap and over the drive."""
-        return Acceptance(self.check, self.over_drive)
 
     def picture(self, figure: Figure, alt: str, caption: str) -> Picture:
         """Return a figure for the page, with identifiers that no other one of it has."""
@@ -66,6 +58,11 @@ class ModelSubject:
     def drive(self) -> str:
         """Name of the input in a sentence."""
         return name_of(self.model.input)
+
+    def percent(self, deviation: float) -> str:
+        """Write a deviation in per cent of the largest output."""
+        largest = self.fit.largest_output if self.fit else 0.0
+        return percent(deviation / largest if largest > 0.0 else None)
 
     @property
     def deviation(self) -> Scale:
@@ -180,7 +177,8 @@ def acceptance(subject: ModelSubject) -> Note:
     """Report the outcome of the acceptance test, over the gap and over the drive."""
     check, model = subject.acceptance, subject.model
     if check.passed is not None:
-        text = _sentence(check.text(model.input.unit))
+        text = check.text(model.input.unit)
+        text = text[:1].upper() + text[1:].replace(" -", f" {MINUS}") + "."
         if check.passed:
             return Note("good", "Acceptance test passed", text)
         return Note("bad", "ACCEPTANCE TEST FAILED", text)
@@ -191,14 +189,3 @@ def acceptance(subject: ModelSubject) -> Note:
     else:
         why = "the model file has no valid range that says how far to drive"
     return Note("info", "Acceptance test", f"Does not apply: {why}.")
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:].replace(" -", f" {MINUS}") + "."
-
-
-def share(subject: ModelSubject, value: float) -> float | None:
-    """Part that a deviation is of the largest output."""
-    if subject.fit is None or subject.fit.largest_output <= 0.0:
-        return None
-    return value / subject.fit.largest_output

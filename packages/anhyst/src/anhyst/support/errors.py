@@ -49,6 +49,11 @@ class InputError(_Coded, ValueError):
     """
 
 
+def wrong_key(key: str, text: str, *, code: str) -> InputError:
+    """Return the error of a key, option, column or parameter, which its text begins with."""
+    return InputError(f"{key}: {text}", code=code, key=key)
+
+
 def wrong_type(argument: str, wanted: str, value: object, *, in_list: bool = False) -> InputError:
     """Return the error of an argument, such as ``"identify: loops"``, of the wrong type."""
     given = type(value).__name__ if value is not None else "None"

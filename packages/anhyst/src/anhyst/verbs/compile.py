@@ -98,7 +98,7 @@ def compile(  # noqa: A001
     from anhyst.compilation.output import compile_actuator
     from anhyst.model.actuator import MODEL_SOURCES, Model
     from anhyst.support.atomic import check_path
-    from anhyst.support.errors import InputError
+    from anhyst.support.errors import wrong_key
     from anhyst.support.kinds import MODEL as MODEL_FILE
     from anhyst.support.kinds import capability, kind_of
 
@@ -110,20 +110,13 @@ def compile(  # noqa: A001
         own = {"--accuracy": accuracy, "--controller": controller, "--package": package}
         for option, given in own.items():
             if given is not None:
-                raise InputError(
-                    f"{option}: is for a model; {rig.title} is compiled as its rig file says, leave "
-                    "it out",
-                    code="option-not-for-this",
-                    key=option,
-                )
+                text = f"is for a model; {rig.title} is compiled as its rig file says, leave it out"
+                raise wrong_key(option, text, code="option-not-for-this")
         request = StageRequest(kind, io or "f32", rate, name)
         return capability(rig, HasController).compile_controller(model, out, request, progress)
     if kind == "single-valued":
-        raise InputError(
-            "--kind: single-valued is for the rig file of a stage; give full, simplified or play",
-            code="option-not-for-this",
-            key="--kind",
-        )
+        text = "single-valued is for the rig file of a stage; give full, simplified or play"
+        raise wrong_key("--kind", text, code="option-not-for-this")
     return compile_actuator(
         model, out, rate=rate, kind=kind, io=io or "q15", accuracy=accuracy, name=name,
         controller=controller, package=package, progress=progress,

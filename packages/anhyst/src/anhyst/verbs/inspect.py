@@ -82,7 +82,14 @@ def preview(given: Mapping[str, Any]) -> Iterator[TerminalTable]:
     if given["plot"] is not None:
         check_picture(given["plot"])
     if listed := _channels(given):
-        yield _table_of_channels(listed)
+        from anhyst.cli.printing import TerminalTable
+
+        rows = TerminalTable("channels", ["name", "unit", "samples", "per s", "range", "is"])
+        for one in listed:
+            span = "" if one.low is None else f"{one.low:.4g} to {one.high:.4g}"
+            rate = "" if one.rate is None else f"{one.rate:.6g}"
+            rows.add_row(one.name, one.unit, str(one.samples), rate, span, one.role)
+        yield rows
 
 
 def as_json(result: Inspection, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -102,17 +109,6 @@ def _channels(given: Mapping[str, Any]) -> list[ChannelFigures]:
     if not is_alone or not isinstance(open_table(loops[0]), ChannelTable):
         return []
     return list_channels(loops[0])
-
-
-def _table_of_channels(listed: list[ChannelFigures]) -> TerminalTable:
-    from anhyst.cli.printing import TerminalTable
-
-    rows = TerminalTable("channels", ["name", "unit", "samples", "per s", "range", "is"])
-    for one in listed:
-        span = "" if one.low is None else f"{one.low:.4g} to {one.high:.4g}"
-        rate = "" if one.rate is None else f"{one.rate:.6g}"
-        rows.add_row(one.name, one.unit, str(one.samples), rate, span, one.role)
-    return rows
 
 
 def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[Part]:
@@ -155,6 +151,9 @@ def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:
         history = f"{history[: MAX_CELL - 1]}…"
     if scale is not None:
         cells.append("moves" if loop.schedule is None else f"{scale * loop.schedule:.6g}")
+    delay = "unknown"  # in seconds, in samples without time
+    if loop.skew is not None:
+        delay = f"{loop.skew:.3g} samples" if loop.skew_s is None else f"{loop.skew_s:.3g} s"
     return [
         *cells,
         str(loop.samples),
@@ -166,16 +165,9 @@ def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:
         f"{loop.cycles:g}",
         _number(loop.drift, small),
         _number(loop.closure, small),
-        _delay(loop),
+        delay,
         _number(loop.saturation),
     ]
-
-
-def _delay(loop: LoopFigures) -> str:
-    """Write the delay in seconds, in samples without time."""
-    if loop.skew is None:
-        return "unknown"
-    return f"{loop.skew:.3g} samples" if loop.skew_s is None else f"{loop.skew_s:.3g} s"
 
 
 def _number(value: float | None, scale: float = 1.0) -> str:

@@ -81,15 +81,13 @@ def show(result: Verification, _: Mapping[str, Any]) -> list[TerminalTable]:
 
 def refuse(result: Verification, given: Mapping[str, Any]) -> None:
     """Raise an error if a bit differs, or if a target that was asked for did not run."""
-    from anhyst.support.errors import InputError
+    from anhyst.support.errors import wrong_key
 
     refuse_difference(result, given["folder"])
     if given["on"] is not None and result.not_run:
         lacking = [gap.text() for gap in result.missing if gap.target in result.not_run]
-        raise InputError(
-            f"--on: not run for want of tools: {'; '.join(lacking)}",
-            code="tool-missing",
-            key="--on",
+        raise wrong_key(
+            "--on", f"not run for want of tools: {'; '.join(lacking)}", code="tool-missing"
         )
 
 

@@ -32,8 +32,6 @@ PLAY = "play"
 MOST = 64
 """Coordinates, heads or magnets that are believed of a stage."""
 
-AGAIN = "run 'anhyst compile' again"
-
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
@@ -59,11 +57,6 @@ class Bundle:
             shutil.copyfile(self.folder / name, folder / name)
 
     @property
-    def has_controller(self) -> bool:
-        """Whether a whole position controller comes with it."""
-        return self.manifest.get("controller") is not None
-
-    @property
     def stage(self) -> Mapping[str, Any] | None:
         """What the manifest says of a stage; None of a compensator."""
         described = self.manifest.get("stage")
@@ -79,57 +72,41 @@ def read_bundle(folder: Path) -> Bundle:
     """Read the manifest and check that every file is as it was written."""
     manifest_path = folder / MANIFEST
     if not folder.is_dir():
-        raise InputError(
-            f"{folder}: no such folder; name the one 'anhyst compile --out' made",
-            code="no-such-folder",
-        )
+        text = f"{folder}: no such folder; name the one 'anhyst compile --out' made"
+        raise InputError(text, code="no-such-folder")
     try:
         manifest = json.loads(manifest_path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError(
-            f"{folder}: has no {MANIFEST}; name the folder 'anhyst compile --out' made",
-            code="no-manifest",
-        ) from None
+        text = f"{folder}: has no {MANIFEST}; name the folder 'anhyst compile --out' made"
+        raise InputError(text, code="no-manifest") from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(
-            f"{manifest_path}: is not JSON: {error}; {AGAIN}", code="damaged-manifest"
-        ) from None
+        raise _damaged(f"{manifest_path}: is not JSON: {error}", code="damaged-manifest") from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
-        raise InputError(
-            f"{manifest_path}: key 'format' is not {FORMAT}; {AGAIN}",
-            code="damaged-manifest",
-            key="format",
-        )
+        text = f"{manifest_path}: key 'format' is not {FORMAT}"
+        raise _damaged(text, code="damaged-manifest", key="format")
     refuse_other(folder, [COMPILED])
     _check_files(folder, manifest_path, manifest)
     _check_stage(manifest_path, manifest.get("stage"))
     io = _text(manifest_path, manifest, "io")
     if io not in FORMATS:
         known = " and ".join(FORMATS)
-        raise InputError(
-            f"{manifest_path}: key 'io': {io} cannot be verified; only {known} can",
-            code="not-verifiable",
-            key="io",
-        )
+        text = f"{manifest_path}: key 'io': {io} cannot be verified; only {known} can"
+        raise InputError(text, code="not-verifiable", key="io")
+    name, kind = (_text(manifest_path, manifest, key) for key in ("name", "kind"))
     rate = manifest.get("rate_Hz")
-    return Bundle(
-        folder,
-        _text(manifest_path, manifest, "name"),
-        _text(manifest_path, manifest, "kind"),
-        io,
-        float(rate) if isinstance(rate, int | float) else None,
-        manifest,
-    )
+    rate = float(rate) if isinstance(rate, int | float) else None
+    return Bundle(folder, name, kind, io, rate, manifest)
+
+
+def _damaged(text: str, *, code: str, key: str = "") -> InputError:
+    return InputError(f"{text}; run 'anhyst compile' again", code=code, key=key)
 
 
 def _text(path: Path, manifest: Mapping[str, Any], key: str) -> str:
     value = manifest.get(key)
     if not isinstance(value, str):
-        raise InputError(
-            f"{path}: key '{key}' is missing or not a text; {AGAIN}",
-            code="damaged-manifest",
-            key=key,
-        )
+        text = f"{path}: key '{key}' is missing or not a text"
+        raise _damaged(text, code="damaged-manifest", key=key)
     return value
 
 
@@ -139,27 +116,20 @@ def _check_stage(path: Path, stage: object) -> None:
         return
     described = stage if isinstance(stage, dict) else {}
     free = described.get("free")
-    counts = [
-        len(free) if isinstance(free, list) else 0,
-        described.get("heads"),
-        described.get("magnets"),
-    ]
+    coordinates = len(free) if isinstance(free, list) else 0
+    counts = [coordinates, described.get("heads"), described.get("magnets")]
     if not all(isinstance(count, int) and 0 < count <= MOST for count in counts):
-        raise InputError(
-            f"{path}: key 'stage' does not say what is free, how many heads and magnets there are; {AGAIN}",
-            code="damaged-manifest",
-            key="stage",
+        text = (
+            f"{path}: key 'stage' does not say what is free, how many heads and magnets there are"
         )
+        raise _damaged(text, code="damaged-manifest", key="stage")
 
 
 def _check_files(folder: Path, manifest_path: Path, manifest: Mapping[str, Any]) -> None:
     files = manifest.get("files")
     if not isinstance(files, dict):
-        raise InputError(
-            f"{manifest_path}: key 'files' is missing; {AGAIN}",
-            code="damaged-manifest",
-            key="files",
-        )
+        text = f"{manifest_path}: key 'files' is missing"
+        raise _damaged(text, code="damaged-manifest", key="files")
     name = _text(manifest_path, manifest, "name")
     around = [f"{name}_controller.h", f"{name}_controller.c"]
     needed = around if manifest.get("stage") else [f"{name}_parameters.h"]
@@ -168,38 +138,21 @@ def _check_files(folder: Path, manifest_path: Path, manifest: Mapping[str, Any])
         needed = [*needed, *around, LEVITATION]
     for file in needed:
         if file not in files:
-            raise InputError(
-                f"{manifest_path}: key 'files' does not name {file}; {AGAIN}",
-                code="damaged-manifest",
-                key="files",
-            )
+            text = f"{manifest_path}: key 'files' does not name {file}"
+            raise _damaged(text, code="damaged-manifest", key="files")
     for file, expected in files.items():
         path = folder / str(file)
         try:
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:
-            raise InputError(
-                f"{path}: {error.strerror}, but {MANIFEST} names it; {AGAIN}",
-                code="damaged-manifest",
-                key="files",
-            ) from None
+            text = f"{path}: {error.strerror}, but {MANIFEST} names it"
+            raise _damaged(text, code="damaged-manifest", key="files") from None
         if digest != expected:
-            raise InputError(
-                f"{path}: was changed since it was written (sha256); {AGAIN}", code="changed-since"
-            )
+            text = f"{path}: was changed since it was written (sha256)"
+            raise _damaged(text, code="changed-since")
 
 
 NEEDED = ("demand", "gap", "current")
-OUTPUTS = {
-    "current": "current",
-    "flags": "flags",
-    "flux": "flux",
-    "output": "output",
-    "flux_applied": "applied flux",
-    "memory_a": "memory a",
-    "memory_b": "memory b",
-    "memory_c": "memory c",
-}
 
 GIVEN = LEVITATION_COLUMNS[:INPUTS]
 ANSWERED = {name: name.replace("drive_", "current ") for name in LEVITATION_COLUMNS[INPUTS:]}
@@ -216,20 +169,12 @@ class GoldenVectors:
 
 
 def read_vectors(path: Path, floating: bool) -> GoldenVectors:
-    """Read ``vectors.csv``.
-
-    Columns ``demand``, ``gap`` and ``current`` are needed; ``applied`` and ``applied_gap`` stand
-    for the solved current and the same gap where they are missing.
-    """
+    """Read ``vectors.csv``; where there is no ``applied``, the solved current was applied."""
     columns = _columns(path, NEEDED, floating)
-    inputs = np.empty((len(columns["demand"]), len(COMPENSATOR.inputs)), dtype=np.uint32)
-    inputs[:, 0] = columns["demand"]
-    inputs[:, 1] = columns["gap"]
-    inputs[:, 2] = AS_GIVEN
-    inputs[:, 3] = columns.get("applied", columns["current"])
-    inputs[:, 4] = columns.get("applied_gap", columns["gap"])
-    outputs = {OUTPUTS[name]: columns[name] for name in columns if name in OUTPUTS}
-    return GoldenVectors(inputs, outputs)
+    demand, gap, current = (columns[name] for name in NEEDED)
+    how, applied = np.full_like(demand, AS_GIVEN), columns.get("applied", current)
+    inputs = np.stack([demand, gap, how, applied, gap], axis=1)
+    return GoldenVectors(inputs, {"current": current})
 
 
 def read_levitation(path: Path) -> GoldenVectors:
@@ -263,31 +208,20 @@ def _columns(path: Path, needed: Iterable[str], floating: bool) -> dict[str, Wor
         names = [name.strip() for name in next(lines, [])]
         rows = list(lines)
     if not rows:
-        raise InputError(f"{path}: has no rows; run 'anhyst compile' again", code="damaged-vectors")
+        raise _damaged(f"{path}: has no rows", code="damaged-vectors")
     for name in needed:
         if name not in names:
-            raise InputError(
-                f"{path}: column '{name}' is missing; run 'anhyst compile' again",
-                code="damaged-vectors",
-                key=name,
-            )
+            raise _damaged(f"{path}: column '{name}' is missing", code="damaged-vectors", key=name)
     try:
-        words = _words_of_numbers(rows) if floating else _words_of_codes(rows)
+        if floating:
+            words = np.array(rows, dtype=np.float64).astype(np.float32).view(np.uint32)
+        else:
+            codes = np.array(rows, dtype=np.int64)
+            if np.any(np.abs(codes) > 1 << 31):
+                raise OverflowError
+            words = (codes & 0xFFFFFFFF).astype(np.uint32)
         words = words.reshape(len(rows), len(names))
     except (ValueError, OverflowError) as error:
         what = "a number of 32 bits" if floating else "an integer of 32 bits"
-        raise InputError(
-            f"{path}: a cell is not {what}; run 'anhyst compile' again", code="damaged-vectors"
-        ) from error
+        raise _damaged(f"{path}: a cell is not {what}", code="damaged-vectors") from error
     return {name: words[:, column] for column, name in enumerate(names)}
-
-
-def _words_of_codes(rows: list[list[str]]) -> Words:
-    codes = np.array(rows, dtype=np.int64)
-    if np.any(np.abs(codes) > 1 << 31):
-        raise OverflowError
-    return (codes & 0xFFFFFFFF).astype(np.uint32)
-
-
-def _words_of_numbers(rows: list[list[str]]) -> Words:
-    return np.array(rows, dtype=np.float64).astype(np.float32).view(np.uint32)

@@ -10,15 +10,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from anhyst.compilation.toolchain import (
-    ACTUATOR_HEADER,
-    PIDD2,
-    SRC,
-    Build,
-    actuator_defines,
-    core_files,
-    read_core,
-)
+from anhyst.compilation import toolchain
 from anhyst.verification.bundle import FORMATS, PLAY, Bundle, GoldenVectors
 from anhyst.verification.elf import Image
 from anhyst.verification.protocol import (
@@ -57,7 +49,6 @@ class HarnessProgram(Protocol):
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
         """Answer one request after the other."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,11 +63,6 @@ class Variant:
     compiler: str
     warnings: int  # the compiler's, of the bundle and the harness
     image: Image | None = None  # the linked program, where sizes can be read from it
-
-    @property
-    def label(self) -> str:
-        """Target and build in one."""
-        return f"{self.target} ({self.name})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,16 +83,16 @@ class Workshop:
             folder_of = sources / FREE_OF_LIBRARIES if source.name == "math.h" else sources
             folder_of.mkdir(exist_ok=True)
             shutil.copyfile(source, folder_of / source.name)
-        for name, text in (
-            core_files(PIDD2) | {ACTUATOR_HEADER: read_core(ACTUATOR_HEADER)}
-        ).items():
+        header = toolchain.ACTUATOR_HEADER
+        texts = toolchain.core_files(toolchain.PIDD2) | {header: toolchain.read_core(header)}
+        for name, text in texts.items():
             path = sources / name
             if not path.exists():
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(text, encoding="utf-8", newline="\n")
         return cls(bundle, folder, subject)
 
-    def build(self, port: str, *flags: str) -> Build:
+    def build(self, port: str, *flags: str) -> toolchain.Build:
         """Return what to compile for a port of the harness, such as ``cortex_m``."""
         target = self.folder / "c"
         ports = [port, "freestanding"] if port == WITHOUT_LIBRARY else [port]
@@ -120,7 +106,7 @@ class Workshop:
             *(f"{name}.c" for name in ports),
             *sorted({*sources, *CONTROL_SOURCES}),
         ]
-        return Build(
+        return toolchain.Build(
             tuple(target / name for name in names),
             (target, target / "include", target / "port", *free),
             self._defines(),
@@ -146,10 +132,10 @@ class Workshop:
                 **({} if self.bundle.io == "f32" else {"STAGE_CODES": "1"}),
             }
         play = {"HARNESS_PLAY": "1"} if self.bundle.kind == PLAY else {}
-        return {"HARNESS_IO": FORMATS[self.bundle.io], **play, **actuator_defines(name)}
+        return {"HARNESS_IO": FORMATS[self.bundle.io], **play, **toolchain.actuator_defines(name)}
 
 
-CONTROL_SOURCES = tuple(f"{SRC}/{name}" for name in PIDD2)
+CONTROL_SOURCES = tuple(f"{toolchain.SRC}/{name}" for name in toolchain.PIDD2)
 
 
 STACK_STEPS = 500
@@ -196,18 +182,14 @@ def run(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) 
     """Run golden vectors, random steps, and steps that measure stack."""
     rows, places, words = vectors.inputs, vectors.form.places, vectors.form.words
     batches = [rows[at : at + WINDOW] for at in range(0, len(rows), WINDOW)]
-    replies = program.run(
-        [
-            Request(START, seed=seed, words=words),
-            *(
-                Request(VECTORS, steps=len(batch), rows=batch, places=places, words=words)
-                for batch in batches
-            ),
-            Request(START, seed=seed, words=words),
-            Request(RANDOM, steps=steps, checkpoint_stride=_stride(steps), words=words),
-            Request(STACK, steps=min(steps, STACK_STEPS), words=words),
-        ]
-    )
+    start = Request(START, seed=seed, words=words)
+    given = [
+        Request(VECTORS, steps=len(batch), rows=batch, places=places, words=words)
+        for batch in batches
+    ]
+    random = Request(RANDOM, steps=steps, checkpoint_stride=_stride(steps), words=words)
+    stack = Request(STACK, steps=min(steps, STACK_STEPS), words=words)
+    replies = program.run([start, *given, start, random, stack])
     answers = [
         reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)
     ]
@@ -266,44 +248,31 @@ def _locate(
     stride = _stride(steps)
     while True:
         marks = list(range(first, last, stride))
-        wrong = np.flatnonzero(
-            replies[0].checkpoints[: len(marks)] != replies[1].checkpoints[: len(marks)]
-        )
+        hashes = (reply.checkpoints[: len(marks)] for reply in replies)
+        wrong = np.flatnonzero(np.not_equal(*hashes))
         bad = int(wrong[0]) if len(wrong) else len(marks)
         # The hash kept before a step speaks of the steps before it.
         first, last = marks[bad - 1], marks[bad] if bad < len(marks) else last
         stride = _stride(last - first)
-        replies = _again(programs, form.words, seed, (first, last, stride))
+        # Run both up to the last step, with a hash kept from the first one on at every stride.
+        random = Request(
+            RANDOM,
+            last,
+            checkpoint_first=first,
+            checkpoint_stride=stride,
+            window_first=first,
+            words=form.words,
+        )
+        requests = [Request(START, seed=seed, words=form.words), random]
+        host, target = (program.run(requests)[-1] for program in programs)
+        replies = host, target
         if last - first <= WINDOW:
             records = [reply.window[: last - first] for reply in replies]
             difference = _first_wrong(*records)
             if difference is None:
-                hashes = (reply.hash for reply in replies)
-                return Difference("random", first, "not repeatable: the hash", *hashes)
+                ends = (reply.hash for reply in replies)
+                return Difference("random", first, "not repeatable: the hash", *ends)
             return _difference(form, "random", first, difference, *records)
-
-
-def _again(
-    programs: tuple[HarnessProgram, HarnessProgram],
-    words: int,
-    seed: int,
-    steps: tuple[int, int, int],
-) -> tuple[Reply, Reply]:
-    """Run both up to a step, with a hash kept from the first one on at every stride."""
-    first, last, stride = steps
-    requests = [
-        Request(START, seed=seed, words=words),
-        Request(
-            RANDOM,
-            steps=last,
-            checkpoint_first=first,
-            checkpoint_stride=stride,
-            window_first=first,
-            words=words,
-        ),
-    ]
-    host, target = (program.run(requests)[-1] for program in programs)
-    return host, target
 
 
 def _first_wrong(host: Words, target: Words) -> tuple[int, int] | None:

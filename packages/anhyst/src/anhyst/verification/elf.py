@@ -1,17 +1,14 @@
-"""What stands in a linked program: memory image, symbols, sizes by source file.
+"""What is in a linked program: memory image, symbols, sizes, worst-case stack, price of a step.
 
-Worst-case stack of a Thumb program, read from its machine code.
-
-How long a step would take on a 16-bit digital signal controller that nobody can emulate.
-
-The Freescale 56F8322 of the paper (core 56800E, 60 MHz) has no open emulator and no open compiler.
-Its cycles are estimated from the machine code of another processor with plain instructions, the
-Cortex-M0+, whose every instruction is put into a class with a price. The prices are assumptions,
-stated in :data:`PRICES`; the counts are measured.
+The 16-bit Freescale 56F8322 of the paper (core 56800E, 60 MHz) has no open emulator and no open
+compiler. Its cycles are estimated from the machine code of the Cortex-M0+, whose every instruction
+is put into a class with a price. The prices are assumptions, stated in :data:`PRICES`; the counts
+are measured.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -98,18 +95,12 @@ def _symbols(elf: Any) -> Iterator[Symbol]:
         if kind == "STT_FILE":
             source = Path(symbol.name).name
             continue
-        section = (
-            section_index if isinstance(section_index, str) else elf.get_section(section_index).name
-        )
+        section = section_index
+        if not isinstance(section_index, str):
+            section = elf.get_section(section_index).name
+        value, size = int(symbol["st_value"]), int(symbol["st_size"])
         local = symbol["st_info"]["bind"] == "STB_LOCAL"
-        yield Symbol(
-            symbol.name,
-            int(symbol["st_value"]),
-            int(symbol["st_size"]),
-            kind,
-            section,
-            source if local else "",
-        )
+        yield Symbol(symbol.name, value, size, kind, section, source if local else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,18 +175,15 @@ def stack_below(image: Image, roots: Iterable[str]) -> int | None:
             return set().union(*pointed.values())
         return pointed[address] | pointed[ANYWHERE]
 
-    def depth(address: int, running: frozenset[int]) -> int | None:
+    def depth(address: int, running: frozenset[int]) -> float:
         function, inside = known[address], running | {address}
         if function.callees & inside:
-            return None
+            return math.inf
         callees = function.callees.union(*(reached(place) - inside for place in function.places))
-        below = [depth(callee, inside) for callee in callees]
-        numbers = [each for each in below if each is not None]
-        return function.frame + max(numbers, default=0) if len(numbers) == len(below) else None
+        return function.frame + max((depth(callee, inside) for callee in callees), default=0)
 
-    depths = [depth(image.address(root), frozenset()) for root in roots]
-    numbers = [each for each in depths if each is not None]
-    return max(numbers) if len(numbers) == len(depths) else None
+    deepest = max(depth(image.address(root), frozenset()) for root in roots)
+    return None if deepest == math.inf else int(deepest)
 
 
 def _in_constants(image: Image, functions: dict[int, Symbol]) -> defaultdict[int, set[int]]:
@@ -211,8 +199,8 @@ def _in_constants(image: Image, functions: dict[int, Symbol]) -> defaultdict[int
     return callees
 
 
-def _instructions(image: Image, begin: int, end: int) -> Iterator[Any]:
-    """Decode what lies between two addresses, without the constants in between."""
+def _instructions(image: Image, begin: int = 0, end: int = 1 << 32) -> Iterator[Any]:
+    """Decode the Thumb code between two addresses, without the constants in between."""
     import capstone
 
     decoder = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
@@ -236,9 +224,9 @@ def _read(image: Image, symbol: Symbol, functions: dict[int, Symbol]) -> _Functi
         if name == "ldr" and (load := _LOADED.fullmatch(instruction.op_str)):
             loaded[load[1]] = int(load[2] or "0", 0)
         elif name == "movw":
-            low_halves[register] = _value(value)
+            low_halves[register] = _number(value)
         elif name == "movt":
-            named.add((_value(value) << 16 | low_halves.get(register, 0)) & ~1)
+            named.add((_number(value) << 16 | low_halves.get(register, 0)) & ~1)
         elif name == "blx" or (name == "bx" and instruction.op_str != "lr"):
             places.add(loaded.get(instruction.op_str, ANYWHERE))
         elif name.startswith("b") and (number := _NUMBER.fullmatch(instruction.op_str)):
@@ -250,8 +238,8 @@ def _read(image: Image, symbol: Symbol, functions: dict[int, Symbol]) -> _Functi
     return _Function(frame, *own)
 
 
-def _value(operand: str) -> int:
-    number = _NUMBER.fullmatch(operand)
+def _number(operands: str) -> int:
+    number = _NUMBER.search(operands)
     return int(number[1], 0) if number else 0
 
 
@@ -260,11 +248,9 @@ def _pushed(name: str, operands: str) -> int:
         size = 2 * WORD if operands.startswith("{d") else WORD
         return size * sum(_registers(part) for part in operands.strip("{}").split(","))
     if name in {"sub", "subw"} and operands.startswith("sp,"):
-        number = _NUMBER.search(operands)
-        return int(number[1], 0) if number else 0
+        return _number(operands)
     if name == "str" and "[sp, #-" in operands and operands.endswith("!"):
-        number = _NUMBER.search(operands)
-        return -int(number[1], 0) if number else 0
+        return -_number(operands)
     return 0
 
 
@@ -279,20 +265,13 @@ SOURCE = "cortex-m0plus"
 Prefix = NDArray[np.uint32]
 
 
-@dataclass(frozen=True, slots=True)
-class Prices:
-    """Cycles of each class of instruction."""
-
-    simple: int  # addition, logic, shift, comparison, move, of 16 or 32 bits
-    multiply: int  # one 16x16 product
-    memory: int  # A load or store, a word on the stack included
-    branch: int  # A conditional or unconditional branch, taken or not
-    call: int  # A call or a return
-
-
+Prices = Mapping[str, int]
+"""Cycles of each class of instruction: ``simple`` (addition, logic, shift, comparison, move, of 16
+or 32 bits), ``multiply`` (one 16x16 product), ``memory`` (a load or store, a word on the stack
+included), ``branch`` (taken or not), ``call`` (or return)."""
 PRICES: Mapping[str, Prices] = {
-    "at best": Prices(simple=1, multiply=1, memory=1, branch=1, call=1),
-    "cautious": Prices(simple=1, multiply=1, memory=2, branch=5, call=8),
+    "at best": {"simple": 1, "multiply": 1, "memory": 1, "branch": 1, "call": 1},
+    "cautious": {"simple": 1, "multiply": 1, "memory": 2, "branch": 5, "call": 8},
 }
 """``at best``: everything in one cycle, branches as if they cost nothing extra. ``cautious``: every
 memory access is two of 16 bits, every branch is taken and the pipeline refilled."""
@@ -310,28 +289,24 @@ class Estimate:
 
 def costs_of(prices: Prices, image: Image, code: bytes) -> Prefix:
     """Price each instruction of a Thumb program: the cycles before each half-word."""
-    import capstone
-
-    decoder = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
     cycles = np.zeros(len(code) // 2, dtype=np.uint32)
-    for begin, end in image.thumb_ranges():
-        for instruction in decoder.disasm(code[begin - FLASH : end - FLASH], begin):
-            cycles[(instruction.address - FLASH) // 2] = _price(prices, instruction)
+    for instruction in _instructions(image):
+        cycles[(instruction.address - FLASH) // 2] = _price(prices, instruction)
     return np.concatenate(([np.uint32(0)], np.cumsum(cycles, dtype=np.uint32)))
 
 
 def _price(prices: Prices, instruction: Any) -> int:
     name = str(instruction.mnemonic).split(".")[0]
     if name in {"bl", "blx", "bx"}:
-        return prices.call
+        return prices["call"]
     if name in {"push", "pop", "ldm", "stm", "ldmia", "stmia"}:
         operands = str(instruction.op_str).partition("{")[2]
         registers = operands.count(",") + 1
-        return registers * prices.memory + (prices.call if "pc" in operands else 0)
+        return registers * prices["memory"] + (prices["call"] if "pc" in operands else 0)
     if name.startswith(("ldr", "str")):
-        return prices.memory
+        return prices["memory"]
     if name.startswith("mul"):
-        return prices.multiply
+        return prices["multiply"]
     if name.startswith("b") and name not in {"bic", "bics"}:
-        return prices.branch
-    return prices.simple
+        return prices["branch"]
+    return prices["simple"]

@@ -13,15 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anhyst.compilation.toolchain import (
-    Build,
-    compile_c,
-    zig_cc,
-)
+from anhyst.compilation.toolchain import Build, compile_c, zig_cc
 from anhyst.support.errors import NegativeResult
-from anhyst.verification.elf import FLASH, Image
+from anhyst.verification.elf import FLASH, Image, Prefix
 from anhyst.verification.protocol import (
     BOX_BYTES,
     VECTORS,
@@ -36,7 +31,6 @@ TIME_LIMIT, TIME_A_STEP = 60.0, 0.02  # s, of an answer; a step of solid iron ta
 FLASH_BYTES = 256 * 1024
 RAM, RAM_BYTES = 0x20000000, 64 * 1024
 
-Prefix = NDArray[np.uint32]
 Costs = Callable[[Image, bytes], Prefix]
 
 
@@ -105,24 +99,16 @@ class _Machine:
     def __init__(self, program: CortexProgram) -> None:
         unicorn: Any = import_module("unicorn")
         arm_const: Any = import_module("unicorn.arm_const")
-        self._name = program.name
-        self._error = unicorn.UcError
-        emulator: Any = unicorn.Uc(
-            unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS
-        )
-        emulator.ctl_set_cpu_model(getattr(arm_const, program.cpu))
-        self._registers = arm_const
-        self._uc = emulator
+        self._name, self._error, self._registers = program.name, unicorn.UcError, arm_const
+        thumb = unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS
+        self._uc: Any = unicorn.Uc(unicorn.UC_ARCH_ARM, thumb)
+        self._uc.ctl_set_cpu_model(getattr(arm_const, program.cpu))
         self._ram = (ctypes.c_ubyte * RAM_BYTES)()
-        emulator.mem_map(FLASH, FLASH_BYTES, unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC)
-        emulator.mem_map_ptr(
-            RAM,
-            RAM_BYTES,
-            unicorn.UC_PROT_READ | unicorn.UC_PROT_WRITE,
-            ctypes.addressof(self._ram),
-        )
+        self._uc.mem_map(FLASH, FLASH_BYTES, unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC)
+        access = unicorn.UC_PROT_READ | unicorn.UC_PROT_WRITE
+        self._uc.mem_map_ptr(RAM, RAM_BYTES, access, ctypes.addressof(self._ram))
         for address, content in program.image.segments:
-            emulator.mem_write(address, content)
+            self._uc.mem_write(address, content)
         self._box = program.image.address("harness_box") - RAM
         self._wait = program.image.address("harness_wait")
         self._hook_counter(program)
@@ -135,25 +121,16 @@ class _Machine:
         image = program.image
         code = bytes(self._uc.mem_read(FLASH, FLASH_BYTES))
         self._prefix = np.ascontiguousarray(program.costs(image, code), dtype=np.uint32)
-        self._counter = _Counter(
-            FLASH,
-            FLASH + FLASH_BYTES,
-            self._prefix.ctypes.data_as(ctypes.POINTER(ctypes.c_uint32)),
-            image.address("harness_clock_start"),
-            image.address("harness_clock_stop"),
-            ctypes.addressof(self._ram) + (image.address("harness_count") - RAM),
-            0,
-        )
+        prefix = self._prefix.ctypes.data_as(ctypes.POINTER(ctypes.c_uint32))
+        clock = (image.address(f"harness_clock_{end}") for end in ("start", "stop"))
+        result = ctypes.addressof(self._ram) + (image.address("harness_count") - RAM)
+        self._counter = _Counter(FLASH, FLASH + FLASH_BYTES, prefix, *clock, result, 0)
         self._library = ctypes.CDLL(str(program.counter))
-        hook = ctypes.c_size_t()
+        count = ctypes.cast(self._library.count_block, ctypes.c_void_p)
+        hook, everywhere = ctypes.c_size_t(), (ctypes.c_uint64(1), ctypes.c_uint64(0))
+        block, ours = unicorn.UC_HOOK_BLOCK, ctypes.addressof(self._counter)
         status = uclib.uc_hook_add(
-            self._uc._uch,
-            ctypes.byref(hook),
-            unicorn.UC_HOOK_BLOCK,
-            ctypes.cast(self._library.count_block, ctypes.c_void_p),
-            ctypes.addressof(self._counter),
-            ctypes.c_uint64(1),
-            ctypes.c_uint64(0),
+            self._uc._uch, ctypes.byref(hook), block, count, ours, *everywhere
         )
         if status != unicorn.UC_ERR_OK:
             raise self._error(status)
@@ -194,16 +171,14 @@ A_LINE = 16
 class Msp430Program:
     """A linked harness for mspdebug."""
 
-    name: str  # target, for messages
-    simulator: str  # path of mspdebug
-    path: Path  # the program
+    path: Path
     image: Image  # the same, read
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
         """Answer one request after the other, from reset."""
         script = self.path.with_suffix(".script")
         script.write_text("\n".join(self._script(requests)) + "\n", encoding="ascii")
-        command = [self.simulator, "-q", "sim", f"read {script.name}"]
+        command = ["mspdebug", "-q", "sim", f"read {script.name}"]
         try:
             done = subprocess.run(
                 command,
@@ -215,7 +190,7 @@ class Msp430Program:
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            raise too_slow(self.name, SIMULATOR_TIME_LIMIT) from None
+            raise too_slow("msp430", SIMULATOR_TIME_LIMIT) from None
         dump = bytes(
             int(byte, 16)
             for line in done.stdout.splitlines()
@@ -224,7 +199,7 @@ class Msp430Program:
         )
         if done.returncode or len(dump) != len(requests) * BOX_BYTES:
             last = (done.stderr.strip() or done.stdout.strip() or "no reason given").splitlines()
-            raise target_failed(self.name, f"mspdebug ended early: {last[-1]}")
+            raise target_failed("msp430", f"mspdebug ended early: {last[-1]}")
         return [Reply.unpack(dump[at : at + BOX_BYTES]) for at in range(0, len(dump), BOX_BYTES)]
 
     def _script(self, requests: Sequence[Request]) -> list[str]:

@@ -45,64 +45,29 @@ class RecordForm:
 
 COMPENSATOR = RecordForm(
     record=(
-        "demand",
-        "gap",
-        "how",
-        "current",
-        "flags",
-        "flux",
-        "applied",
-        "applied gap",
-        "output",
-        "applied flux",
-        "memory a",
-        "memory b",
-        "memory c",
-        "memory d",
-        "memory e",
-        "pidd2",
-        "pidd2 integral",
-        "pidd2 velocity",
+        "demand", "gap", "how", "current", "flags", "flux", "applied", "applied gap", "output",
+        "applied flux", "memory a", "memory b", "memory c", "memory d", "memory e",
+        "pidd2", "pidd2 integral", "pidd2 velocity",
     ),
     inputs=("demand", "gap", "how", "applied", "applied gap"),
     sections=(
-        "clock",
-        "solve",
-        "commit, solved",
-        "commit, rounded",
-        "commit, limited",
-        "commit, other",
-        "pidd2",
-        "tick, rounded",
-        "tick",
+        "clock", "solve", "commit, solved", "commit, rounded", "commit, limited", "commit, other",
+        "pidd2", "tick, rounded", "tick",
     ),
     # A tick is made of four parts: PIDD2 and compensator, solve and commit each.
     calls={"tick, rounded": 4, "tick": 4, "pidd2": 2},
     start="conditioning sequence",
-)
+)  # fmt: skip
+
+_CONTROLLER_IN = ("position", "target", "load", "measured current 1", "measured current 2", "event")
 
 CONTROLLER = RecordForm(
     record=(
-        "position",
-        "target",
-        "load",
-        "measured current 1",
-        "measured current 2",
-        "event",
-        "current 1",
-        "current 2",
-        "reference",
-        "demand",
-        "state",
-        "flags",
-        "fault",
-        "integral",
-        "velocity",
-        "memory a",
-        "memory b",
-        "memory c",
+        *_CONTROLLER_IN,
+        *("current 1", "current 2", "reference", "demand", "state", "flags", "fault"),
+        *("integral", "velocity", "memory a", "memory b", "memory c"),
     ),
-    inputs=("position", "target", "load", "measured current 1", "measured current 2", "event"),
+    inputs=_CONTROLLER_IN,
     sections=("clock", "tick, controls", "tick, ramps", "tick, rests", *[""] * 4, "tick"),
     calls={},
     start="limits",
@@ -162,14 +127,8 @@ class Request:
 
     def pack(self) -> bytes:
         """Lay the request out as the target reads it: the words from the start of the box."""
-        head = (
-            self.mode,
-            self.seed,
-            self.steps,
-            self.checkpoint_first,
-            self.checkpoint_stride,
-            self.window_first,
-        )
+        head = [self.mode, self.seed, self.steps]
+        head += [self.checkpoint_first, self.checkpoint_stride, self.window_first]
         return np.array(head, dtype="<u4").tobytes()
 
     def pack_rows(self) -> bytes:
@@ -222,19 +181,11 @@ class Reply:
             CycleSection(count, least, most, most_at, low + (high << 32))
             for count, least, most, most_at, low, high in table.tolist()
         )
+        window = words[_WINDOW_AT:].reshape(WINDOW, -1)
+        status = status - (1 << 32) if status >> 31 else status
         state, control, block, stack, step, folded = numbers
-        return cls(
-            status - (1 << 32) if status >> 31 else status,
-            state,
-            control,
-            block,
-            stack,
-            step,
-            folded,
-            sections,
-            checkpoints=words[_CHECKPOINTS_AT:_WINDOW_AT],
-            window=words[_WINDOW_AT:].reshape(WINDOW, -1),
-        )
+        hashes = words[_CHECKPOINTS_AT:_WINDOW_AT]
+        return cls(status, state, control, block, stack, step, folded, sections, hashes, window)
 
 
 def target_failed(target: str, why: str) -> NegativeResult:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -136,16 +136,19 @@ class Verification(Result):
 
     def tables(self) -> list[Rows]:
         """Return what was found as tables for a person."""
-        results = self.results
-        rows = [_equality(results)]
-        if any(result.costs for result in results):
-            rows.append(_costs(results))
-        if any(result.sizes for result in results):
-            rows.append(_memory(results))
+        same = ((result,) for result in self.results)
+        rows = [_rows("bit for bit the same as on the host", _EQUALITY, same)]
+        costs = [(result, cost) for result in self.results for cost in result.costs]
+        sizes = [(result, result.sizes) for result in self.results if result.sizes is not None]
+        missing = [(lack, lack.target in self.not_run) for lack in self.missing]
+        if costs:
+            rows.append(_rows("time of a step", _COSTS, costs))
+        if sizes:
+            rows.append(_rows("memory, bytes", _MEMORY, sizes))
         if self.estimates:
             rows.append(_estimates(self.estimates))
-        if self.missing:
-            rows.append(_missing(self))
+        if missing:
+            rows.append(_rows("missing tools", _MISSING, missing))
         return rows
 
     def facts(self) -> dict[str, str]:
@@ -159,15 +162,10 @@ class Verification(Result):
 
     def to_columns(self) -> dict[str, Any]:
         """Return the cost of each part of a step on each target, in the target's unit."""
+        names = ("target", "build", "passed", "unit")
         return columns_of(
             [
-                {
-                    "target": result.target,
-                    "build": result.build,
-                    "passed": result.passed,
-                    "unit": result.unit,
-                    **asdict(cost),
-                }
+                {name: getattr(result, name) for name in names} | asdict(cost)
                 for result in self.results
                 for cost in result.costs
             ]
@@ -196,102 +194,54 @@ class Rows:
     cells: tuple[tuple[str, ...], ...]
 
 
-def _missing(verification: Verification) -> Rows:
-    cells = tuple(
-        (
-            lack.target,
-            lack.tool,
-            lack.install,
-            "did not run" if lack.target in verification.not_run else "ran without it",
-        )
-        for lack in verification.missing
-    )
-    return Rows("missing tools", ("target", "tool", "comes with", "outcome"), cells)
+def _rows(title: str, columns: Mapping[str, Callable[..., object]], items: Iterable[Any]) -> Rows:
+    """Return a row for each item: of each column, what its function says of it, or a dash."""
+    texts = ([text(*item) for text in columns.values()] for item in items)
+    cells = (tuple("-" if text is None else str(text) for text in row) for row in texts)
+    return Rows(title, tuple(columns), tuple(cells))
 
 
-def _equality(results: Sequence[TargetResult]) -> Rows:
-    return Rows(
-        "bit for bit the same as on the host",
-        ("target", "random steps", "golden vectors", "warnings", "s", "result"),
-        tuple(
-            (
-                result.label,
-                f"{result.steps}",
-                f"{result.vectors}",
-                f"{result.warnings}",
-                f"{result.seconds:.1f}",
-                result.verdict() if result.passed else "DIFFERS",
-            )
-            for result in results
-        ),
-    )
-
-
-def _costs(results: Sequence[TargetResult]) -> Rows:
-    cells = [
-        (
-            result.label,
-            cost.part,
-            f"{cost.least}",
-            f"{cost.mean:.1f}",
-            f"{cost.most}",
-            f"{cost.most_at}",
-            result.unit,
-        )
-        for result in results
-        for cost in result.costs
-    ]
-    headings = ("target", "part of a step", "least", "mean", "most", "most at step", "unit")
-    return Rows("time of a step", headings, tuple(cells))
-
-
-def _memory(results: Sequence[TargetResult]) -> Rows:
-    cells = []
-    for result in results:
-        if result.sizes is not None:
-            sizes = result.sizes
-            cells.append(
-                (
-                    result.label,
-                    f"{sizes.code}",
-                    f"{sizes.tables}",
-                    f"{sizes.parameters}",
-                    f"{result.state_bytes}",
-                    _or_dash(result.stack_measured),
-                    _or_dash(result.stack_static),
-                    f"{sizes.control_code} + {result.control_bytes}",
-                )
-            )
-    headings = (
-        "target",
-        "code",
-        "constants",
-        "parameters",
-        "state",
-        "stack, measured",
-        "stack, by its code",
-        "PIDD2: code + state",
-    )
-    return Rows("memory, bytes", headings, tuple(cells))
-
-
-def _or_dash(number: int | None) -> str:
-    return "-" if number is None else f"{number}"
+_MISSING: Mapping[str, Callable[[Missing, bool], object]] = {
+    "target": lambda lack, _: lack.target,
+    "tool": lambda lack, _: lack.tool,
+    "comes with": lambda lack, _: lack.install,
+    "outcome": lambda _, is_left_out: "did not run" if is_left_out else "ran without it",
+}
+_EQUALITY: Mapping[str, Callable[[TargetResult], object]] = {
+    "target": lambda result: result.label,
+    "random steps": lambda result: result.steps,
+    "golden vectors": lambda result: result.vectors,
+    "warnings": lambda result: result.warnings,
+    "s": lambda result: f"{result.seconds:.1f}",
+    "result": lambda result: result.verdict() if result.passed else "DIFFERS",
+}
+_COSTS: Mapping[str, Callable[[TargetResult, Cost], object]] = {
+    "target": lambda result, _: result.label,
+    "part of a step": lambda _, cost: cost.part,
+    "least": lambda _, cost: cost.least,
+    "mean": lambda _, cost: f"{cost.mean:.1f}",
+    "most": lambda _, cost: cost.most,
+    "most at step": lambda _, cost: cost.most_at,
+    "unit": lambda result, _: result.unit,
+}
+_MEMORY: Mapping[str, Callable[[TargetResult, ProgramSizes], object]] = {
+    "target": lambda result, _: result.label,
+    "code": lambda _, sizes: sizes.code,
+    "constants": lambda _, sizes: sizes.tables,
+    "parameters": lambda _, sizes: sizes.parameters,
+    "state": lambda result, _: result.state_bytes,
+    "stack, measured": lambda result, _: result.stack_measured,
+    "stack, by its code": lambda result, _: result.stack_static,
+    "PIDD2: code + state": lambda result, sizes: f"{sizes.control_code} + {result.control_bytes}",
+}
 
 
 def _estimates(estimates: Sequence[Estimate]) -> Rows:
-    parts = tuple(dict.fromkeys(estimate.part for estimate in estimates))
-    by_place = {(estimate.part, estimate.prices): estimate for estimate in estimates}
-    cells = tuple(
-        (
-            part,
-            *(
-                f"{by_place[part, name].cycles} ({by_place[part, name].rate / 1e3:.1f} kHz)"
-                for name in PRICES
-            ),
-        )
-        for part in parts
-    )
+    parts = dict.fromkeys(estimate.part for estimate in estimates)
+    texts = {
+        (one.part, one.prices): f"{one.cycles} ({one.rate / 1e3:.1f} kHz)" for one in estimates
+    }
+    cells = tuple((part, *(texts[part, prices] for prices in PRICES)) for part in parts)
     title = f"a 16-bit DSC of {CLOCK_HZ / 1e6:.0f} MHz, worst case, estimated: cycles (rate)"
     return Rows(title, ("part of a step", *PRICES), cells)
 

@@ -20,21 +20,13 @@ from anhyst.compilation.toolchain import (
     missing_programs,
     zig_cc,
 )
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult, wrong_key
 from anhyst.support.registry import Registry
+from anhyst.verification import protocol
 from anhyst.verification.bundle import PLAY, PORT_HEADER, Bundle
 from anhyst.verification.compare import HARNESS, Variant, Workshop
 from anhyst.verification.elf import read_image
 from anhyst.verification.emulators import CortexProgram, Msp430Program, build_counter
-from anhyst.verification.protocol import (
-    BOX_BYTES,
-    REQUEST_BYTES,
-    WINDOW_OFFSET,
-    Reply,
-    Request,
-    target_failed,
-    too_slow,
-)
 from anhyst.verification.result import TargetResult
 
 TIME_LIMIT = 1800.0
@@ -47,7 +39,7 @@ class ProcessProgram:
     name: str  # target and build, for messages
     command: tuple[str, ...]  # what to run
 
-    def run(self, requests: Sequence[Request]) -> list[Reply]:
+    def run(self, requests: Sequence[protocol.Request]) -> list[protocol.Reply]:
         """Answer one request after the other, from reset."""
         reason = b"".join(request.pack() + request.pack_rows() for request in requests)
         try:
@@ -55,12 +47,12 @@ class ProcessProgram:
                 self.command, input=reason, capture_output=True, timeout=TIME_LIMIT, check=False
             )
         except subprocess.TimeoutExpired:
-            raise too_slow(self.name, TIME_LIMIT) from None
+            raise protocol.too_slow(self.name, TIME_LIMIT) from None
         size = requests[0].box_bytes
         if done.returncode or len(done.stdout) != len(requests) * size:
-            raise target_failed(self.name, _reason(done.stderr, done.returncode))
+            raise protocol.target_failed(self.name, _reason(done.stderr, done.returncode))
         boxes = range(0, len(done.stdout), size)
-        return [Reply.unpack(done.stdout[at : at + size]) for at in boxes]
+        return [protocol.Reply.unpack(done.stdout[at : at + size]) for at in boxes]
 
 
 def _reason(stderr: bytes, code: int) -> str:
@@ -98,8 +90,6 @@ SANITIZERS = {"gcc": "libgcc-12-dev", "clang": "libclang-rt-dev"}
 AVR_CPU = "atmega1284p"
 AVR_DATA = 0x800000
 SIMAVR_HEADERS = Path("/usr/include/simavr")
-
-NUMBERS_NEED = "compile with --io q15 or q31 for it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,40 +216,22 @@ def avr(workshop: Workshop) -> Offer:
         missing.append(Missing("avr", "libsimavr", "apt install libsimavr-dev libelf-dev"))
     if missing:
         return Offer(missing=tuple(missing))
-    return Offer((partial(_avr, workshop, "avr-gcc", compilers[0]),))
+    return Offer((partial(_avr, workshop, compilers[0]),))
 
 
-def _avr(workshop: Workshop, compiler: str, host_compiler: list[str]) -> Variant:
+def _avr(workshop: Workshop, host_compiler: list[str]) -> Variant:
     path = workshop.folder / "avr.elf"
     build = workshop.build("avr", "-O2", f"-mmcu={AVR_CPU}", "-Wl,--gc-sections")
-    warnings = compile_c([compiler], build, path, "avr")
+    warnings = compile_c(["avr-gcc"], build, path, "avr")
     image = read_image(path)
     runner = workshop.folder / "avr_runner"
-    compile_c(
-        host_compiler,
-        Build(
-            (HARNESS / "avr_runner.c",),
-            # simavr's own headers are not clean under this project's warnings.
-            flags=(
-                "-O2",
-                "-isystem",
-                str(SIMAVR_HEADERS),
-                "-isystem",
-                str(SIMAVR_HEADERS / "avr"),
-                "-Wno-conversion",
-            ),
-            libraries=("-lsimavr", "-lelf"),
-        ),
-        runner,
-        "avr",
-    )
-    numbers = (
-        image.address("harness_box") - AVR_DATA,
-        image.address("harness_count") - AVR_DATA,
-        REQUEST_BYTES,
-        WINDOW_OFFSET,
-        BOX_BYTES,
-    )
+    headers = [str(SIMAVR_HEADERS), str(SIMAVR_HEADERS / "avr")]
+    # simavr's own headers are not clean under this project's warnings.
+    flags = ("-O2", *(f"-isystem{folder}" for folder in headers), "-Wno-conversion")
+    source = Build((HARNESS / "avr_runner.c",), flags=flags, libraries=("-lsimavr", "-lelf"))
+    compile_c(host_compiler, source, runner, "avr")
+    places = (image.address(name) - AVR_DATA for name in ("harness_box", "harness_count"))
+    numbers = (*places, protocol.REQUEST_BYTES, protocol.WINDOW_OFFSET, protocol.BOX_BYTES)
     program = ProcessProgram("avr", (str(runner), str(path), AVR_CPU, *map(str, numbers)))
     return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
 
@@ -272,36 +244,22 @@ def msp430(workshop: Workshop) -> Offer:
     )
     if missing:
         return Offer(missing=missing)
-    return Offer((partial(_msp430, workshop, "mspdebug"),))
+    return Offer((partial(_msp430, workshop),))
 
 
-def _msp430(workshop: Workshop, simulator: str) -> Variant:
+def _msp430(workshop: Workshop) -> Variant:
     path = workshop.folder / "msp430.elf"
-    compiler = [
-        *zig_cc("msp430"),
-        "-target",
-        "msp430-freestanding-none",
-        *FREESTANDING,
-        "-T",
-        str(HARNESS / "msp430.ld"),
-        "-Wl,--entry=reset",
-    ]
+    compiler = [*zig_cc("msp430"), "-target", "msp430-freestanding-none", *FREESTANDING]
+    compiler += ["-T", str(HARNESS / "msp430.ld"), "-Wl,--entry=reset"]
     # 56 KiB of flash hold a whole position controller only where it is compiled for size.
     level = "-Os" if workshop.subject == "controller" else "-O2"
     # Without -g the linker drops the symbols.
     build = workshop.build("msp430", level, "-g", "-Wl,--gc-sections")
     warnings = compile_c(compiler, build, path, "msp430")
     image = read_image(path)
-    return Variant(
-        "msp430",
-        "portable",
-        Msp430Program("msp430", simulator, path, image),
-        "cycles",
-        "MSP430, 16x16 multiplier",
-        f"zig cc {level}",
-        warnings,
-        image,
-    )
+    program, chip = Msp430Program(path, image), "MSP430, 16x16 multiplier"
+    made_by = f"zig cc {level}"
+    return Variant("msp430", "portable", program, "cycles", chip, made_by, warnings, image)
 
 
 TARGETS: Mapping[str, Maker] = {
@@ -331,10 +289,6 @@ def _fault_of(target: object, _: str) -> str:
 WHOLE_TARGETS: Registry[WholeTarget] = Registry("anhyst.targets", {}, _fault_of, taken=TARGETS)
 """By name: the entry points ``anhyst.targets`` of installed packages."""
 
-_FIRMWARE = "cortex-m3-qemu"
-"""That of anhyst-rigs."""
-
-
 FLOATING = ("host", *CORTEX)
 """Where single precision and stages are compared."""
 
@@ -344,35 +298,21 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
     targets = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
     known = (*TARGETS, *WHOLE_TARGETS)
     if not targets:
-        raise InputError(
-            f"--on: no target; known are {', '.join(known)}", code="no-target", key="--on"
-        )
+        raise wrong_key("--on", f"no target; known are {', '.join(known)}", code="no-target")
     for name in targets:
         if why := WHOLE_TARGETS.why_unusable(name):
             raise InputError(f"--on: {name}: {why}", code="not-installed", key="--on")
         if name not in known:
-            more = "; cortex-m3-qemu is in the package anhyst-rigs" * (name == _FIRMWARE)
-            raise InputError(
-                f"--on: unknown target {name}; known are {', '.join(known)}{more}",
-                code="unknown-target",
-                key="--on",
-            )
+            more = "; cortex-m3-qemu is in the package anhyst-rigs" * (name == "cortex-m3-qemu")
+            text = f"unknown target {name}; known are {', '.join(known)}{more}"
+            raise wrong_key("--on", text, code="unknown-target")
         if bundle.stage and name not in FLOATING:
-            raise InputError(
-                f"--on: {name} is not for the controller of a stage; give {', '.join(FLOATING)}",
-                code="target-not-for-this",
-                key="--on",
-            )
+            text = f"{name} is not for the controller of a stage; give {', '.join(FLOATING)}"
+            raise wrong_key("--on", text, code="target-not-for-this")
         if bundle.io == "f32" and name not in FLOATING:
-            raise InputError(
-                f"--on: {name} is not for f32; {NUMBERS_NEED}",
-                code="target-not-for-this",
-                key="--on",
-            )
+            text = f"{name} is not for f32; compile with --io q15 or q31 for it"
+            raise wrong_key("--on", text, code="target-not-for-this")
         if bundle.kind == PLAY and name in WHOLE_TARGETS:
-            raise InputError(
-                f"--on: {name} is built around a compensator, not a map with one play",
-                code="target-not-for-this",
-                key="--on",
-            )
+            text = f"{name} is built around a compensator, not a map with one play"
+            raise wrong_key("--on", text, code="target-not-for-this")
     return targets

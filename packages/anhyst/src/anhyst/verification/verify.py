@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 
 from anhyst.compilation.toolchain import Missing
 from anhyst.support.atomic import PathLike, check_path
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult, wrong_key
 from anhyst.support.jobs import Progress, cores
+from anhyst.verification import elf, targets
 from anhyst.verification.bundle import (
     LEVITATION,
     PLAY,
@@ -33,30 +35,9 @@ from anhyst.verification.compare import (
     compare,
     run,
 )
-from anhyst.verification.elf import (
-    CLOCK_HZ,
-    PRICES,
-    SOURCE,
-    Estimate,
-    Image,
-    ProgramSizes,
-    costs_of,
-    measure_sizes,
-    stack_below,
-)
 from anhyst.verification.emulators import CortexProgram
 from anhyst.verification.protocol import RecordForm, Reply
 from anhyst.verification.result import Cost, TargetResult, Verification
-from anhyst.verification.targets import (
-    CORTEX,
-    TARGETS,
-    WHOLE_TARGETS,
-    Offer,
-    Order,
-    cortex_m,
-    parse_targets,
-    reference,
-)
 
 DEFAULT = "host,cortex-m4"
 HOST_STEPS = 1_000_000
@@ -80,12 +61,10 @@ def verify(
     check_path(folder, "verify: folder", "the path of a compiled folder")
     for name, number in (("host steps", host_steps), ("steps", target_steps), ("seed", seed)):
         if not 1 <= number < 1 << 32:
-            raise InputError(
-                f"{name}: {number} is not within 1 .. 2^32 - 1", code="out-of-range", key=name
-            )
+            raise wrong_key(name, f"{number} is not within 1 .. 2^32 - 1", code="out-of-range")
     folder = Path(folder)
     bundle = read_bundle(folder)
-    names = parse_targets(DEFAULT if on is None else on, bundle)
+    names = targets.parse_targets(DEFAULT if on is None else on, bundle)
     with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
         numbers = (host_steps, target_steps, seed)
         subject: Subject = "stage" if bundle.stage else "compensator"
@@ -96,85 +75,63 @@ def verify(
             vectors = read_flight(folder / VECTORS, workshop.form, bundle.io == "f32")
         offers, missing = _offers(workshop, names)
         works = {name for name, offer in offers.items() if offer.orders}
-        whole = [name for name in names if name in WHOLE_TARGETS and not _lacks(name)]
+        whole = [name for name in names if name in targets.WHOLE_TARGETS and not _lacks(name)]
         works.update(whole)
         if not works:
             texts = "; ".join(lack.text() for lack in missing)
             raise InputError(f"no target can run; missing is {texts}", code="no-target")
         jobs = [(_Job(workshop, vectors, *numbers), offers)]
-        if bundle.has_controller:
+        if bundle.manifest.get("controller") is not None:
             around = Workshop.set_up(bundle, Path(scratch) / "controller", "controller")
             levitation = _Job(around, read_levitation(folder / LEVITATION), *numbers)
             jobs.append((levitation, _offers(around, names)[0]))
-        counted = _Counted(
-            progress,
-            sum(len(offer.orders) for _, some in jobs for offer in some.values()) + len(whole),
-        )
+        builds = sum(len(offer.orders) for _, some in jobs for offer in some.values())
+        done = count(1)
+
+        def one_more() -> None:
+            if progress is not None:
+                progress(next(done), builds + len(whole))
+
         results: list[TargetResult] = []
         for job, some in jobs:
-            results += job.run_all(some, counted)
+            results += job.run_all(some, one_more)
         for name in whole:
-            target = WHOLE_TARGETS[name]
+            target = targets.WHOLE_TARGETS[name]
             results.append(target.verify(bundle, Path(scratch), target_steps, seed))
-            counted.one_more()
-        estimates = tuple(e for job, _ in jobs for e in _estimates(job)) if SOURCE in works else ()
-    return Verification(
-        str(folder),
-        bundle.kind,
-        bundle.io,
-        bundle.rate,
-        seed,
-        tuple(results),
-        estimates,
-        tuple(name for name in names if name not in works),
-        missing,
-    )
+            one_more()
+        priced = jobs if elf.SOURCE in works else []
+        estimates = tuple(estimate for job, _ in priced for estimate in _estimates(job))
+    what = (str(folder), bundle.kind, bundle.io, bundle.rate, seed)
+    not_run = tuple(name for name in names if name not in works)
+    return Verification(*what, tuple(results), estimates, not_run, missing)
 
 
 def _offers(
     workshop: Workshop, names: Sequence[str]
-) -> tuple[dict[str, Offer], tuple[Missing, ...]]:
+) -> tuple[dict[str, targets.Offer], tuple[Missing, ...]]:
     """Return what can be built for each target, and all tools that are missing."""
-    offers = {name: TARGETS[name](workshop) for name in names if name in TARGETS}
+    offers = {name: targets.TARGETS[name](workshop) for name in names if name in targets.TARGETS}
     missing = [lack for offer in offers.values() for lack in offer.missing]
     return offers, (*missing, *(lack for name in names for lack in _lacks(name)))
 
 
 def _lacks(name: str) -> tuple[Missing, ...]:
     """Return what a target of another package would need and is not there."""
-    return WHOLE_TARGETS[name].missing_tools() if name in WHOLE_TARGETS else ()
+    return targets.WHOLE_TARGETS[name].missing_tools() if name in targets.WHOLE_TARGETS else ()
 
 
-class _Counted:
-    """Counts what is done for whoever wants to know."""
-
-    def __init__(self, progress: Progress | None, total: int) -> None:
-        self._progress = progress
-        self._total = total
-        self._done = 0
-
-    def one_more(self) -> None:
-        self._done += 1
-        if self._progress is not None:
-            self._progress(self._done, self._total)
-
-
+@dataclass
 class _Job:
     """What all builds have in common: the inputs, and the host's answers to them."""
 
-    def __init__(
-        self,
-        workshop: Workshop,
-        vectors: GoldenVectors,
-        host_steps: int,
-        target_steps: int,
-        seed: int,
-    ) -> None:
-        self.workshop = workshop
-        self.vectors = vectors
-        self.seed = seed
-        self.host_steps, self.target_steps = host_steps, target_steps
-        self._reference = reference(workshop)
+    workshop: Workshop
+    vectors: GoldenVectors
+    host_steps: int
+    target_steps: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        self._reference = targets.reference(self.workshop)
         self._answers: dict[int, Answers] = {}
 
     def steps(self, target: str) -> int:
@@ -183,7 +140,9 @@ class _Job:
         stage = self.workshop.bundle.stage
         return max(1, steps // stage["magnets"]) if stage else steps
 
-    def run_all(self, offers: Mapping[str, Offer], counted: _Counted) -> list[TargetResult]:
+    def run_all(
+        self, offers: Mapping[str, targets.Offer], one_more: Callable[[], None]
+    ) -> list[TargetResult]:
         """Build and run everything, as many at a time as there are processors."""
         orders = [(name, order) for name, offer in offers.items() for order in offer.orders]
         for steps in {self.steps(name) for name, _ in orders}:
@@ -192,10 +151,10 @@ class _Job:
         with ThreadPoolExecutor(cores()) as pool:
             for future in [pool.submit(partial(self._one, *order)) for order in orders]:
                 results.append(future.result())
-                counted.one_more()
+                one_more()
         return results
 
-    def _one(self, target: str, order: Order) -> TargetResult:
+    def _one(self, target: str, order: targets.Order) -> TargetResult:
         began = time.monotonic()
         steps = self.steps(target)
         try:
@@ -208,17 +167,15 @@ class _Job:
         head = (target, name, variant.processor, variant.compiler)
         try:
             outcome = run(variant.program, self.vectors, steps, self.seed)
-            difference = compare(
-                (self._reference.program, variant.program),
-                (self._answers[steps], outcome),
-                self.vectors,
-                steps,
-                self.seed,
-            )
+            programs = (self._reference.program, variant.program)
+            answers = (self._answers[steps], outcome)
+            difference = compare(programs, answers, self.vectors, steps, self.seed)
         except NegativeResult as error:
             return TargetResult(*head, 0, 0, failure=str(error))
-        counted = bool(variant.unit)
-        image = variant.image
+        counted, sizes, bundle = bool(variant.unit), None, self.workshop.bundle
+        if variant.image is not None:
+            sources = {Path(path).name for path in (*bundle.c_files, *CONTROL_SOURCES)}
+            sizes = elf.measure_sizes(variant.image, bundle.name, sources, target == "avr")
         return TargetResult(
             *head,
             steps,
@@ -226,7 +183,7 @@ class _Job:
             warnings=variant.warnings,
             unit=variant.unit,
             costs=self._costs(outcome) if counted else (),
-            sizes=self._sizes(image, target) if image else None,
+            sizes=sizes,
             state_bytes=outcome.random.state_bytes,
             control_bytes=outcome.random.control_bytes,
             stack_measured=outcome.stack if counted else None,
@@ -243,58 +200,46 @@ class _Job:
             counted = (*counted, replace(flown, part="tick, in flight"))
         return counted
 
-    def _sizes(self, image: Image, target: str) -> ProgramSizes:
-        bundle = self.workshop.bundle
-        sources = {Path(name).name for name in (*bundle.c_files, *CONTROL_SOURCES)}
-        return measure_sizes(image, bundle.name, sources, constants_in_data=target == "avr")
-
 
 def _static_stack(variant: Variant, workshop: Workshop) -> int | None:
-    if variant.image is None or variant.target not in CORTEX:
+    if variant.image is None or variant.target not in targets.CORTEX:
         return None
     if workshop.subject != "compensator":
-        return stack_below(variant.image, [f"{workshop.bundle.name}_controller_tick"])
+        return elf.stack_below(variant.image, [f"{workshop.bundle.name}_controller_tick"])
     io = workshop.bundle.io
     object_of = "play_map" if workshop.bundle.kind == PLAY else "compensator"
     roots = [f"anhyst_{object_of}_{part}_{io}" for part in ("solve", "commit")]
-    return stack_below(variant.image, roots)
+    return elf.stack_below(variant.image, roots)
 
 
 def costs(reply: Reply, form: RecordForm) -> tuple[Cost, ...]:
     """Take the clock's own share off what was counted."""
-    clock = reply.sections[0].least
-    sections_costs = []
+    found = []
     for name, section in zip(form.sections[1:], reply.sections[1:], strict=True):
         if section.count:
-            own = form.calls.get(name, 1) * clock
+            own = form.calls.get(name, 1) * reply.sections[0].least
             mean = section.total / section.count - own
-            sections_costs.append(
-                Cost(name, section.least - own, mean, section.most - own, section.most_at)
-            )
-    return tuple(sections_costs)
+            found.append(Cost(name, section.least - own, mean, section.most - own, section.most_at))
+    return tuple(found)
 
 
-def _estimates(job: _Job) -> tuple[Estimate, ...]:
+def _estimates(job: _Job) -> tuple[elf.Estimate, ...]:
     """Run the Cortex-M0+ once more for each list of prices."""
     try:
-        program = cortex_m(SOURCE, job.workshop).orders[0]().program
+        program = targets.cortex_m(elf.SOURCE, job.workshop).orders[0]().program
         assert isinstance(program, CortexProgram)
-        replies = {
-            name: run(
-                replace(program, costs=partial(costs_of, prices)),
-                job.vectors,
-                ESTIMATE_STEPS,
-                job.seed,
-            ).random
-            for name, prices in PRICES.items()
-        }
+        priced = [
+            (name, replace(program, costs=partial(elf.costs_of, elf.PRICES[name])))
+            for name in elf.PRICES
+        ]
+        replies = [
+            (name, run(each, job.vectors, ESTIMATE_STEPS, job.seed).random) for name, each in priced
+        ]
     except NegativeResult:
         return ()  # reported as a failure of the target where it was asked for
-    estimates: list[Estimate] = []
     whose = "controller: " if job.workshop.subject == "controller" else ""
-    for name, reply in replies.items():
-        estimates += [
-            Estimate(f"{whose}{cost.part}", name, cost.most, CLOCK_HZ / cost.most)
-            for cost in costs(reply, job.vectors.form)
-        ]
-    return tuple(estimates)
+    return tuple(
+        elf.Estimate(f"{whose}{cost.part}", name, cost.most, elf.CLOCK_HZ / cost.most)
+        for name, reply in replies
+        for cost in costs(reply, job.vectors.form)
+    )

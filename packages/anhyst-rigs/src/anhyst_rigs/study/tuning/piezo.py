@@ -105,7 +105,7 @@ class LinearPiezo:
         """Return the gain of the integrator and the coefficients of the notch."""
         file = self.file.changed({f"control.{name}": value for name, value in row.items()})
         gain = 2.0 * math.pi * file.displacement.bandwidth_Hz / file.timing.rate_Hz
-        return [gain, *notch_of(file).coefficients]
+        return [gain, *notch_of(file)]
 
     def costs(self, space: Box, aims: Aims, points: FloatArray) -> FloatArray:
         """Return what points of the box cost: those that keep the peak what they leave."""
