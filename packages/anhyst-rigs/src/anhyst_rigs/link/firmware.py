@@ -117,7 +117,9 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
         sources += sorted((root / part).glob("*.c"))
     for sources_of_board in own:
         sources += sorted(
-            file for file in sources_of_board.glob("*.c") if not _of_another(file, body)
+            file
+            for file in sources_of_board.glob("*.c")
+            if file.stem == f"board_{body}" or not file.stem.startswith("board_")
         )
     if not any(source.name == f"board_{body}.c" for source in sources):
         raise InputError(
@@ -138,11 +140,6 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
         options += ["-T", str(own[0] / "board.ld")]
     run, ending = partial(_run, board=name), ["-o", str(program)]
     compile_and_link(_compiler(name), options, search, sources, ending, run)
-
-
-def _of_another(file: Path, body: str) -> bool:
-    """Whether a board's constants are those for another body."""
-    return file.stem.startswith("board_") and file.stem != f"board_{body}"
 
 
 def _compiler(name: str) -> list[str]:
