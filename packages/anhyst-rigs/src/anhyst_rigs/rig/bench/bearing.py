@@ -58,26 +58,15 @@ class LoadDrive:
         stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
         most = rig.settings.timing.rate_Hz / 4.0
         force = max(abs(load.force_N), mass * 9.81)
+        renders, about = "damping that the load drive renders", "stiffness that it renders about "
+        about += "the operating gap"
+        of_sine = "amplitude of a sine on its force"
         self._knobs = Knobs(
+            Parameter("load_damping", "N s/m", -damping, damping, renders, load.damping_N_s_per_m),
             Parameter(
-                "load_damping",
-                "N s/m",
-                -damping,
-                damping,
-                "damping that the load drive renders",
-                load.damping_N_s_per_m,
+                "load_stiffness", "N/m", -stiffness, stiffness, about, load.stiffness_N_per_m
             ),
-            Parameter(
-                "load_stiffness",
-                "N/m",
-                -stiffness,
-                stiffness,
-                "stiffness that it renders about the operating gap",
-                load.stiffness_N_per_m,
-            ),
-            Parameter(
-                "disturbance_force", "N", 0.0, force, "amplitude of a sine on its force", 0.0
-            ),
+            Parameter("disturbance_force", "N", 0.0, force, of_sine, 0.0),
             Parameter("disturbance_frequency", "Hz", 0.0, most, "of this sine", 10.0),
         )
         self.parameters = self._knobs.parameters
@@ -182,7 +171,7 @@ class _Unplugged:
         raise NotImplementedError
 
 
-class BearingBench(LockStepBench[BusController]):
+class BearingBench(LockStepBench):
     """A bearing and the firmware that levitates it, in lock-step.
 
     The firmware runs in this process, or behind a tap on one of
@@ -191,6 +180,7 @@ class BearingBench(LockStepBench[BusController]):
 
     signals = (*_OF_PLANT.values(), *_OF_FIRMWARE)
     commands = BEARING_COMMANDS
+    _bus: BusController
     state, fault = State.INIT, Fault.NONE  # of the controller after the last tick
     gap = math.nan  # m, at the last tick
     beats = True  # whether its operator says that he is there

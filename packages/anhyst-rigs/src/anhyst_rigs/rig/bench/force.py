@@ -26,12 +26,7 @@ from anhyst_rigs.rig.bench.settings import (
     expect_amplifier,
     force_settings,
 )
-from anhyst_rigs.rig.force.bench import (
-    ActuatorStand,
-    Demand,
-    StandTick,
-    bench_recording,
-)
+from anhyst_rigs.rig.force.bench import ActuatorStand, Demand, StandTick, bench_recording
 from anhyst_rigs.rig.force.file import Rig
 from anhyst_rigs.rig.force.programs import ONE, Program, Session
 from anhyst_rigs.rig.recording import Recording
@@ -140,21 +135,18 @@ class StandPlant:
         )
 
 
-class ForceBench(LockStepBench[PlantBus]):
+class ForceBench(LockStepBench):
     """An actuator whose armature is moved from outside, and the firmware that controls its force.
 
     Virtual time passes in :meth:`advance` alone. The motion of the armature is among the parameters.
     """
 
+    _bus: PlantBus
     signals = _SIGNALS
     commands = FORCE_COMMANDS
 
     def __init__(
-        self,
-        rig: Rig,
-        program: Program,
-        plant: StandPlant | None = None,
-        board: str = "library",
+        self, rig: Rig, program: Program, plant: StandPlant | None = None, board: str = "library"
     ) -> None:
         self.rate = float(rig.settings.timing.rate_Hz)
         self._program, self._scales = program, program.scales
@@ -290,11 +282,10 @@ def run_firmware(
             raise NegativeResult(text, code="wrong-state")
     run = np.concatenate(rows)
     everything = np.concatenate([start_up, run])
+    drive = _columns(everything, "command")[:, 0]
     return bench_recording(_columns(run, *_RECORDED), rig.dt), Session(
         program.gap_codes(_columns(everything, "gap_read")[:, 0]),
-        np.rint(_columns(everything, "command")[:, 0] / program.scales.current * ONE).astype(
-            np.int64
-        ),
+        np.rint(drive / program.scales.current * ONE).astype(np.int64),
         np.array([program.demand_code(force) for force in demand.force.tolist()]),
         len(start_up),
         demagnetised,

@@ -106,25 +106,15 @@ class ControllerSettings:
             self._line.write_setting(Setting.GAINS, 1)  # the shares that stand there now
 
 
-_COMPENSATION = KnownSetting(
-    "compensation",
-    Setting.COMPENSATION,
-    "",
-    0.0,
-    1.0,
-    1.0,
-    "1: the compensator; 0: the constant ratio",
-)
+_EITHER = "1: the compensator; 0: the constant ratio"
+_COMPENSATION = KnownSetting("compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, _EITHER)
 
 
 def force_settings(demand: float, current: float, rate: float) -> tuple[KnownSetting, ...]:
     """Return the settings of a controller of force."""
     most, ratio = demand * rate, current / demand
-    slew, follow = (
-        "largest slope of the demand",
-        "0: the memory follows the current driven; 1: measured",
-    )
-    of_ratio = "constant ratio of current to force"
+    slew, of_ratio = "largest slope of the demand", "constant ratio of current to force"
+    follow = "0: the memory follows the current driven; 1: measured"
     return (
         KnownSetting("demand_slew", Setting.DEMAND_SLEW, "N/s", most / Q31, most, most / Q31, slew),
         _COMPENSATION,
