@@ -118,23 +118,17 @@ def drifted_file(file: RigFile, drift: Drift) -> RigFile:
     """Return what the file of a plant that has drifted would say; an identified law stays."""
     changes: dict[str, Any] = {}
     if file.stacks:
-        changes |= _of_stack(file, drift)
+        for key in ("stroke_m_per_V", "bend_m_per_V2", "slope_m_per_V"):
+            changes[f"stack.{key}"] = (1.0 + drift.stroke) * getattr(file.stack, key)
+        shares = [(1.0 + drift.creep) * share for share in file.stack.creep_shares]
+        changes["stack.creep_shares"] = shares
+        changes["flexure.resonance_Hz"] = (1.0 + drift.resonance) * file.flexure.resonance_Hz
     if file.magnets and file.bodies:
         changes |= _of_body(file, drift)
     if file.iron is not None:
         iron = file.iron.drifted(drift.pinning, drift.reversible, drift.saturation)
         changes |= {f"iron.{key}": value for key, value in iron.items()}
     return file.changed(changes)
-
-
-def _of_stack(file: RigFile, drift: Drift) -> dict[str, Any]:
-    stack, longer = file.stack, 1.0 + drift.stroke
-    strokes = ("stroke_m_per_V", "bend_m_per_V2", "slope_m_per_V")
-    return {
-        **{f"stack.{key}": longer * getattr(stack, key) for key in strokes},
-        "stack.creep_shares": [(1.0 + drift.creep) * share for share in stack.creep_shares],
-        "flexure.resonance_Hz": (1.0 + drift.resonance) * file.flexure.resonance_Hz,
-    }
 
 
 def _of_body(file: RigFile, drift: Drift) -> dict[str, Any]:
@@ -152,8 +146,7 @@ def _of_body(file: RigFile, drift: Drift) -> dict[str, Any]:
         "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
         "current_sensor.gain_error": shunt.gain_error + drift.current_gain,
     }
-    solid = file.magnet.solid_iron
-    if solid is not None:
+    if (solid := file.magnet.solid_iron) is not None:
         conductivity = solid.conductivity * (1.0 + drift.conductivity)
         changes["magnet.solid.conductivity_S_per_m"] = conductivity
     if hall is not None:

@@ -22,8 +22,9 @@ from anhyst.model.schema import LawName
 from anhyst.support.errors import CreepWarning
 from anhyst.support.kinds import PROBED, MethodName, NumberFormat
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.distance import PlantCheck, along, distance, follower, model_distance
+from anhyst_rigs.rig.distance import PlantCheck, along, follower
 from anhyst_rigs.rig.drift import Drift, drifted_law
+from anhyst_rigs.rig.from_loops import check_fitted
 from anhyst_rigs.rig.measurement_table import identify_loops, misclosures
 
 
@@ -170,14 +171,12 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
 
 def check_plant(rig: BodyRig, knowledge: IdentifiedMagnet) -> PlantCheck:
     """Hold the plant of a rig, and what its controller knows, against the loops, of the slow ones."""
-    fitted, loops = rig.fitted, slow_loops(knowledge.loops)
-    zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
-    return PlantCheck(
-        plant=distance(loops, lambda loop: along(follower(rig.magnet), loop, zeros[0]) + zeros[1]),
-        model=model_distance(loops, knowledge.model),
+    return check_fitted(
+        rig.fitted,
+        slow_loops(knowledge.loops),
+        knowledge.model,
+        lambda loop, zero: along(follower(rig.magnet), loop, zero),
         same=rig.law is not None and _same(rig.law, knowledge.model),
-        fitted=fitted is not None,
-        guessed=() if fitted is None else fitted.guessed,
     )
 
 

@@ -10,7 +10,7 @@ Expectations of ordinary magnets, wide ones, decide there.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
@@ -18,14 +18,23 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from anhyst._core import Magnet
-from anhyst.data import Loops
+from anhyst.data import Loop, Loops
 from anhyst.data.speeds import slow_loops, speeds_of
 from anhyst.data.verdict import largest_output
+from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
 from anhyst.support.kept import kept
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
-from anhyst_rigs.rig.distance import along, along_in_time, follower, thinned
+from anhyst_rigs.rig.distance import (
+    PlantCheck,
+    along,
+    along_in_time,
+    distance,
+    follower,
+    model_distance,
+    thinned,
+)
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.magnet_table import FROM_LOOPS, POLES, MagnetTable, SolidTable
 from anhyst_rigs.rig.parts.iron import NamedCells
@@ -87,6 +96,24 @@ class FittedPlant:
         """What ``[[magnet]]`` of a rig file would say beside its iron."""
         poles = {key: getattr(self.poles, name) for name, key in POLES.items()}
         return {**poles, "solid": self.solid}
+
+
+def check_fitted(
+    fitted: FittedPlant | None,
+    loops: Loops,
+    model: Model,
+    force: Callable[[Loop, float], FloatArray],
+    same: bool = False,
+) -> PlantCheck:
+    """Hold a plant, by its force along a loop from a zero of the current, and a model against loops."""
+    zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
+    return PlantCheck(
+        plant=distance(loops, lambda loop: force(loop, zeros[0]) + zeros[1]),
+        model=model_distance(loops, model),
+        same=same,
+        fitted=fitted is not None,
+        guessed=() if fitted is None else fitted.guessed,
+    )
 
 
 def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
