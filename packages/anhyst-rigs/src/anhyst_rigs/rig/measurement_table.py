@@ -164,13 +164,13 @@ class Measured:
         return loops
 
 
-def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[FileFault]:
+def identify_faults(options: IdentifyTable) -> list[FileFault]:
     """Find what a rig file wants of its identification and cannot have."""
     if options.gap_map == "free":
         text = "'free' holds at the measured gaps alone, and the armature moves; choose another"
         return [FileFault(("loops", "gap_map"), text, code="choice-not-for-this")]
     try:
-        check_wanted(options.law, options.gap_map or gap_map, options.search)
+        check_wanted(options.law, options.gap_map or "circuit", options.search)
     except InputError as error:
         return [FileFault(("loops",), str(error), code=error.code)]
     return []

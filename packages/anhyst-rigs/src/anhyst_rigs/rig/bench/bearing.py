@@ -31,7 +31,14 @@ from anhyst_rigs.link.virtual_boards import (
 from anhyst_rigs.link.wire import LinkPort
 from anhyst_rigs.rig.bearing.loop import BearingSetup, position_control
 from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
-from anhyst_rigs.rig.bench.protocol import Aim, Knobs, Parameter, Signal, currents_of
+from anhyst_rigs.rig.bench.protocol import (
+    BEARING_COMMANDS,
+    Aim,
+    Knobs,
+    Parameter,
+    Signal,
+    currents_of,
+)
 from anhyst_rigs.rig.bench.settings import (
     ControllerSettings,
     check_values,
@@ -114,17 +121,6 @@ _OF_FIRMWARE = (
     Signal("flags", "", "what was in the way: Flag"),
 )
 """Signals that the controller alone knows."""
-BEARING_COMMANDS = (
-    Command.CONDITION,
-    Command.DEMAGNETISED,
-    Command.LIFT,
-    Command.LAND,
-    Command.STOP,
-    Command.CLEAR,
-    Command.IDLE,
-    Command.ARM,
-)
-"""Of a controller of position."""
 _FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_full", "flux_full")
 _STATE = 1 + len(_OF_PLANT) + [signal.name for signal in _OF_FIRMWARE].index("state")
 """In rows of a bench; the fault stands two places behind the state."""
@@ -189,14 +185,13 @@ class BearingBench(LockStepBench):
         self,
         setup: BearingSetup,
         firmware: Path,
-        seed: int = 0,
         board: str = "",
         bearing: Plant | None = None,
     ) -> None:
         rig = setup.rig
         self.rate = float(rig.settings.timing.rate_Hz)
         self._scales = position_control(setup).settings("fixed")
-        self.bearing = bearing or make_plant(rig, seed)
+        self.bearing = bearing or make_plant(rig, 0)
         self.load_drive = LoadDrive(rig, self.bearing)
         limits, gap = setup.controller.limits, rig.settings.gap_m
         self.aim = Aim("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)

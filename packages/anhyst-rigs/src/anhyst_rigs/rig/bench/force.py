@@ -19,7 +19,7 @@ from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, PlantBus, Reading
 from anhyst_rigs.link.wire import Status
 from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
-from anhyst_rigs.rig.bench.protocol import Aim, Knobs, Parameter, Signal
+from anhyst_rigs.rig.bench.protocol import FORCE_COMMANDS, Aim, Knobs, Parameter, Signal
 from anhyst_rigs.rig.bench.settings import (
     ControllerSettings,
     check_values,
@@ -76,17 +76,6 @@ _SIGNALS = (
     Signal("fault", "", "its latched reason: Fault"),
     Signal("flags", "", "what was in the way: Flag"),
 )
-
-FORCE_COMMANDS = (
-    Command.CONDITION,
-    Command.DEMAGNETISED,
-    Command.RUN,
-    Command.STOP,
-    Command.CLEAR,
-    Command.IDLE,
-    Command.ARM,
-)
-"""Of a controller of force."""
 
 
 class GivenMotion(Knobs):

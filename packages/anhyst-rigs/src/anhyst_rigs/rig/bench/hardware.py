@@ -15,7 +15,6 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.frames import Body
 from anhyst_rigs.link.xcp import XcpMaster
-from anhyst_rigs.rig.bench.bearing import BEARING_COMMANDS
 from anhyst_rigs.rig.bench.contact import (
     Contact,
     OtherFirmware,
@@ -23,8 +22,8 @@ from anhyst_rigs.rig.bench.contact import (
     block_in_force,
     open_contact,
 )
-from anhyst_rigs.rig.bench.force import FORCE_COMMANDS, check_demand
-from anhyst_rigs.rig.bench.protocol import Bench, Parameter
+from anhyst_rigs.rig.bench.force import check_demand
+from anhyst_rigs.rig.bench.protocol import BEARING_COMMANDS, FORCE_COMMANDS, Bench, Parameter
 from anhyst_rigs.rig.bench.settings import check_values
 
 _BEAT_S = 0.02

@@ -61,11 +61,9 @@ class PiezoBench(LapBench):
     signals = (*_READ, *STAGE_OWN)
     commands = LAP_COMMANDS
 
-    def __init__(
-        self, rig: PiezoRig, inverses: Sequence[ForceController], seed: int = SEED
-    ) -> None:
+    def __init__(self, rig: PiezoRig, inverses: Sequence[ForceController]) -> None:
         moved, rate = rig.settings.moved, float(rig.settings.timing.rate_Hz)
-        self.rig, self.rate, self._seed = rig, rate, seed
+        self.rig, self.rate = rig, rate
         self._inverses = tuple(inverses)
         self._reach = inverses[0].scales.demand  # largest displacement of the measured loops
         self.aim = Aim("position", "reference", "m", -moved.low_m, self._reach - moved.low_m, 0.0)
@@ -92,7 +90,7 @@ class PiezoBench(LapBench):
     def _renew(self) -> None:
         """Put the plant in force, at long rest at 0 V."""
         settings, number = self.rig.settings, int(self._values["plant"])
-        drift, noise = NO_DRIFT, self._seed
+        drift, noise = NO_DRIFT, SEED
         if number:
             drift, noise = draw_plant(settings, settings.seed, number - 1)
         self._rng = np.random.default_rng(noise)

@@ -52,6 +52,12 @@ STAGE_OWN = (
     Signal("lap", "", "number of the set-point that is followed; 0 while none is"),
 )
 
+_BEFORE = (Command.CONDITION, Command.DEMAGNETISED)
+_AFTER = (Command.STOP, Command.CLEAR, Command.IDLE, Command.ARM)
+FORCE_COMMANDS = (*_BEFORE, Command.RUN, *_AFTER)
+"""Of a controller of force."""
+BEARING_COMMANDS = (*_BEFORE, Command.LIFT, Command.LAND, *_AFTER)
+"""Of a controller of position."""
 LAP_COMMANDS = (Command.RUN, Command.STOP, Command.CLEAR)
 """Of what follows a set-point over and over."""
 STAGE_COMMANDS = (*LAP_COMMANDS[:2], Command.LIFT, Command.LAND, Command.IDLE, Command.CLEAR)

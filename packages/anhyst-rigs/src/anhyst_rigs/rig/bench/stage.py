@@ -112,7 +112,6 @@ class StageBench(LapBench):
         self,
         setups: Sequence[StageSetup],
         gains: Sequence[Feedforward] = (Feedforward(), Feedforward()),
-        seed: int = 0,
     ) -> None:
         rig = setups[0].rig
         self.rig, self.rate = rig, 1.0 / rig.dt
@@ -138,7 +137,6 @@ class StageBench(LapBench):
         }
         self._staged: dict[str, float] = {}
         self._corrected: dict[int, StageSetup] = {}
-        self._seed = seed  # of the noise of the plant that the file describes
         self._laps, self._lap = 0, 0
         self._offset, self._load, self._side = 0.0, 0.0, 1.0
         # what the controller did at the last ticks
@@ -166,7 +164,7 @@ class StageBench(LapBench):
         """Put the plant in force where it works, at rest, its iron demagnetised."""
         number = int(self._values["plant"])
         settings = self.rig.settings
-        drift, noise = NO_DRIFT, self._seed
+        drift, noise = NO_DRIFT, 0
         if number:
             drift, noise = draw_plant(settings, settings.seed, number - 1)
         self._cable = drift.cable

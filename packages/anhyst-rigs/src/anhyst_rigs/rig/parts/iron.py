@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from functools import lru_cache
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
@@ -42,6 +42,8 @@ class AnySteel(Table):
     knee_sharp_A_per_m: Positive
     saturation_slow_T: Positive
     knee_slow_A_per_m: Positive
+    pinned: ClassVar[str]  # key of what its pinning goes with
+    saturated: ClassVar[tuple[str, ...]] = ("saturation_sharp_T", "saturation_slow_T")
 
     @model_validator(mode="after")
     def _makes_an_iron(self) -> Self:
@@ -60,17 +62,15 @@ class AnySteel(Table):
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, the same steel without what makes its loops wide."""
 
-    @abstractmethod
     def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
         """Return the keys of an iron that has drifted, by parts of each quantity."""
+        del reversible  # of cells alone
+        keys = {key: getattr(self, key) * (1.0 + saturation) for key in self.saturated}
+        return {self.pinned: getattr(self, self.pinned) * (1.0 + pinning), **keys}
 
     @abstractmethod
     def lines(self) -> list[str]:
         """Return what a diagram says of it."""
-
-    def _saturated(self, factor: float) -> dict[str, float]:
-        keys = ("saturation_sharp_T", "saturation_slow_T")
-        return {key: getattr(self, key) * factor for key in keys}
 
 
 class CellSteel(AnySteel):
@@ -81,6 +81,7 @@ class CellSteel(AnySteel):
     thresholds are quantiles of a Weibull distribution; cells without one are the reversible part.
     """
 
+    pinned = "pinning_scale_A_per_m"
     family: Literal["cells"] = "cells"
     cells: Annotated[int, Field(ge=1, le=1000)]  # pinned ones, of equal weights
     reversible_fraction: Share  # weight of the iron that nothing pins
@@ -119,11 +120,9 @@ class CellSteel(AnySteel):
 
     def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
         """Return its keys after a drift."""
-        return {
-            "pinning_scale_A_per_m": self.pinning_scale_A_per_m * (1.0 + pinning),
-            "reversible_fraction": min(self.reversible_fraction * (1.0 + reversible), 1.0),
-            **self._saturated(1.0 + saturation),
-        }
+        fraction = min(self.reversible_fraction * (1.0 + reversible), 1.0)
+        own = super().drifted(pinning, reversible, saturation)
+        return {"reversible_fraction": fraction, **own}
 
     def lines(self) -> list[str]:
         """Return what a diagram says of it."""
@@ -145,6 +144,7 @@ class DuhemSteel(AnySteel):
     wipes smaller ones out only as fast as it forgets all else.
     """
 
+    pinned = "coercivity_A_per_m"
     family: Literal["duhem"]
     coercivity_A_per_m: Positive  # half the width of a wide loop about zero
     turning_T: Positive  # way on which this part turns round after a reversal, by a factor e
@@ -168,14 +168,6 @@ class DuhemSteel(AnySteel):
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""
         return self.model_copy(update={"coercivity_A_per_m": 0.0}).plant()
-
-    def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
-        """Return its keys after a drift."""
-        del reversible
-        return {
-            "coercivity_A_per_m": self.coercivity_A_per_m * (1.0 + pinning),
-            **self._saturated(1.0 + saturation),
-        }
 
     def lines(self) -> list[str]:
         """Return what a diagram says of it."""
@@ -226,6 +218,8 @@ class PreisachSteel(AnySteel):
     share of the polarisation.
     """
 
+    pinned = "pinning_A_per_m"
+    saturated = ("saturation_T", *AnySteel.saturated)
     family: Literal["preisach"]
     saturation_T: Positive  # of the relays, ``mu0*M``
     pinning_A_per_m: Positive  # median
@@ -269,15 +263,6 @@ class PreisachSteel(AnySteel):
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel of relays with the same biases, unpinned."""
         return _plant(self, False)
-
-    def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
-        """Return its keys after a drift."""
-        del reversible
-        return {
-            "pinning_A_per_m": self.pinning_A_per_m * (1.0 + pinning),
-            "saturation_T": self.saturation_T * (1.0 + saturation),
-            **self._saturated(1.0 + saturation),
-        }
 
     def lines(self) -> list[str]:
         """Return what a diagram says of it."""
