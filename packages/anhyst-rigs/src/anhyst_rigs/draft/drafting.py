@@ -113,10 +113,8 @@ def _init_piezo(loops: Loops, source: _Source, out: PathLike, wanted: Wanted) ->
         )
     try:
         if loops.output.name != "displacement":
-            raise InputError(
-                "a piezo stage needs columns of voltage and displacement, such as u_V and x_um",
-                code="columns-missing",
-            )
+            text = "a piezo stage needs columns of voltage and displacement, such as u_V and x_um"
+            raise InputError(text, code="columns-missing")
         stack = fit_stack(loops)
     except InputError as error:
         raise error.at(source.text) from error

@@ -41,10 +41,8 @@ def draft_force_control(reach: MeasuredMagnet, source: dict[str, Any]) -> Draft:
     """Write the rig file of a magnet whose force is controlled."""
     low, high = float(reach.gaps[0]), float(reach.gaps[-1])
     if not low > 0.0:
-        raise InputError(
-            "a gap of 0 m is none in which an armature is held; leave its loops out",
-            code="gap-zero",
-        )
+        text = "a gap of 0 m is none in which an armature is held; leave its loops out"
+        raise InputError(text, code="gap-zero")
     cycle, sweep = reach.fastest or (0.0, 0.0)
     rate = max(RATE, min(nearest(TICKS * cycle), MOST_RATE))
     places = FEW_POSITIONS if cycle else POSITIONS

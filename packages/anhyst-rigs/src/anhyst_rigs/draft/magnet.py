@@ -120,16 +120,12 @@ def reach_of(loops: Loops) -> MeasuredMagnet:
     current_high = min(max(float(loop.input.max()) for loop in group) for group in groups.values())
     current_high = nearest(current_high, 3)  # what is read is restless
     if not current_high > 0.0:
-        raise InputError(
-            "at one gap no current above 0 A was measured; turn the sign of the current",
-            code="current-negative",
-        )
+        text = "at one gap no current above 0 A was measured; turn the sign of the current"
+        raise InputError(text, code="current-negative")
     forces = np.array([_force_at_top(group, current_high) for group in groups.values()])
     if not forces.min() > 0.0:
-        raise InputError(
-            "the largest current does not pull at every gap; turn the sign of the force",
-            code="force-negative",
-        )
+        text = "the largest current does not pull at every gap; turn the sign of the force"
+        raise InputError(text, code="force-negative")
     gaps = np.array(list(groups), dtype=np.float64)
     return MeasuredMagnet(loops, gaps, current_high, forces, fastest)
 
@@ -226,11 +222,8 @@ def machine_of(wanted: Wanted, reach: MeasuredMagnet) -> Machine:
         ("gap", wanted.gap, "m"),
     ):
         if number is not None and not (math.isfinite(number) and number > 0.0):
-            raise InputError(
-                f"{name}: {number:g} {unit} is not above 0; correct it",
-                code="not-above-zero",
-                key=name,
-            )
+            text = f"{name}: {number:g} {unit} is not above 0; correct it"
+            raise InputError(text, code="not-above-zero", key=name)
     gap = _gap(wanted, reach)
     load = _load(wanted, reach)
     if wanted.mass is not None:

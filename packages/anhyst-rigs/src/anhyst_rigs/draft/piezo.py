@@ -138,10 +138,8 @@ class _Problem:
         self.high = max(float(loop.input.max()) for loop in self.loops)
         self.height = max(float(np.ptp(loop.output)) for loop in self.loops)
         if not (self.high > 0.0 and self.height > 0.0):
-            raise InputError(
-                "no voltage above 0 V moves it; turn the sign of the voltage",
-                code="voltage-negative",
-            )
+            text = "no voltage above 0 V moves it; turn the sign of the voltage"
+            raise InputError(text, code="voltage-negative")
         if any(correlation(loop.input, loop.output) < 0.0 for loop in self.loops):
             raise InputError(
                 "the displacement falls as the voltage rises; flip the sign of one of the columns",

@@ -37,11 +37,8 @@ def draft_stage(reach: MeasuredMagnet, source: dict[str, Any], wanted: Wanted) -
         )
     middle = 0.5 * (low + high)
     if wanted.gap is not None and not low < wanted.gap < high:
-        raise InputError(
-            f"gap: {wanted.gap:g} m is not between the measured ones, {low:g} and {high:g} m",
-            code="gaps-not-covered",
-            key="gap",
-        )
+        text = f"gap: {wanted.gap:g} m is not between the measured ones, {low:g} and {high:g} m"
+        raise InputError(text, code="gaps-not-covered", key="gap")
     gap = Value(middle, "the middle of the gaps") if wanted.gap is None else Value(wanted.gap, "")
     force = down(reach.usable(high))
     mass = (

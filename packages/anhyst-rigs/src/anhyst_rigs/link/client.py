@@ -147,10 +147,8 @@ class ControllerLink:
         """Send a parameter block and put it in force between two ticks."""
         row = [int(word) for word in words]
         if len(row) <= GENERATION_AT:
-            raise InputError(
-                f"a block of {len(row)} words: is too short; send a whole one",
-                code="block-too-short",
-            )
+            text = f"a block of {len(row)} words: is too short; send a whole one"
+            raise InputError(text, code="block-too-short")
         generation = row[GENERATION_AT] & 0xFFFF
         with self._lock:
             begin = frames.BlockBeginRequest(len(row), generation, checksum(row))
@@ -273,10 +271,8 @@ def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) ->
         return answer
     if isinstance(answer, NakAnswer):
         raise Refused(url, request, answer)
-    raise InputError(
-        f"{url}: {type(answer).__name__} in answer to {type(request).__name__}",
-        code="unexpected-answer",
-    )
+    text = f"{url}: {type(answer).__name__} in answer to {type(request).__name__}"
+    raise InputError(text, code="unexpected-answer")
 
 
 def _words(name: str) -> str:
@@ -305,11 +301,8 @@ class _Sent:
 def demand_request(force: int) -> frames.DemandRequest:
     """Return a demand, q31 of the full-scale force."""
     if not -(1 << 31) <= force < 1 << 31:
-        raise InputError(
-            f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1",
-            code="beyond-full-scale",
-            key="demand",
-        )
+        text = f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1"
+        raise InputError(text, code="beyond-full-scale", key="demand")
     return frames.DemandRequest(int(force))
 
 

@@ -52,11 +52,8 @@ BOARDS = {
 def build(board: str, parameters: PathLike, out: PathLike) -> Path:
     """Build the firmware of a board around a compiled compensator."""
     if board not in BOARDS:
-        raise InputError(
-            f"board {board}: is not known; choose one of {', '.join(BOARDS)}",
-            code="unknown-board",
-            key="board",
-        )
+        text = f"board {board}: is not known; choose one of {', '.join(BOARDS)}"
+        raise InputError(text, code="unknown-board", key="board")
     folder = Path(parameters).resolve()
     actuator = _actuator(folder)
     with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
@@ -86,10 +83,8 @@ def _actuator(folder: Path) -> str:
         manifest = json.loads(path.read_text(encoding="utf-8"))
         name, rate = str(manifest["name"]), float(manifest["rate_Hz"])
     except (OSError, ValueError, KeyError, TypeError):
-        raise InputError(
-            f"{path}: is not there or names no actuator; name a folder that anhyst compile wrote",
-            code="not-a-compiled-folder",
-        ) from None
+        text = f"{path}: is not there or names no actuator; name a folder that anhyst compile wrote"
+        raise InputError(text, code="not-a-compiled-folder") from None
     if rate != int(rate) or not 10 <= rate <= 1_000_000:
         raise InputError(
             f"{path}: rate_Hz is {rate:g}; compile for a whole number of ticks a second, 10 to "
@@ -122,11 +117,8 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
             if file.stem == f"board_{body}" or not file.stem.startswith("board_")
         )
     if not any(source.name == f"board_{body}.c" for source in sources):
-        raise InputError(
-            f"board {name}: has no controller of {body}; take another board",
-            code="board-has-no-controller",
-            key=name,
-        )
+        text = f"board {name}: has no controller of {body}; take another board"
+        raise InputError(text, code="board-has-no-controller", key=name)
     major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
     defines = {"BOARD_FIRMWARE_VERSION": str(256 * major + minor), **actuator_defines(actuator)}
     defines["BOARD_BODY"] = f'"{body}/{body}.h"'
@@ -146,22 +138,16 @@ def _compiler(name: str) -> list[str]:
     board = BOARDS[name]
     if board.cpu:
         if importlib.util.find_spec("ziglang") is None:
-            raise InputError(
-                f"board {name}: ziglang is not installed: pip install 'anhyst[verify]'",
-                code="not-installed",
-                key="ziglang",
-            )
+            text = f"board {name}: ziglang is not installed: pip install 'anhyst[verify]'"
+            raise InputError(text, code="not-installed", key="ziglang")
         zig = [sys.executable, "-m", "ziglang", "cc"]
         return [*zig, *_THUMB, f"-mcpu={board.cpu}", *_FREESTANDING, *_SMALL]
     check_runs_here(name)
     for candidate in ("cc", "gcc", "clang"):
         if shutil.which(candidate):
             return [candidate, "-O2"]
-    raise InputError(
-        f"board {name}: a C compiler is not installed: apt install gcc libc6-dev",
-        code="not-installed",
-        key="gcc",
-    )
+    text = f"board {name}: a C compiler is not installed: apt install gcc libc6-dev"
+    raise InputError(text, code="not-installed", key="gcc")
 
 
 def _run(command: Sequence[str], board: str) -> str:

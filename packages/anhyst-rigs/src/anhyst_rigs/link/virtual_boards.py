@@ -107,10 +107,8 @@ class PlantBus:
         try:
             drive = self.exchange(sample)
         except (OSError, ValueError) as error:
-            raise InputError(
-                f"the controller did not finish tick {tick}: {error}; see its output",
-                code="tick-not-finished",
-            ) from error
+            text = f"the controller did not finish tick {tick}: {error}; see its output"
+            raise InputError(text, code="tick-not-finished") from error
         if drive.tick != tick:
             raise InputError(
                 f"the controller answered tick {drive.tick} to tick {tick}", code="tick-differs"
@@ -309,11 +307,8 @@ def find_qemu() -> str:
     check_runs_here("qemu-mps2")
     program_path = shutil.which(_QEMU)
     if program_path is None:
-        raise InputError(
-            f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}",
-            code="not-installed",
-            key=_QEMU,
-        )
+        text = f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}"
+        raise InputError(text, code="not-installed", key=_QEMU)
     return program_path
 
 

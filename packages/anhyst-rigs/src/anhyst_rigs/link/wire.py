@@ -277,11 +277,8 @@ def _open(url: str, baud: int) -> Any:
     try:
         import serial
     except ImportError as error:
-        raise InputError(
-            "pyserial is not installed; install it with: pip install 'anhyst-rigs[link]'",
-            code="not-installed",
-            key="pyserial",
-        ) from error
+        text = "pyserial is not installed; install it with: pip install 'anhyst-rigs[link]'"
+        raise InputError(text, code="not-installed", key="pyserial") from error
     try:
         return serial.serial_for_url(url, baudrate=baud, timeout=0, exclusive=True)
     except serial.SerialException as error:

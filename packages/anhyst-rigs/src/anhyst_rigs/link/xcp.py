@@ -100,10 +100,8 @@ class XcpLine:
             if not self._samples and self._gone.is_set():
                 raise self.lost()
             if not self._samples:
-                raise InputError(
-                    f"{self.url}: no tick came for {self.timeout:g} s; the controller stands",
-                    code="no-tick",
-                )
+                text = f"{self.url}: no tick came for {self.timeout:g} s; the controller stands"
+                raise InputError(text, code="no-tick")
             packets = b"".join(self._samples)
             self._samples.clear()
         return packets
@@ -407,11 +405,8 @@ class XcpBridge:
         try:
             self._listener = socket.create_server(("127.0.0.1", port))
         except OSError as error:
-            raise InputError(
-                f"port {port}: {error.strerror}; name another, or 0",
-                code="port-not-open",
-                key="port",
-            ) from error
+            text = f"port {port}: {error.strerror}; name another, or 0"
+            raise InputError(text, code="port-not-open", key="port") from error
         self.port = int(self._listener.getsockname()[1])
 
     def close(self) -> None:

@@ -164,11 +164,8 @@ class BodyRig:
             return None
         law = read_model(self.model)
         if law.layers is not None:
-            raise InputError(
-                f"{self.model}: a virtual magnet of a law has no layers; take out its [layers]",
-                code="layers-not-in-plant",
-                key="model",
-            )
+            text = f"{self.model}: a virtual magnet of a law has no layers; take out its [layers]"
+            raise InputError(text, code="layers-not-in-plant", key="model")
         if law.fixed_gap_only or not law.needs_schedule or law.power != 2:
             raise InputError(
                 f"{self.model}: a bearing needs a model of force over current whose gap may move; "

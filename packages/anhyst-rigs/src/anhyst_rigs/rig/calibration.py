@@ -74,10 +74,8 @@ class LearntParameter(Table):
                 f"{self.name} is no number of a stage; calibrate again", code="unknown-name"
             )
         if abs(self.value) > (most := LIMITS[kind]):
-            raise InputError(
-                f"{self.name} must be within {most:g} of 0; calibrate again",
-                code="beyond-any-calibration",
-            )
+            text = f"{self.name} must be within {most:g} of 0; calibrate again"
+            raise InputError(text, code="beyond-any-calibration")
         return self
 
 

@@ -67,10 +67,8 @@ class ScanCase(Table):
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if not 2.0 * self.snap_phase_s <= self.jerk_phase_s:
-            raise InputError(
-                "snap_phase_s must be at most half of jerk_phase_s; correct them",
-                code="phases-too-long",
-            )
+            text = "snap_phase_s must be at most half of jerk_phase_s; correct them"
+            raise InputError(text, code="phases-too-long")
         for peak in (*self.train_m_per_s2, *self.test_m_per_s2):
             if self.speed_m_per_s / peak < self.jerk_phase_s:
                 raise InputError(
@@ -144,10 +142,8 @@ class DisplacementCase(Table):
     @model_validator(mode="after")
     def _has_flanks(self) -> Self:
         if self.corner_s * self.frequency_Hz > 0.5:
-            raise InputError(
-                "corner_s must be at most half a period of the triangle; shorten it",
-                code="too-long",
-            )
+            text = "corner_s must be at most half a period of the triangle; shorten it"
+            raise InputError(text, code="too-long")
         return self
 
 

@@ -97,10 +97,8 @@ class MagnetTable(Table):
         if self.kind == LAW and self.model is None:
             raise InputError('a magnet of kind "law" needs model; add it', code="missing")
         if self.kind != LAW and (self.model or self.flux_table):
-            raise InputError(
-                'model and flux_table belong to kind "law"; write that, or remove them',
-                code="not-for-this-kind",
-            )
+            text = 'model and flux_table belong to kind "law"; write that, or remove them'
+            raise InputError(text, code="not-for-this-kind")
         if self.iron is None and (self.kind != LAW or self.flux_table is None):
             raise InputError(
                 f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing"
@@ -113,10 +111,8 @@ class MagnetTable(Table):
         if self.from_loops:
             return self
         if self.solid is not None and self.solid.conductivity_S_per_m is None:
-            raise InputError(
-                f'needs solid.conductivity_S_per_m; add it, or write iron = "{FROM_LOOPS}"',
-                code="missing",
-            )
+            text = f'needs solid.conductivity_S_per_m; add it, or write iron = "{FROM_LOOPS}"'
+            raise InputError(text, code="missing")
         for name, key in POLES.items():
             if name != "joints" and getattr(self, key) is None:
                 raise InputError(

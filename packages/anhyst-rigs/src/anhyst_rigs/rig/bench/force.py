@@ -203,11 +203,8 @@ class ForceBench(LockStepBench):
     def load(self, force: float) -> None:
         """Refuse: the armature is held."""
         del force
-        raise InputError(
-            "load: a force rig has no load drive; move the armature by its gap",
-            code="no-load-drive",
-            key="load",
-        )
+        text = "load: a force rig has no load drive; move the armature by its gap"
+        raise InputError(text, code="no-load-drive", key="load")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the motion of the armature and the settings of the controller."""

@@ -277,11 +277,8 @@ def going_first(order: int = 1) -> Iterator[bool]:
 
 def _checked(speed: float) -> float:
     if not SLOWEST <= speed <= FASTEST:
-        raise InputError(
-            f"speed {speed:g}: choose one from {SLOWEST:g} to {FASTEST:g}",
-            code="out-of-range",
-            key="speed",
-        )
+        text = f"speed {speed:g}: choose one from {SLOWEST:g} to {FASTEST:g}"
+        raise InputError(text, code="out-of-range", key="speed")
     return speed
 
 

@@ -298,8 +298,8 @@ def refusal(command: Command, now: Standing) -> str:
 
 def permit_stage(command: Command, commands: Sequence[Command], state: State) -> None:
     """Refuse a command that a stage in a state does not take."""
-    name = command.name.lower()
-    why = refusal(command, Standing(state, False, True, False, True, True))
+    still = Standing(state, False, True, False, True, True)
+    name, why = command.name.lower(), refusal(command, still)
     if command not in commands:
         why = "a stage has no such command"
     if why:

@@ -52,11 +52,8 @@ class KnownSetting(NamedTuple):
     def coded(self, value: float) -> int:
         """Return the code of a value."""
         if self.code == 1.0 and value != round(value):
-            raise InputError(
-                f"{self.name}: is {value:g}; choose {self.low:g} or {self.high:g}",
-                code="out-of-range",
-                key=self.name,
-            )
+            text = f"{self.name}: is {value:g}; choose {self.low:g} or {self.high:g}"
+            raise InputError(text, code="out-of-range", key=self.name)
         most = SETTINGS[self.setting]
         return min(max(round(value / self.code), most.low), most.high)
 
@@ -172,11 +169,8 @@ def check_values(
     known = {parameter.name: parameter for parameter in parameters}
     for name, value in values.items():
         if name not in known:
-            raise InputError(
-                f"{name}: is no parameter of this bench; it has {', '.join(known)}",
-                code="unknown-parameter",
-                key=name,
-            )
+            text = f"{name}: is no parameter of this bench; it has {', '.join(known)}"
+            raise InputError(text, code="unknown-parameter", key=name)
         parameter = known[name]
         if not parameter.low <= value <= parameter.high:
             raise InputError(

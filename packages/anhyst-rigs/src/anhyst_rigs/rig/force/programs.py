@@ -100,11 +100,8 @@ def loops_of_rig(rig: Rig) -> Loops:
     end = rig.settings.force.end_m
     if not any(_near(loop.schedule_value, end) for loop in loops.loops):
         gaps = ", ".join(f"{float(gap or 0.0):g}" for gap in loops.by_schedule())
-        raise InputError(
-            f"{rig.path}: control.end_m: no loops at {end:g} m; there are some at {gaps} m",
-            code="no-such-loop",
-            key="control.end_m",
-        )
+        text = f"{rig.path}: control.end_m: no loops at {end:g} m; there are some at {gaps} m"
+        raise InputError(text, code="no-such-loop", key="control.end_m")
     return loops
 
 

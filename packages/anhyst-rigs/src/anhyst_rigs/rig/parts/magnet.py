@@ -172,11 +172,8 @@ def read_flux_table(path: PathLike) -> FluxTable:
     gaps, row = np.unique(gap, return_inverse=True)
     for name, values in (("current", currents), ("gap", gaps)):
         if values.size < 2:
-            raise InputError(
-                f"{table.path}: has a single {name}; measure at least two",
-                code="too-few-values",
-                key=name,
-            )
+            text = f"{table.path}: has a single {name}; measure at least two"
+            raise InputError(text, code="too-few-values", key=name)
     if currents[0] != 0.0:
         text = f"currents begin at {currents[0]:g} A; begin at 0, the flux is taken as odd in it"
         raise InputError(
@@ -268,11 +265,8 @@ def law_magnet(
 ) -> Magnet:
     """Return a magnet whose pull an identified law makes and whose flux linkage a table."""
     if not isinstance(iron, AnyIron):
-        raise InputError(
-            "model: the core does not have its law, and a virtual magnet runs there",
-            code="law-not-in-core",
-            key="model",
-        )
+        text = "model: the core does not have its law, and a virtual magnet runs there"
+        raise InputError(text, code="law-not-in-core", key="model")
     numbers = {
         "eddy": eddy,
         "current_high": float(table.current[-1]),
