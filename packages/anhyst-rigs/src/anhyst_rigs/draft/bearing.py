@@ -89,7 +89,10 @@ def numbers_of(machine: Machine, reach: MeasuredMagnet) -> Numbers:
         )
     rate = min(max(step_up(TICKS_IN_BANDWIDTH * bandwidth), RATES[0]), RATES[1])
     force_high = down(reach.usable(gap))
-    heights = _heights(machine, force_high, bandwidth)
+    per_metre = mass * (2.0 * math.pi * bandwidth) ** 2
+    authority = AUTHORITY * min(load, force_high - load) / per_metre
+    highest = step_down(min(machine.clearance, authority))
+    heights = tuple(nearest(share * highest) for share in (0.1, 0.2, 0.5, 1.0))
     travel = machine.stops[1] - machine.stops[0]
     sensor_step = min(50e-9, step_down(heights[0] / 50.0))
     speed = math.sqrt(2.0 * travel * (force_high + 1.2 * force_high) / mass)
@@ -107,12 +110,3 @@ def numbers_of(machine: Machine, reach: MeasuredMagnet) -> Numbers:
         sensor_step=sensor_step,
         gap_step=up(speed / rate + 20.0 * sensor_step),
     )
-
-
-def _heights(machine: Machine, force_high: float, bandwidth: float) -> tuple[float, ...]:
-    """Return the heights of steps: within the stops, and within the force to either side."""
-    load = machine.load.number
-    per_metre = machine.mass.number * (2.0 * math.pi * bandwidth) ** 2
-    authority = AUTHORITY * min(load, force_high - load) / per_metre
-    highest = step_down(min(machine.clearance, authority))
-    return tuple(nearest(share * highest) for share in (0.1, 0.2, 0.5, 1.0))

@@ -156,10 +156,7 @@ class CalibrationFile(Table):
 def read_calibration(
     path: Path, rig: Path, settings: RigFile, numbers: Sequence[ParameterName]
 ) -> CalibrationFile:
-    """Read a file that a rig file names, whose magnets have these numbers.
-
-    Feedforward and force scale must believe in the same mass.
-    """
+    """Read a file that a rig file names, whose magnets have these numbers."""
     file = read_toml(path, CalibrationFile, kinds=[CALIBRATION])
     if file.rig != settings.name:
         raise InputError(

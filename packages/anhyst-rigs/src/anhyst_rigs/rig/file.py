@@ -47,6 +47,16 @@ class The(Maybe[Entry]):
         return value
 
 
+class All(Generic[Entry]):
+    """The tables of some kinds among those of an attribute, as listed."""
+
+    def __init__(self, attribute: str, *kinds: type[Entry]) -> None:
+        self.attribute, self.kinds = attribute, kinds
+
+    def __get__(self, file: RigFile, owner: type[RigFile]) -> list[Entry]:
+        return [table for table in getattr(file, self.attribute) if isinstance(table, self.kinds)]
+
+
 class RigFile(Table):
     """The whole file. A list of tables has the name of one in the file, of several here."""
 
@@ -91,6 +101,11 @@ class RigFile(Table):
     held: ClassVar = The("cases", case_table.HeldCase)
     moving: ClassVar = The("cases", case_table.MovingCase)
     moved: ClassVar = The("cases", case_table.DisplacementCase)
+    # everything that pulls at the body, what its pose is found from, and what is followed
+    placed: ClassVar = All[MagnetTable | LikeTable]("magnets", MagnetTable, LikeTable)
+    position_sensors: ClassVar = All("sensors", sensor_table.PositionSensorTable)
+    trajectories: ClassVar = All("cases", case_table.TrajectoryCase)
+    force_triangles: ClassVar = All("cases", case_table.ForceCase)
     loops: ClassVar = The("given_loops", LoopsTable)  # all that a controller may know
     measurement: ClassVar = The("given_measurement", CampaignTable)
     levitation: ClassVar = The("control", rig_tables.LevitationTable)
@@ -126,20 +141,6 @@ class RigFile(Table):
         return None if self.opposite is None else self.gap_m + self.opposite.gap_m
 
     @property
-    def placed(self) -> list[MagnetTable | LikeTable]:
-        """Everything that pulls at the body, as listed."""
-        return [magnet for magnet in self.magnets if isinstance(magnet, MagnetTable | LikeTable)]
-
-    @property
-    def position_sensors(self) -> list[sensor_table.PositionSensorTable]:
-        """What the pose of the body is found from."""
-        return [
-            sensor
-            for sensor in self.sensors
-            if isinstance(sensor, sensor_table.PositionSensorTable)
-        ]
-
-    @property
     def heads_stand(self) -> bool:
         """Whether the position sensors stand on the ground and not on the body."""
         return any(sensor.stands for sensor in self.position_sensors)
@@ -168,16 +169,6 @@ class RigFile(Table):
     def step_gaps_m(self) -> list[float]:
         """Gaps around which steps go."""
         return [self.gap_m, *self.step.also_gaps_m]
-
-    @property
-    def trajectories(self) -> list[case_table.TrajectoryCase]:
-        """References that move all the time."""
-        return [case for case in self.cases if isinstance(case, case_table.TrajectoryCase)]
-
-    @property
-    def force_triangles(self) -> list[case_table.ForceCase]:
-        """The forces that are demanded."""
-        return [case for case in self.cases if isinstance(case, case_table.ForceCase)]
 
     def tables(self) -> Iterator[tuple[KeyPath, Table]]:
         """Yield the tables of all lists, each with its place in the file."""

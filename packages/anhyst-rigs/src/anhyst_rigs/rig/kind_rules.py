@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from anhyst.support.atomic import PathLike
@@ -110,11 +110,6 @@ def takes_key(file: RigFile, key: str) -> bool:
     return _number(file, _SINGLE[key])[1] > 0
 
 
-def spread_keys(file: RigFile) -> Sequence[str]:
-    """Return the keys of ``[spread]`` that plants of a file are drawn from."""
-    return tables.SPREADS[file.control.kind].keys
-
-
 def _count_faults(file: RigFile) -> Iterator[FileFault]:
     whose = file.kind.title
     for table, (row, key, title) in _TABLES.items():
@@ -140,7 +135,8 @@ def _key_faults(file: RigFile) -> Iterator[FileFault]:
         for key, row in _KEYS.get(type(table), {}).items():
             is_given = key in table.model_fields_set
             yield from _presence_fault(file, (*path, key), row, is_given, "")
-    for key in sorted(file.spread.model_fields_set.difference(spread_keys(file))):
+    spread = tables.SPREADS[file.control.kind]
+    for key in sorted(file.spread.model_fields_set.difference(spread.keys)):
         yield from _presence_fault(file, ("spread", key), ". . . .", True, "")
 
 

@@ -107,7 +107,13 @@ class MagnetTable(Table):
             raise InputError(
                 'solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind"
             )
-        self._check_numbers()
+        known = {} if self.kind == LAW else ACTUATORS[self.kind].numbers
+        for key in sorted(known.keys() - self.numbers):
+            text = f"needs numbers.{key}, {known[key]}; add it"
+            raise InputError(text, code="missing")
+        for key in sorted(self.numbers.keys() - known):
+            text = f'numbers.{key} is none of kind "{self.kind}"; remove it'
+            raise InputError(text, code="not-for-this-kind")
         if self.from_loops:
             return self
         if self.solid is not None and self.solid.conductivity_S_per_m is None:
@@ -136,15 +142,6 @@ class MagnetTable(Table):
         late = poles.turns**2 / poles.outer / poles.resistance if poles.outer > 0.0 else math.inf
         known = math.isfinite(poles.bias) and math.isfinite(poles.spring)
         return known and 0.0 < late <= SLOWEST_S and self.both_ways == (poles.bias != 0.0)
-
-    def _check_numbers(self) -> None:
-        known = {} if self.kind == LAW else ACTUATORS[self.kind].numbers
-        for key in sorted(known.keys() - self.numbers):
-            text = f"needs numbers.{key}, {known[key]}; add it"
-            raise InputError(text, code="missing")
-        for key in sorted(self.numbers.keys() - known):
-            text = f'numbers.{key} is none of kind "{self.kind}"; remove it'
-            raise InputError(text, code="not-for-this-kind")
 
     @property
     def output(self) -> str:

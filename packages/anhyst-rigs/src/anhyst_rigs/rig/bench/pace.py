@@ -3,8 +3,6 @@
 The pacer alone touches the bench, in a thread of its own. Ticks become due by the clock; those of
 about 10 ms are run together once the last of them is due, and handed on as one chunk. What is to be
 done to the bench is done between two chunks, so that all of it acts on one tick.
-
-What virtual benches have in common: a firmware in lock-step with its plant.
 """
 
 from __future__ import annotations

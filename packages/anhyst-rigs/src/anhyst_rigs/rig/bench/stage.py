@@ -33,7 +33,6 @@ from anhyst_rigs.rig.bench.protocol import (
 )
 from anhyst_rigs.rig.bench.settings import check_values, stage_parameters
 from anhyst_rigs.rig.drift import NO_DRIFT, draw_plant, drifted_plant
-from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.loop import ClosedLoop
 from anhyst_rigs.rig.plant import current_loops
 from anhyst_rigs.rig.recording import CURRENTS, Loss, Recording, column, of_magnets, peak
@@ -87,13 +86,6 @@ class StageLap(NamedTuple):
         return self.setup.method
 
 
-def _signals(file: RigFile) -> tuple[Signal, ...]:
-    """Return what is measured of the body and of each magnet."""
-    each = of_axes_and_magnets(file.body.free, [magnet.name for magnet in file.placed])
-    flight = Signal("flight", "", "what its controller does: Phase of anhyst.support.states")
-    return (*ALONG, *each, flight, *STAGE_OWN)
-
-
 class StageBench(LapBench):
     """A stage that follows its set-point over and over.
 
@@ -116,7 +108,9 @@ class StageBench(LapBench):
         rig = setups[0].rig
         self.rig, self.rate = rig, 1.0 / rig.dt
         file, self._magnets = rig.settings, len(rig.settings.magnets)
-        self.signals = _signals(file)
+        each = of_axes_and_magnets(file.body.free, [magnet.name for magnet in file.placed])
+        flight = Signal("flight", "", "what its controller does: Phase of anhyst.support.states")
+        self.signals = (*ALONG, *each, flight, *STAGE_OWN)
         self.laps: deque[StageLap] = deque(maxlen=LAPS)
         self._peak = max(file.scan.test_m_per_s2)
         left = largest_push(file, along_scan(file)) - file.body.mass_kg * self._peak
@@ -320,10 +314,7 @@ class StageBench(LapBench):
         return of_loop, np.column_stack(flowed), loss
 
     def _beside(self, run: Recording) -> dict[str, FloatArray]:
-        """Return what is read beside what is recorded.
-
-        What each magnet pulls with, what all do along each coordinate, and the flight.
-        """
+        """Return the flight, what each magnet pulls with, and what all do along each coordinate."""
         settings = self.rig.settings
         free = settings.body.free
         wrench = [run[name] for name in of_axes("wrench", free, WRENCH)]

@@ -275,17 +275,13 @@ def law_magnet(
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
-    gap = np.linspace(float(table.gap[0]), float(table.gap[-1]), len(rows))
-    rows = np.column_stack([rows, poles.density(rows[:, 2], gap)])
-    return Magnet(numbers, iron, rows, _even(table))
-
-
-def _even(table: FluxTable) -> FloatArray:
-    """Return a table on a fine grid of equal steps, by monotone cubics; it rises where the given does."""
-    current = np.linspace(0.0, float(table.current[-1]), _CURRENTS)
-    gap = np.linspace(float(table.gap[0]), float(table.gap[-1]), _GAPS)
-    rows = PchipInterpolator(table.current, table.psi, axis=1)(current)
-    return np.ascontiguousarray(PchipInterpolator(table.gap, rows, axis=0)(gap))
+    ends = numbers["gap_low"], numbers["gap_high"]
+    rows = np.column_stack([rows, poles.density(rows[:, 2], np.linspace(*ends, len(rows)))])
+    # The table on a fine grid of equal steps, by monotone cubics: it rises where the given does.
+    current, gap = np.linspace(0.0, numbers["current_high"], _CURRENTS), np.linspace(*ends, _GAPS)
+    psi = PchipInterpolator(table.current, table.psi, axis=1)(current)
+    psi = np.ascontiguousarray(PchipInterpolator(table.gap, psi, axis=0)(gap))
+    return Magnet(numbers, iron, rows, psi)
 
 
 class FluxPath(Table):
