@@ -18,7 +18,7 @@ from anhyst.support.wording import count_of
 from anhyst_rigs.draft.bearing import Numbers, numbers_of
 from anhyst_rigs.draft.force import draft_force_control
 from anhyst_rigs.draft.magnet import Machine, MeasuredMagnet, Wanted, machine_of, reach_of
-from anhyst_rigs.draft.piezo import draft_piezo, fit_stack, found_lines
+from anhyst_rigs.draft.piezo import draft_piezo, fit_stack
 from anhyst_rigs.draft.stage import draft_stage
 from anhyst_rigs.draft.text import Draft, draft
 
@@ -119,7 +119,12 @@ def _init_piezo(loops: Loops, source: _Source, out: PathLike, wanted: Wanted) ->
     except InputError as error:
         raise error.at(source.text) from error
     files = {RIG: draft_piezo(source.name, loops, stack)}
-    return _put(out, files, source, RUN_PIEZO, found_lines(stack))
+    found = (
+        f"stack of {1e6 * stack.stroke:.4g} um from {stack.low:.4g} to {stack.high:.4g} V",
+        f"the law of Bouc and Wen misses the loops by {stack.fit_text}",
+        f"creep: {stack.creep_text}",
+    )
+    return _put(out, files, source, RUN_PIEZO, found)
 
 
 def init_rig(

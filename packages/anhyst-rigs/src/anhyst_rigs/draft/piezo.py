@@ -289,12 +289,3 @@ def draft_piezo(name: str, loops: Loops, stack: FittedStack) -> Draft:
     read = float(np.median([noise(loop.output) for loop in loops.loops]))
     usual = read or USUAL_NOISE * stack.stroke
     return draft("piezo", name=name, stack=stack, read=read, usual=usual, resonance=RESONANCE)
-
-
-def found_lines(stack: FittedStack) -> tuple[str, ...]:
-    """Say what the loops show, for a terminal."""
-    return (
-        f"stack of {1e6 * stack.stroke:.4g} um from {stack.low:.4g} to {stack.high:.4g} V",
-        f"the law of Bouc and Wen misses the loops by {stack.fit_text}",
-        f"creep: {stack.creep_text}",
-    )

@@ -160,7 +160,11 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     settings = other.settings
     if rig.law is not None:
         return make_plant(other, seed, other.magnet_of(drifted_law(rig.law, drift)))
-    each = [replace(one, eddy=drift.eddy) for one in _of_magnets(drift, len(settings.placed))]
+    scales = [drift.first_scale] * len(settings.placed)
+    if len(scales) == 2:
+        scales[1] = drift.second_scale
+    own = drift.magnets or [Drift(first_scale=scale) for scale in scales]
+    each = [replace(one, eddy=drift.eddy) for one in own]
     made = {one: _drifted_magnet(settings, one) for one in dict.fromkeys(each)}
     numbers = plant_numbers(other)
     numbers.body["centre"] = _moved(settings.body.centre_m, drift)
@@ -172,14 +176,6 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     for one, head in zip(drift.heads, numbers.heads[len(each) :], strict=False):
         head["line"] = {**head["line"], "r": _moved(head["line"]["r"], one)}
     return make_plant(other, seed, *(made[one] for one in each), numbers=numbers)
-
-
-def _of_magnets(drift: Drift, count: int) -> Sequence[Drift]:
-    """Return what each magnet has drifted in beside all of them: of a pair its two scales."""
-    scales = [drift.first_scale] * count
-    if count == 2:
-        scales[1] = drift.second_scale
-    return drift.magnets or [Drift(first_scale=scale) for scale in scales]
 
 
 def _moved(place: Sequence[float], drift: Drift) -> list[float]:

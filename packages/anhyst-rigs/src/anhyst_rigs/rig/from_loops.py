@@ -122,20 +122,17 @@ def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
 
 
 def _fit(loops: Loops, table: MagnetTable) -> FittedPlant:
-    fitted = _fit_at_rest(slow_loops(loops), table)
-    return replace(fitted, solid=table.solid and _fit_solid(loops, fitted, table.solid))
-
-
-def _fit_at_rest(loops: Loops, table: MagnetTable) -> FittedPlant:
-    fit = _AtRest(thinned(loops, COARSE), table)
+    slow = slow_loops(loops)
+    fit = _AtRest(thinned(slow, COARSE), table)
     best = min((fit.run(fit.start(pinning)) for pinning in STARTS), key=lambda trial: trial[0])
-    fit = _AtRest(thinned(loops, FINE), table)
+    fit = _AtRest(thinned(slow, FINE), table)
     _, at = fit.run(best[1])
     turns = round(fit.turns(at))
     if table.turns is None:
         fit = _AtRest(fit.loops, table.model_copy(update={"turns": turns}))
         _, at = fit.run(fit.start(0.0))
-    return fit.fitted(at, table)
+    fitted = fit.fitted(at, table)
+    return replace(fitted, solid=table.solid and _fit_solid(loops, fitted, table.solid))
 
 
 class RigWithMagnet(Protocol):

@@ -130,20 +130,16 @@ def _key_faults(file: RigFile) -> Iterator[FileFault]:
         is_given = bool({key, f"given_{key}"} & file.model_fields_set)
         yield from _presence_fault(file, (key,), row, is_given, "needs it; add it")
     single: list[tuple[Any, Table]] = [(("timing",), file.timing), (("control",), file.control)]
-    own = [(path, table) for path, table in file.tables() if _is_of_kind(file, table)]
-    for path, table in [*own, *single]:
+    for path, table in [*file.tables(), *single]:
+        grid = _TABLES.get(type(table))
+        if grid is not None and not _number(file, grid[0])[1]:
+            continue  # it is not of this kind of rig at all
         for key, row in _KEYS.get(type(table), {}).items():
             is_given = key in table.model_fields_set
             yield from _presence_fault(file, (*path, key), row, is_given, "")
     spread = tables.SPREADS[file.control.kind]
     for key in sorted(file.spread.model_fields_set.difference(spread.keys)):
         yield from _presence_fault(file, ("spread", key), ". . . .", True, "")
-
-
-def _is_of_kind(file: RigFile, table: Table) -> bool:
-    """Whether a kind may have such a table in one of its lists."""
-    row = _TABLES.get(type(table))
-    return row is None or _number(file, row[0])[1] > 0
 
 
 def _presence_fault(

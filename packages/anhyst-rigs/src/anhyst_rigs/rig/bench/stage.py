@@ -36,7 +36,7 @@ from anhyst_rigs.rig.drift import NO_DRIFT, draw_plant, drifted_plant
 from anhyst_rigs.rig.loop import ClosedLoop
 from anhyst_rigs.rig.plant import current_loops
 from anhyst_rigs.rig.recording import CURRENTS, Loss, Recording, column, of_magnets, peak
-from anhyst_rigs.rig.stage.drives import largest_push, pushed_with
+from anhyst_rigs.rig.stage.drives import largest_push
 from anhyst_rigs.rig.stage.geometry import along_scan, scan_direction
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, fed_wrench, pid, scenario_along
 from anhyst_rigs.rig.stage.recording import WRENCH, demand_columns, of_axes, recorded, stage_loss
@@ -115,8 +115,8 @@ class StageBench(LapBench):
         self._peak = max(file.scan.test_m_per_s2)
         left = largest_push(file, along_scan(file)) - file.body.mass_kg * self._peak
         self.load_most = LOAD * max(left, 0.0)
-        most_pushed = zip(file.body.free, pushed_with(file), strict=True)
-        self._push_most = {f"push_{axis}": LOAD * force for axis, force in most_pushed}
+        ways = zip(file.body.free, np.eye(len(file.body.free)), strict=True)
+        self._push_most = {f"push_{axis}": LOAD * largest_push(file, way) for axis, way in ways}
         self._push = dict.fromkeys(self._push_most, 0.0)  # in force
         # a step of the target by so much asks for the largest force at once
         most = file.tracking.force_max_N / pid(rig)["b0"]

@@ -39,11 +39,6 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
     )
 
 
-def pushed_with(file: RigFile) -> list[float]:
-    """Return what all magnets can push with along each coordinate, either way, beside the weight."""
-    return [largest_push(file, way) for way in np.eye(len(file.body.free))]
-
-
 def largest_push(file: RigFile, way: FloatArray) -> float:
     """Return how many times such a wrench all magnets can make, either way, beside the weight."""
     layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
