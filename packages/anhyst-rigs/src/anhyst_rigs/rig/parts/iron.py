@@ -42,6 +42,7 @@ class AnySteel(Table):
     knee_sharp_A_per_m: Positive
     saturation_slow_T: Positive
     knee_slow_A_per_m: Positive
+    told: ClassVar[tuple[str, ...]]  # what a diagram says of it
     pinned: ClassVar[str]  # key of what its pinning goes with
     saturated: ClassVar[tuple[str, ...]] = ("saturation_sharp_T", "saturation_slow_T")
 
@@ -68,9 +69,9 @@ class AnySteel(Table):
         keys = {key: getattr(self, key) * (1.0 + saturation) for key in self.saturated}
         return {self.pinned: getattr(self, self.pinned) * (1.0 + pinning), **keys}
 
-    @abstractmethod
     def lines(self) -> list[str]:
         """Return what a diagram says of it."""
+        return [line.format(self) for line in self.told]
 
 
 class CellSteel(AnySteel):
@@ -81,6 +82,11 @@ class CellSteel(AnySteel):
     thresholds are quantiles of a Weibull distribution; cells without one are the reversible part.
     """
 
+    told = (
+        "iron of {0.cells} pinned cells",
+        "reversible fraction {0.reversible_fraction:.3g}",
+        "pinning {0.pinning_scale_A_per_m:.3g} A/m",
+    )
     pinned = "pinning_scale_A_per_m"
     family: Literal["cells"] = "cells"
     cells: Annotated[int, Field(ge=1, le=1000)]  # pinned ones, of equal weights
@@ -124,14 +130,6 @@ class CellSteel(AnySteel):
         own = super().drifted(pinning, reversible, saturation)
         return {"reversible_fraction": fraction, **own}
 
-    def lines(self) -> list[str]:
-        """Return what a diagram says of it."""
-        return [
-            f"iron of {self.cells} pinned cells",
-            f"reversible fraction {self.reversible_fraction:.3g}",
-            f"pinning {self.pinning_scale_A_per_m:.3g} A/m",
-        ]
-
 
 _FIELDS = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 2000)))
 """Where the slope is looked at, in knees."""
@@ -144,6 +142,7 @@ class DuhemSteel(AnySteel):
     wipes smaller ones out only as fast as it forgets all else.
     """
 
+    told = ("Duhem iron", "coercivity {0.coercivity_A_per_m:.3g} A/m")
     pinned = "coercivity_A_per_m"
     family: Literal["duhem"]
     coercivity_A_per_m: Positive  # half the width of a wide loop about zero
@@ -168,10 +167,6 @@ class DuhemSteel(AnySteel):
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""
         return self.model_copy(update={"coercivity_A_per_m": 0.0}).plant()
-
-    def lines(self) -> list[str]:
-        """Return what a diagram says of it."""
-        return ["Duhem iron", f"coercivity {self.coercivity_A_per_m:.3g} A/m"]
 
     def curve(self, field: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return polarisation, T, of the curve at fields, A/m, and its slope."""
@@ -218,6 +213,7 @@ class PreisachSteel(AnySteel):
     share of the polarisation.
     """
 
+    told = ("Preisach iron", "pinning {0.pinning_A_per_m:.3g} A/m")
     pinned = "pinning_A_per_m"
     saturated = ("saturation_T", *AnySteel.saturated)
     family: Literal["preisach"]
@@ -263,10 +259,6 @@ class PreisachSteel(AnySteel):
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel of relays with the same biases, unpinned."""
         return _plant(self, False)
-
-    def lines(self) -> list[str]:
-        """Return what a diagram says of it."""
-        return ["Preisach iron", f"pinning {self.pinning_A_per_m:.3g} A/m"]
 
 
 def nodes(steel: PreisachSteel) -> FloatArray:
