@@ -170,22 +170,3 @@ def _run(command: Sequence[str], board: str) -> str:
             f"board {board}: does not compile: {lines[0]}", code="does-not-compile"
         )
     return done.stderr
-
-
-@dataclass(frozen=True, slots=True)
-class FirmwareSizes:
-    """Memory of a firmware for a microcontroller, bytes."""
-
-    flash: int  # code, constants and what variables start with
-    ram: int  # variables: state, both parameter blocks, buffers
-    stack: int  # kept for the stack
-
-
-def read_sizes(program: PathLike) -> FirmwareSizes:
-    """Return how much memory a firmware takes."""
-    from elftools.elf.elffile import ELFFile
-
-    with Path(program).open("rb") as stream:
-        size = {entry.name: int(entry["sh_size"]) for entry in ELFFile(stream).iter_sections()}
-    data = size.get(".data", 0)
-    return FirmwareSizes(size[".text"] + data, size[".bss"] + data, size[".stack"])
