@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag, model_validator
 
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import (
@@ -17,8 +17,8 @@ from anhyst.support.toml_file import (
     Positive,
     Share,
     Table,
+    one_of,
     ordered,
-    tag_by,
 )
 from anhyst_rigs.rig.magnet_table import OPENS, Direction
 
@@ -147,6 +147,7 @@ class DisplacementCase(Table):
         return self
 
 
+_KINDS = ("step", "load", "triangle", "sine", "scan", "loss", "force", "held", "moving")
 CaseEntry = Annotated[
     Annotated[StepCase, Tag(f"{BRANCH}step")]
     | Annotated[LoadCase, Tag(f"{BRANCH}load")]
@@ -157,10 +158,5 @@ CaseEntry = Annotated[
     | Annotated[HeldCase, Tag(f"{BRANCH}held")]
     | Annotated[MovingCase, Tag(f"{BRANCH}moving")]
     | Annotated[DisplacementCase, Tag(f"{BRANCH}displacement")],
-    Discriminator(
-        tag_by("kind", sine="triangle"),
-        custom_error_type="unknown_choice",
-        custom_error_message='kind must be "step", "load", "triangle", "sine", "scan", "loss", '
-        '"force", "held", "moving" or "displacement"; correct it',
-    ),
+    one_of("kind", *_KINDS, "displacement", sine="triangle"),
 ]

@@ -100,18 +100,13 @@ def distance(loops: Loops, force: Callable[[Loop], FloatArray]) -> Distance:
 
 def model_distance(loops: Loops, model: Model) -> Distance:
     """Return how far a model is from loops, in their time where it depends on it."""
-    late = model.has_eddy_currents
-    return distance(
-        loops,
-        lambda loop: (
-            model.predict(
-                loop.input,
-                loop.schedule if model.needs_schedule else None,
-                loop.time if late else None,
-                history=loop.history,
-            ).output
-        ),
-    )
+
+    def force(loop: Loop) -> FloatArray:
+        schedule = loop.schedule if model.needs_schedule else None
+        time = loop.time if model.has_eddy_currents else None
+        return model.predict(loop.input, schedule, time, history=loop.history).output
+
+    return distance(loops, force)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -190,6 +190,11 @@ def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
     poles = replace(magnet.poles, turns=magnet.poles.turns * (1.0 + drift.first_scale))
     lag = magnet.eddy_time_s + drift.eddy
     return iron_magnet(poles, steel, lag, file.gap_m, magnet.solid_iron)
+
+
+def each_value(value: Parameter, change: Callable[[float], float]) -> Parameter:
+    """Return a parameter changed, at every node of the gap if it depends on the gap."""
+    return tuple(map(change, value)) if isinstance(value, tuple) else change(value)
 
 
 def drifted_law(model: Model, drift: Drift) -> Model:

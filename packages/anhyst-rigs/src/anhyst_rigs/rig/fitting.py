@@ -17,13 +17,12 @@ from anhyst.data import Loops
 from anhyst.data.speeds import slow_loops
 from anhyst.identification.run import IdentifyTable
 from anhyst.model.actuator import Model
-from anhyst.model.parameters import Parameter
 from anhyst.model.schema import LawName
 from anhyst.support.errors import CreepWarning
 from anhyst.support.kinds import PROBED, MethodName, NumberFormat
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.distance import PlantCheck, along, follower
-from anhyst_rigs.rig.drift import Drift, drifted_law
+from anhyst_rigs.rig.drift import Drift, drifted_law, each_value
 from anhyst_rigs.rig.from_loops import check_fitted
 from anhyst_rigs.rig.measurement_table import identify_loops, misclosures
 
@@ -122,7 +121,10 @@ def calibrated(
     ]
     model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
     parameters, valid = model.parameters, model.valid
-    moved = {"c_H": _times(parameters["c_H"], more), "in_0": _times(parameters["in_0"], 1.0 / more)}
+    moved = {
+        "c_H": each_value(parameters["c_H"], lambda value: more * value),
+        "in_0": each_value(parameters["in_0"], lambda value: 1.0 / more * value),
+    }
     if valid is not None and valid.schedule is not None:
         (low, high), (near, far) = valid.input, valid.schedule
         ends = near + zero - over, far + zero + over
@@ -130,14 +132,6 @@ def calibrated(
     nodes = tuple(node + zero for node in model.nodes)
     model = replace(model, nodes=nodes, parameters={**parameters, **moved}, valid=valid)
     return IdentifiedMagnet(replace(known, loops=tuple(loops)), model, wider)
-
-
-def _times(value: Parameter, factor: float) -> Parameter:
-    return (
-        tuple(factor * coefficient for coefficient in value)
-        if isinstance(value, tuple)
-        else factor * value
-    )
 
 
 def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:

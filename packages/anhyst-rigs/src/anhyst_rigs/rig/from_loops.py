@@ -184,13 +184,9 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
     weight = 1.0 / (WEIGHT * top * math.sqrt(sum(loop.n for loop in fast.loops)))
 
     def table(at: FloatArray) -> SolidTable:
-        conductivity, path = STEEL * math.exp(at[0]), fitted.poles.iron_length * _share(at[1])
-        return given.model_copy(
-            update={
-                "conductivity_S_per_m": given.conductivity_S_per_m or conductivity,
-                "path_m": given.path_m or path,
-            }
-        )
+        conductivity = given.conductivity_S_per_m or STEEL * math.exp(at[0])
+        path = given.path_m or fitted.poles.iron_length * _share(at[1])
+        return given.model_copy(update={"conductivity_S_per_m": conductivity, "path_m": path})
 
     def misses(at: FloatArray) -> FloatArray:
         solid = table(at).solid(fitted.poles.iron_length)

@@ -89,13 +89,10 @@ _KEYS: Mapping[type[Table], Mapping[str, str]] = {
         **dict.fromkeys(("stands", "dead_path_m", "refraction_ppm"), ". ? . ."),
     },
     case_table.ScanCase: {"direction": ". ? . ."},
-    tables.TrackingTable: dict.fromkeys(
-        (
-            *("force_min_N", "lost_A", "lost_s", "head_m_per_s", "head_s"),
-            *("land_m_per_s", "lift_m_per_s"),
-        ),
-        ". ? . .",
-    ),
+    tables.TrackingTable: {
+        **dict.fromkeys(("force_min_N", "lost_A", "lost_s"), ". ? . ."),
+        **dict.fromkeys(("head_m_per_s", "head_s", "land_m_per_s", "lift_m_per_s"), ". ? . ."),
+    },
 }
 """Keys of a table that a kind of rig must have, or has no use for; it may have all others."""
 

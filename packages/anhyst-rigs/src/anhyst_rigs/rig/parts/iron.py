@@ -13,12 +13,12 @@ from functools import lru_cache
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import Field, Tag, field_validator, model_validator
 
 from anhyst._core import Steel, exp, log
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, power
-from anhyst.support.toml_file import BRANCH, Name, NotNegative, Positive, Share, Table, tag_by
+from anhyst.support.toml_file import BRANCH, Name, NotNegative, Positive, Share, Table, one_of
 
 CURVE = {
     "sharp": "saturation_sharp_T",
@@ -345,11 +345,7 @@ class NamedDuhem(DuhemSteel):
 
 
 NamedIron = NamedCells | NamedPreisach | NamedDuhem
-BY_FAMILY = Discriminator(
-    tag_by("family", default="cells"),
-    custom_error_type="unknown_choice",
-    custom_error_message='family must be "cells", "preisach" or "duhem"; correct it',
-)
+BY_FAMILY = one_of("family", "cells", "preisach", "duhem", default="cells")
 """By it an iron of a file is read as the table of its family."""
 IronEntry = Annotated[
     Annotated[NamedCells, Tag(f"{BRANCH}cells")]
