@@ -219,13 +219,9 @@ class RigFile(Table):
 
 
 _FIELDS = {
-    "iron": "irons",
-    "magnet": "magnets",
-    "stack": "stacks",
-    "amplifier": "amplifiers",
-    "body": "bodies",
-    "sensor": "sensors",
-    "case": "cases",
+    str(field.alias): name
+    for name, field in RigFile.model_fields.items()
+    if field.alias and not name.startswith("given_")
 }
 """Attributes of what is a list of tables, by their keys in the file."""
 

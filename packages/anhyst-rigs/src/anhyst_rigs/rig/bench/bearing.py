@@ -182,11 +182,7 @@ class BearingBench(LockStepBench):
     beats = True  # whether its operator says that he is there
 
     def __init__(
-        self,
-        setup: BearingSetup,
-        firmware: Path,
-        board: str = "",
-        bearing: Plant | None = None,
+        self, setup: BearingSetup, firmware: Path, board: str = "", bearing: Plant | None = None
     ) -> None:
         rig = setup.rig
         self.rate = float(rig.settings.timing.rate_Hz)
