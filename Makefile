@@ -12,7 +12,7 @@
 #   make format  lay out Python and C sources
 #   make messages  gather how every error is worded
 #   make docs    the documentation site, in build/site/
-#   make house   count rooms, imports, circles, lines
+#   make house   count rooms, imports, circles, lines; follow a model to C and a rig to a recording
 #   make build   compile the core again, install what tests and checks need
 #   make clean   remove what make made, .venv too
 #   make wheel   wheels for Linux in dist/, tried in an empty environment; PYTHONS="p q" for others
@@ -59,8 +59,8 @@ docs: build
 messages: build
 	@$(BIN)/python tools/messages.py
 
-house:
-	@$(PYTHON) -m tools.house
+house: build
+	@$(BIN)/python -m tools.house
 
 prove: build
 	@$(BIN)/python -m tools.prove

@@ -20,7 +20,7 @@ from anhyst.compensate.current_map import CurrentMap
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup, position_control
+from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig, read_bearing, step_ends
 from anhyst_rigs.rig.drift import changed
@@ -28,7 +28,7 @@ from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst_rigs.rig.plant import STOP_RESONANCE, current_gains, make_plant
-from anhyst_rigs.study.bearing.operating import make_ready
+from anhyst_rigs.study.bearing.ready import make_ready
 from baseline_bearing import ByNumba, ByScipy, Control, LevitationRun, Method, Plant
 from rows import ROOT, Row
 
@@ -143,7 +143,7 @@ def control_of(setup: BearingSetup) -> Control:
         weight=weight,
         low=low,
         high=high,
-        middle=position_control(setup).gap_middle,
+        middle=setup.position_control.gap_middle,
         currents=law.entries,
         gap_low=law.scales.gap_low,
         gap_high=law.scales.gap_high,

@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.block import DemandLimits, TableSizes, nodes
+from anhyst.compensate.block import DemandLimits, TableSizes
+from anhyst.compensate.builder import build_block
+from anhyst.compensate.circuit import nodes
 from anhyst.compensate.force_controller import FixedTwin
 from anhyst.compensate.plan import CompileRequest, find_limits, find_scales
-from anhyst.compensate.simplified import build_simplified, fit_closed_form
+from anhyst.compensate.simplified import fit_closed_form
 from anhyst.compilation.output import Compiled, compile_model
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
@@ -221,18 +223,18 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
     sizes = TableSizes()
     law = fit_closed_form(model, limits, nodes(model, scales, sizes), sizes)
     fine = replace(sizes, octaves=14, octave_segments=5)
-    exact = FixedTwin(build_simplified(model, scales, limits, fine, law=law))
+    exact = FixedTwin(build_block(model, "simplified", scales, limits, fine, law=law))
     reported = []
     for name, demand in _demands(scales, limits).items():
         wanted = exact.run(demand, scales.gap_high)
         off = []
         for kind in ("simplified", "euler"):
-            current = FixedTwin(
-                build_simplified(model, scales, limits, sizes, law=law, kind=kind)
-            ).run(demand, scales.gap_high)
+            current = FixedTwin(build_block(model, kind, scales, limits, sizes, law=law)).run(
+                demand, scales.gap_high
+            )
             apart = np.abs(current - wanted)[RAMP:]
             off.append(100.0 * float(apart.max()) / limits.current[1])
-            exact = FixedTwin(build_simplified(model, scales, limits, fine, law=law))
+            exact = FixedTwin(build_block(model, "simplified", scales, limits, fine, law=law))
         reported.append(f"{name}: {off[0]:.3f} against {off[1]:.3f} %")
     counts = []
     for kind in ("simplified", "euler"):

@@ -15,7 +15,6 @@ import numpy as np
 from anhyst._core import Coil
 from anhyst.compensate import holding
 from anhyst.compensate.force_controller import twin_of
-from anhyst.compensate.measure import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
@@ -153,7 +152,7 @@ def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]
     plan = make_plan(knowledge.model, CompileRequest("full", "q31", RATE), 0)
     scales = plan.block.scales
     low, span = scales.gap_low, scales.gap_high - scales.gap_low
-    reach = find_reach(plan.model, scales, plan.block.limits)
+    reach = plan.builder.reach
     top = float(reach.demand(np.ones(2), np.array([low, low + span])).min())
     ticks = round(SECONDS * RATE)
     worst = [0.0, 0.0]

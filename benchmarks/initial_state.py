@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
+from anhyst.compensate.builder import build_block
 from anhyst.compensate.force_controller import FixedTwin
-from anhyst.compensate.full import build_full
-from anhyst.compensate.simplified import build_simplified, fit_closed_form
+from anhyst.compensate.simplified import fit_closed_form
 from anhyst.data import read_loops
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
@@ -120,9 +120,9 @@ def actuator_of(model: Model, gaps: tuple[float, float], gap: float, current: fl
     law = fit_closed_form(model, limits, np.linspace(*gaps, 5))
     sizes = TableSizes(iterations=8, octave_segments=4, curve_segments=8)
     blocks: dict[Kind, Block] = {
-        "full": build_full(model, scales, wide, sizes, start),
-        "simplified": build_simplified(model, scales, wide, sizes, start, law=law),
-        "euler": build_simplified(model, scales, wide, sizes, start, law=law, kind="euler"),
+        "full": build_block(model, "full", scales, wide, sizes, start),
+        "simplified": build_block(model, "simplified", scales, wide, sizes, start, law=law),
+        "euler": build_block(model, "euler", scales, wide, sizes, start, law=law),
     }
     return Actuator(model, gap, current, force, blocks)
 

@@ -34,7 +34,7 @@ from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.experiments import following
-from anhyst_rigs.study.bearing.operating import Ready, make_ready, read_files
+from anhyst_rigs.study.bearing.ready import Ready, make_ready, read_files
 from anhyst_rigs.study.plants import BearingWork
 from rows import ROOT, Row
 from tracking import IRONS

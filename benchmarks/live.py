@@ -19,7 +19,7 @@ from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.pace import PacedBench, Pacing
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.study.bearing.on_board import build_firmware
-from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from rows import ROOT, Row, Stopwatch
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"

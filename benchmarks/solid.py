@@ -30,7 +30,7 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.rig.stage.loop import track
 from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.study.bearing.operating import read_files
+from anhyst_rigs.study.bearing.ready import read_files
 from anhyst_rigs.study.bearing.responses import StepCell, compare_steps
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import find_gains

@@ -54,7 +54,7 @@ from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from anhyst_rigs.study.bearing.responses import compare_steps, default_seeds, grouped, judge_steps
 from anhyst_rigs.study.engine.table import TITLES, Interval, mean_interval, strongest
 from anhyst_rigs.study.tracking.measures import Measures, measure

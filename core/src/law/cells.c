@@ -117,7 +117,10 @@ static anhyst_status polish(const path *p, double x, double beyond,
       answer(p, x, &at, step, candidate);
       return ANHYST_OK;
     }
-    if (fabs(left) <= rounding(p, x) || high - low <= 2.0 * DBL_EPSILON * fabs(x)) {
+    /* Cells are looked up on the grid of the numbers where the path starts: beside a root at 0 the
+       interval stays wide against x for ever. */
+    const double finest = 2.0 * DBL_EPSILON * (fabs(x) + (i < 100 ? 0.0 : fabs(p->from)));
+    if (fabs(left) <= rounding(p, x) || high - low <= finest) {
       answer(p, x, &at, 0.0, candidate);
       return ANHYST_OK;
     }

@@ -9,9 +9,8 @@ from typing import Literal
 import numpy as np
 
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
-from anhyst.compensate.cells import build_cells
-from anhyst.compensate.full import build_full
-from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
+from anhyst.compensate.builder import build_block
+from anhyst.compensate.simplified import ClosedForm, fit_closed_form
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.block_words import Scales
@@ -100,10 +99,8 @@ def compiled(
 ) -> Block:
     """Return the magnet's compensator."""
     scales, limits = ranges(gap_map, play)
-    if kind == "full":
-        return build_full(magnet(gap_map, play), scales, limits, sizes)
-    law = closed_form(gap_map)
-    return build_simplified(magnet(gap_map, play), scales, limits, sizes, law=law, kind=kind)
+    law = None if kind == "full" else closed_form(gap_map)
+    return build_block(magnet(gap_map, play), kind, scales, limits, sizes, law=law)
 
 
 RealKind = Literal["full", "simplified", "cells"]
@@ -123,14 +120,9 @@ def real_block(
     still: bool = False,
 ) -> Block:
     """Return a block in floating point."""
-    parts = model, scales, limits, sizes, start, 0
-    match kind:
-        case "full":
-            return build_full(*parts, io)
-        case "cells":
-            return build_cells(*parts, io, still=still)
-        case "simplified":
-            return build_simplified(*parts, law, kind, io)
+    return build_block(
+        model, kind, scales, limits, sizes, start, number_format=io, law=law, still=still
+    )
 
 
 def triangles(low: float, high: float, samples: int, cycles: int = 3) -> FloatArray:

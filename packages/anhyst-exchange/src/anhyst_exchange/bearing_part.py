@@ -29,7 +29,7 @@ from anhyst_rigs.rig.parts.iron import CURVE, AnySteel, CellSteel, PreisachSteel
 from anhyst_rigs.rig.parts.magnet import Solid, circuit_numbers
 from anhyst_rigs.rig.plant import current_loops, noise_seed, plant_numbers
 from anhyst_rigs.rig.recording import column
-from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.ready import make_ready, read_files
 
 FORMATS = ("f32", "f64")
 CORE_OF_PLANT = (

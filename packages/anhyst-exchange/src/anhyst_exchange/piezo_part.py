@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from anhyst.compilation.parameters import memories
 from anhyst.compilation.toolchain import SOURCES, core_files
 from anhyst.support.atomic import PathLike
 from anhyst_exchange.bearing_part import fields, plant_sources
@@ -35,7 +34,7 @@ def piezo_part(rig_path: PathLike) -> Part:
     rig = read_piezo_rig(rig_path)
     inverse = find_inverses(rig)["full"]
     block = block_of(inverse)
-    sources = {name: text.encode() for name, text in core_files(_CORE, memories(block)).items()}
+    sources = {name: text.encode() for name, text in core_files(_CORE, block.memories).items()}
     sources |= plant_sources("^(?!.*piezo)")
     sources["piezo.c"] = (WRAPPER / "piezo.c").read_bytes()
     compensator = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from anhyst.compilation.parameters import c_type, memories
 from anhyst.compilation.toolchain import SOURCES
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -54,7 +53,7 @@ def stage_part(rig_path: PathLike) -> Part:
     _refuse_stage(rig)
     refuse_plant(rig)
     setup = make_stage(rig, identify_stage(rig), "full")
-    layers = max(map(memories, blocks_of(setup)))
+    layers = max(block.memories for block in blocks_of(setup))
     files = ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h")
     sources = plant_sources("piezo|position|held", _CORE_OF_STAGE, files, layers)
     sources["bearing_numbers.h"] = numbers_of_plant(rig).encode()
@@ -104,7 +103,7 @@ def _words(setup: StageSetup) -> dict[str, object]:
     kernel = f"anhyst_kernel_{blocks[0].kind}{'' if is_fixed else '_f64'}"
     macros: dict[str, object] = {
         "STAGE_KERNEL": kernel_of(kernel, "words"),
-        "STAGE_WORD": c_type(blocks[0]),
+        "STAGE_WORD": blocks[0].c_type,
         "STAGE_WORDS": fields(words if is_fixed else [repr(word) for word in words]),
         "STAGE_BLOCKS": fields([[first[one], len(one)] for one in each]),
     }

@@ -28,7 +28,7 @@ from anhyst_rigs.rig.stage.geometry import error_columns, scan_direction, unit_o
 from anhyst_rigs.rig.stage.loop import Feedforward, fed_wrench, feed, track
 from anhyst_rigs.rig.stage.recording import demand_columns, pose_columns
 from anhyst_rigs.rig.stage.setpoint import instants, motion_of, stray, ticks_of
-from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.once import made_once

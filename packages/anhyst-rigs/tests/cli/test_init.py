@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.controller_file import read_controller
-from anhyst_rigs.rig.bearing.loop import check_controller
+from anhyst_rigs.rig.bearing.checks import check_controller
 from anhyst_rigs.rig.body import read_bearing
 from tests.refusals import says
 from tests.repository import ROOT

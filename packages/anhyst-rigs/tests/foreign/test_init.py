@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from anhyst.control.controller_file import read_controller
-from anhyst_rigs.rig.bearing.loop import check_controller
+from anhyst_rigs.rig.bearing.checks import check_controller
 from anhyst_rigs.rig.body import read_bearing
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.stage.file import read_stage

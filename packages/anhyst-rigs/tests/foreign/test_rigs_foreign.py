@@ -231,7 +231,7 @@ def test_an_error_of_force_control_leaves_nothing(tmp_path: Path) -> None:
 def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
     from anhyst.model.writer import write_model
     from anhyst_rigs.rig.fitting import check_plant
-    from anhyst_rigs.study.bearing.operating import make_ready, read_files
+    from anhyst_rigs.study.bearing.ready import make_ready, read_files
 
     example = ROOT / "examples" / "bearing"
     for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.compensate.block import DemandLimits, TableSizes
-from anhyst.compensate.full import build_full
+from anhyst.compensate.builder import build_block
 from anhyst.compensate.plan import find_limits, find_scales
 from anhyst.model.actuator import read_model
 from anhyst.verification import verify
@@ -67,7 +67,8 @@ def test_another_limit_of_the_current_moves_nothing_at_a_swap(magnet: Path) -> N
     (low, high), demand = limits.current, limits.demand[1]
     narrow = DemandLimits(limits.demand, (0.8 * low, 0.8 * high))
     here, there = (
-        build_full(model, scales, each, TableSizes(iterations=10)) for each in (limits, narrow)
+        build_block(model, "full", scales, each, TableSizes(iterations=10))
+        for each in (limits, narrow)
     )
     path = reversals(0.02 * demand, 0.15 * demand, 25, 1)  # within the narrower limit
     for gap in (scales.gap_low, 0.5 * (scales.gap_low + scales.gap_high)):

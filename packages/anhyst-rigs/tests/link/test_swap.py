@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.compensate.simplified import build_simplified
+from anhyst.compensate.builder import build_block
 from anhyst.support.block_words import Scales, regenerate
 from anhyst.support.states import Command
 from anhyst_rigs.link.client import ControllerLink, Refused
@@ -27,7 +27,7 @@ STEP = 1.0 / (0.020 * RATE)
 def made_for(scales: Scales) -> list[int]:
     """Return the board's own actuator compiled for other scales; its gaps are taken from them."""
     law = closed_form("reluctance")
-    made = build_simplified(magnet(), scales, ranges("reluctance")[1], SIZES, law=law)
+    made = build_block(magnet(), "simplified", scales, ranges("reluctance")[1], SIZES, law=law)
     return regenerate(made.words.tolist(), 7)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from anhyst_rigs.link.virtual_boards import Reading
-from anhyst_rigs.rig.bearing.loop import BearingSetup, position_control
+from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.plant import current_loops, make_plant
 
 
@@ -15,7 +15,7 @@ class SteppedBearing:
     def __init__(self, setup: BearingSetup, seed: int = 0) -> None:
         self.bearing = make_plant(setup.rig, seed)
         self.load = setup.rig.settings.load.force_N
-        self._scales = position_control(setup).settings("fixed")
+        self._scales = setup.position_control.settings("fixed")
         self._loop = current_loops(setup.rig)[0]
         self._read, self._integral = np.zeros((2, len(setup.rig.settings.placed))).tolist()
         self._last: float | None = None

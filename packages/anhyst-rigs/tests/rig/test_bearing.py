@@ -14,7 +14,8 @@ from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.states import Command
-from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at, make_setup
+from anhyst_rigs.rig.bearing.held import lost_at
+from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import changed
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop

@@ -16,7 +16,7 @@ from anhyst.support.states import Command, Fault, Phase, State
 from anhyst_rigs.link.client import ControllerLink, Refused
 from anhyst_rigs.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
 from anhyst_rigs.link.virtual_boards import Q31, run_library
-from anhyst_rigs.rig.bearing.loop import BearingSetup, position_control
+from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder, land_time
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.loop import Scenario
@@ -81,7 +81,7 @@ def follow(bench: BearingBench, scenario: Scenario, pieces: np.random.Generator)
 def stepped(setup: BearingSetup, firmware: Path, scenario: Scenario) -> FloatArray:
     """Return gap, speed, both currents, state and fault of a scenario, tick by tick in Python."""
     plant, rows, goal = SteppedBearing(setup), [], None
-    full = position_control(setup).settings("fixed")
+    full = setup.position_control.settings("fixed")
     with run_library(firmware, plant) as running, ControllerLink(running.link) as link:
         for n in range(scenario.ticks):
             if command := Command(int(scenario.command[n])):
@@ -238,7 +238,7 @@ def test_switching_the_compensation_off_shows_a_larger_overshoot(bench: BearingB
 
 def test_a_switch_of_the_compensation_is_without_a_bump(bench: BearingBench) -> None:
     lift(bench)
-    control = position_control(bearings.single()).settings("fixed")
+    control = bearings.single().position_control.settings("fixed")
     per_code = control["current_full"] / Q31
     ramp = (control["release"] + control["current_step"]) * per_code
     for gap in (GAP, GAP - 50e-6, GAP + 50e-6):

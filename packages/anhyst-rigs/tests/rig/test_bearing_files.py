@@ -21,7 +21,8 @@ from anhyst.control.controller_file import (
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
-from anhyst_rigs.rig.bearing.loop import check_controller, make_setups
+from anhyst_rigs.rig.bearing.checks import check_controller
+from anhyst_rigs.rig.bearing.loop import make_setups
 from anhyst_rigs.rig.body import read_bearing, step_ends
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.parts.magnet import check_flux_range, read_flux_table

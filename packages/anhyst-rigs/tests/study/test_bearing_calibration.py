@@ -26,7 +26,7 @@ from anhyst_rigs.rig.fitting import calibrated
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.experiments import following
-from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from anhyst_rigs.study.plants import BearingWork
 from anhyst_rigs.study.tracking.bodies import BearingLaw
 from tests.study import bearings

@@ -17,7 +17,7 @@ from anhyst.support.block_words import regenerate
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Phase, State
-from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup, position_control
+from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.study.bearing.on_board import build_firmware
@@ -44,7 +44,7 @@ class Built:
     @property
     def step(self) -> float:
         """Of the ramp to zero, in a tick, and two of the converter on top, A."""
-        given = position_control(self.setup).settings("fixed")
+        given = self.setup.position_control.settings("fixed")
         return (given["release"] + 2 * given["current_step"]) / 2.0**31 * given["current_full"]
 
     def block(self, factors: dict[str, float]) -> Block:

@@ -14,7 +14,6 @@ from anhyst.support.errors import InputError
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.frames import PlantDrive, PlantSample
 from anhyst_rigs.link.virtual_boards import Q31
-from anhyst_rigs.rig.bearing.loop import position_control
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.drift import drifted_plant
 from anhyst_rigs.rig.recording import Recording
@@ -39,7 +38,7 @@ class Flight:
     def __init__(self, running: BearingBench) -> None:
         self.running, self.rows = running, list[list[float]]()
         self._exchange, running.tap.exchange = running.tap.exchange, self._look
-        self._full = position_control(setup()).settings("fixed")
+        self._full = setup().position_control.settings("fixed")
         self._gap = math.nan
 
     def _look(self, sample: PlantSample) -> PlantDrive:

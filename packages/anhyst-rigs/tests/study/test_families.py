@@ -13,7 +13,6 @@ import pytest
 from anhyst._core import Coil
 from anhyst.compensate import holding
 from anhyst.compensate.force_controller import twin_of
-from anhyst.compensate.measure import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.identification.run import IdentifyTable
 from anhyst.identification.uncertainty import first_rise
@@ -131,7 +130,7 @@ def test_noise_of_demand_and_gap_does_not_move_a_force_held_for_a_minute(name: s
     assert plan.block.kind == "cells"
     scales = plan.block.scales
     span = scales.gap_high - scales.gap_low
-    reach = find_reach(plan.model, scales, plan.block.limits)
+    reach = plan.builder.reach
     random = np.random.default_rng(3)
     ticks = round(60.0 * RATE)
     rise = np.concatenate([np.linspace(0.05, 0.95, 2000), np.linspace(0.95, 0.5, 2000)])

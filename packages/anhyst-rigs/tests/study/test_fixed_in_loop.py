@@ -16,7 +16,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.support.kinds import MethodName
 from anhyst.support.states import Command
-from anhyst_rigs.rig.bearing.loop import BearingSetup, position_control
+from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.loop import DROP, Scenario
 from anhyst_rigs.rig.recording import (
     BREAKAWAY,
@@ -49,7 +49,7 @@ class Pieces:
     """Controller and compiled block of a setup, each by itself; signals are codes."""
 
     def __init__(self, setup: BearingSetup) -> None:
-        control = position_control(setup)
+        control = setup.position_control
         self.words = dict(control.settings("fixed"))
         gains = control.gains("fixed")
         assert gains.dtype == np.int32

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.compensate.block import cell_weights
+from anhyst.compensate.circuit import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.support.errors import Interrupted
 from anhyst.support.kinds import MethodName
@@ -23,7 +23,7 @@ from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.drift import CUT, Drift, draw_drift, drifted_law, drifted_plant
 from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.tables import SpreadTable
-from anhyst_rigs.study.bearing.operating import make_ready
+from anhyst_rigs.study.bearing.ready import make_ready
 from anhyst_rigs.study.bearing.responses import StepRun, run_steps
 from anhyst_rigs.study.engine import monte_carlo as engine
 from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants, fault_of, percentile

@@ -7,7 +7,7 @@ import pytest
 
 from anhyst.support.kinds import MethodName
 from anhyst.support.states import Command, Phase, State
-from anhyst_rigs.rig.bearing.loop import lost_at
+from anhyst_rigs.rig.bearing.held import lost_at
 from anhyst_rigs.rig.drift import changed
 from anhyst_rigs.rig.loop import DROP, SimulatedLoop
 from anhyst_rigs.rig.recording import BREAKAWAY, FAULT, HOVER, in_column

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import Arms, Block, DemandLimits, TableSizes, cell_weights, flux_unit
-from anhyst.compensate.cells import build_cells, cell_rows, fewer
+from anhyst.compensate.block import Block, DemandLimits, TableSizes
+from anhyst.compensate.builder import build_block
+from anhyst.compensate.cells import cell_rows, fewer
+from anhyst.compensate.circuit import Arms, cell_weights, flux_unit
 from anhyst.compensate.force_controller import FixedTwin, Io, RealTwin
-from anhyst.compensate.full import build_full
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
@@ -61,7 +62,7 @@ def cells(gap_map: GapMap = "reluctance", law: str = "play-cells") -> Model:
 @cache
 def block(gap_map: GapMap = "reluctance", law: str = "play-cells", segments: int = 5) -> Block:
     sizes = replace(SIZES, curve_segments=segments)
-    return build_cells(cells(gap_map, law), *ranges(gap_map, law), sizes)
+    return build_block(cells(gap_map, law), "cells", *ranges(gap_map, law), sizes)
 
 
 @cache
@@ -320,7 +321,7 @@ def test_any_memory_leads_back_into_bounds_and_to_the_demand(seed: int) -> None:
 
 def test_a_block_of_another_kind_is_refused() -> None:
     """Neither law takes a block of the other: the memory would mean nothing there."""
-    full = build_full(magnet("reluctance"), *ranges("reluctance", "play-cells"))
+    full = build_block(magnet("reluctance"), "full", *ranges("reluctance", "play-cells"))
     core = FixedCompensator("cells", block().words)
     with pytest.raises(ValueError, match="valid"):
         core.swap(full.words)
@@ -390,8 +391,7 @@ def test_what_fixed_point_remembers_floating_point_goes_on_with(kind: RealKind) 
     """One that remembers nothing is forty to four hundred times further off."""
     model = cells() if kind == "cells" else magnet("reluctance", 40.0)
     of = ranges("reluctance", "play-cells")
-    build = build_cells if kind == "cells" else build_full
-    fixed = FixedTwin(build(model, *of, SIZES))
+    fixed = FixedTwin(build_block(model, kind, *of, SIZES))
     real = real_block("f64", model, kind, *of, SIZES)
     gap = np.full(40, GAPS[0])
     apart, forgetful = [], []

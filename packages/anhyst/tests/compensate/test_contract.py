@@ -7,8 +7,8 @@ import pytest
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Conditioning, Kind, TableSizes
+from anhyst.compensate.builder import build_block
 from anhyst.compensate.force_controller import FixedTwin
-from anhyst.compensate.full import build_full
 from anhyst.compensate.plan import find_limits, find_scales, left_after, plan_start
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
@@ -217,7 +217,7 @@ def test_a_demand_beyond_saturation_is_flagged_as_flux() -> None:
     scales, limits = ranges("reluctance")
     most = 0.999 * 4.0 * scales.demand
     wide = Scales(4.0 * scales.demand, scales.current, *GAPS[:: len(GAPS) - 1])
-    block = build_full(magnet(), wide, type(limits)((0.0, most), CURRENTS))
+    block = build_block(magnet(), "full", wide, type(limits)((0.0, most), CURRENTS))
     twin = FixedTwin(block)
     twin.solve(most, GAPS[0])
     assert twin.flags & 4
@@ -229,7 +229,9 @@ def test_conditioning_sweeps_the_current_between_its_limits(kind: Kind) -> None:
     cycles, ramp = 2, 50
     block = compiled(kind)
     if kind == "full":
-        block = build_full(magnet(), scales, limits, conditioning=Conditioning(cycles, ramp))
+        block = build_block(
+            magnet(), "full", scales, limits, conditioning=Conditioning(cycles, ramp)
+        )
     twin = FixedTwin(block)
     core = FixedCompensator(kind, block.words)
     cycles, ramp = block.word("CONDITION_CYCLES"), block.word("CONDITION_TICKS")

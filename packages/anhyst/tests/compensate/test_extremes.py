@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, TableSizes
-from anhyst.compilation.parameters import definition, memories
+from anhyst.compilation.parameters import definition
 from anhyst.compilation.toolchain import SINGLE
 from anhyst.model.dynamics import Layers
 from anhyst.support.atomic import core_folder
@@ -79,7 +79,7 @@ def test_any_signal_in_any_order_gives_currents_within_limits(
     sources = [str(core / "src" / name.replace("_f32", f"_{io}")) for name in SINGLE[block.kind]]
     checks = "address,undefined,float-cast-overflow,float-divide-by-zero"
     options = ["-std=c99", "-O1", "-ffp-contract=off", f"-fsanitize={checks}"]
-    options += ["-fno-sanitize-recover=all", f"-DANHYST_MEMORIES={memories(block)}"]
+    options += ["-fno-sanitize-recover=all", f"-DANHYST_MEMORIES={block.memories}"]
     include = [f"-I{core}/include", f"-I{tmp_path}"]
     program = tmp_path / "extremes"
     files = [str(HERE / "extremes.c"), *sources]

@@ -13,8 +13,8 @@ from anhyst.compensate import holding
 from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import FixedTwin, Io, twin_of
 from anhyst.compensate.holding import Held, hold
-from anhyst.compensate.measure import Path as Way
-from anhyst.compensate.measure import exact_output, find_reach
+from anhyst.compensate.measure import exact_output
+from anhyst.compensate.paths import Path as Way
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.data.clean import ReadOptions
 from anhyst.identification import identify
@@ -72,7 +72,7 @@ def test_a_force_is_held_while_the_gap_vibrates(name: str, force: float, swing: 
 def test_demand_and_gap_walking_together_stay_within_the_accuracy() -> None:
     plan = plan_of("electromagnet")
     scales = plan.block.scales
-    reach = find_reach(plan.model, scales, plan.block.limits)
+    reach = plan.builder.reach
     random = np.random.default_rng(7)
     walks = 0.5 + np.cumsum(random.normal(0.0, 0.002, (2, 100_000)), axis=1)
     places = np.abs((walks + 1.0) % 2.0 - 1.0)

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.block import Block, DemandLimits, Kind, TableSizes
+from anhyst.compensate.builder import build_block
 from anhyst.compensate.force_controller import FixedTwin
-from anhyst.compensate.simplified import ClosedForm, build_simplified
+from anhyst.compensate.simplified import ClosedForm
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
@@ -62,7 +63,7 @@ def block_of(
     form = ClosedForm(rate_of(law), law.nu, 0.0 * one, 0.0 * one, 0.0 * one, one, 0.0, 0.0)
     limits = DemandLimits((-0.999 * UNIT, 0.999 * UNIT), (-1.05, 1.05))
     sizes = TableSizes(octave_segments=segments, substeps=substeps)
-    return build_simplified(ring(), Scales(UNIT, 1.1, 0.0, 0.0), limits, sizes, law=form, kind=kind)
+    return build_block(ring(), kind, Scales(UNIT, 1.1, 0.0, 0.0), limits, sizes, law=form)
 
 
 def followed(

@@ -10,7 +10,7 @@ import pytest
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, TableSizes
-from anhyst.compensate.cells import build_cells
+from anhyst.compensate.builder import build_block
 from anhyst.compensate.force_controller import FixedTwin, RealTwin, twin_of
 from anhyst.compensate.plan import CompileRequest, find_limits, find_scales, make_plan
 from anhyst.model.actuator import Model
@@ -39,7 +39,9 @@ SIZES = TableSizes(gap_segments=4, curve_segments=5, cells=10)
 def block(model: Model, *, still: bool = False, rate: float = RATE) -> Block:
     scales = Scales(300.0, 8.0, *GAPS)
     limits = DemandLimits((0.0, TOP), (0.0, 6.0))
-    return build_cells(model, scales, limits, SIZES, Conditioning(1, 100, rate), still=still)
+    return build_block(
+        model, "cells", scales, limits, SIZES, Conditioning(1, 100, rate), still=still
+    )
 
 
 def refuses(block: Block, word: str, value: int) -> bool:

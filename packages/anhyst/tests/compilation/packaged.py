@@ -149,8 +149,8 @@ def passed(plain: Plain) -> str:
 def undrawn() -> Iterator[None]:
     """Leave the picture of a budget out: it takes a fifth of compiling."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("anhyst.compilation.source._figure", lambda budget: None)
-        patch.setattr("anhyst.compilation.source.svg_text", lambda figure, prefix: "<svg/>")
+        patch.setattr("anhyst.compilation.budget_page._figure", lambda budget: None)
+        patch.setattr("anhyst.compilation.budget_page.svg_text", lambda figure, prefix: "<svg/>")
         yield
 
 

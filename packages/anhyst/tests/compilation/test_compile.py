@@ -17,7 +17,7 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.compensate.force_controller import twin_of
-from anhyst.compensate.measure import against_demand, paths, run_with_losses
+from anhyst.compensate.measure import against_demand, run_with_losses
 from anhyst.compensate.plan import CompileRequest, full_scale
 from anhyst.compilation.output import Compiled, compile_model
 from anhyst.model.actuator import Model
@@ -124,7 +124,7 @@ def test_c_compiles_without_a_warning_and_gives_the_golden_currents(
 
 def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) -> None:
     plan = compiled.plan
-    ways = paths(plan.model, plan.block.scales, plan.block.limits, seed=77)
+    ways = plan.builder.reach.paths(seed=77)
     deviation, _ = against_demand(plan.model, plan.block, plan.request.io, ways)
     assert compiled.budget.compiled.worst is not None
     assert deviation.worst <= 1.3 * compiled.budget.compiled.worst
@@ -140,7 +140,7 @@ def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) 
 def test_budget_is_what_the_model_says_sample_by_sample(folder: Path) -> None:
     """The budget maps currents to force in one go; the stepper does it another way."""
     plan = full(folder).plan
-    path = paths(plan.model, plan.block.scales, plan.block.limits, seed=5)[-1]
+    path = plan.builder.reach.paths(seed=5)[-1]
     assert path.gap is not None
     twin, stepper = twin_of(plan.block, "q15"), plan.model.stepper(path.gap[0], "demagnetised")
     low, high = plan.block.limits.current
@@ -156,7 +156,7 @@ def test_budget_is_what_the_model_says_sample_by_sample(folder: Path) -> None:
 
 def test_lost_currents_are_reported_to_the_memory(folder: Path) -> None:
     plan = full(folder).plan
-    path = paths(plan.model, plan.block.scales, plan.block.limits)[1]
+    path = plan.builder.reach.paths()[1]
     run = run_with_losses(plan.model, plan.block, "q15", path)
     lost = ~run.judged
     assert lost.sum() == path.demand.size // 4

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from anhyst.compensate.block import cell_weights
+from anhyst.compensate.circuit import cell_weights
 from anhyst.data import Loops
 from anhyst.data.loops import Loop
 from anhyst.data.path import History

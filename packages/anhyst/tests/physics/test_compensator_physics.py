@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.block import DemandLimits, TableSizes
+from anhyst.compensate.builder import build_block
 from anhyst.compensate.force_controller import FixedTwin
-from anhyst.compensate.full import build_full
 from anhyst.model.parameters import GapMap
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
@@ -93,7 +93,7 @@ def test_full_gives_the_demanded_flux_of_either_sign(play: float) -> None:
     model = ring(play)
     top = float(model.predict([0.0, 150.0], history="demagnetised").output[-1])
     limits = DemandLimits((-top, top), (-150.0, 150.0))
-    block = build_full(model, Scales(1.1 * top, 160.0, 0.0, 0.0), limits)
+    block = build_block(model, "full", Scales(1.1 * top, 160.0, 0.0, 0.0), limits)
     wanted = np.concatenate(
         [reversals(-0.95 * top, 0.95 * top, 150, 7), np.tile([0.95 * top, -0.95 * top], 50)]
     )
@@ -173,8 +173,8 @@ def test_every_kind_of_iron_is_inverted(a: float, kappa: float, c: float) -> Non
         for gap in (GAPS[-1], GAPS[0])
     )
     scales = Scales(1.2 * high, 1.4, GAPS[0], GAPS[-1])
-    block = build_full(
-        model, scales, DemandLimits((0.0, high), (-1.3, 1.3)), TableSizes(iterations=10)
+    block = build_block(
+        model, "full", scales, DemandLimits((0.0, high), (-1.3, 1.3)), TableSizes(iterations=10)
     )
     first = RESIDUAL + 0.05 * (low - RESIDUAL)
     wanted = np.concatenate(
@@ -191,7 +191,7 @@ def test_a_current_too_strong_for_the_tables_is_refused() -> None:
     changed = dict(magnet().parameters) | {"a": 20.0, "k": 20.0}
     scales, limits = ranges("reluctance")
     with refused("tables-too-steep current"):
-        build_full(replace(magnet(), parameters=changed), scales, limits)
+        build_block(replace(magnet(), parameters=changed), "full", scales, limits)
 
 
 def test_the_strongest_current_that_is_taken_gives_a_sound_block() -> None:
@@ -202,7 +202,7 @@ def test_the_strongest_current_that_is_taken_gives_a_sound_block() -> None:
     for current in np.geomspace(0.5, CURRENTS[1], 12).tolist():
         narrowed = DemandLimits(limits.demand, (-0.4, current))
         try:
-            block = build_full(model, scales, narrowed)
+            block = build_block(model, "full", scales, narrowed)
         except InputError:
             continue
         FixedTwin(block)

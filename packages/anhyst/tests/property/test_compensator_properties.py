@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, DemandLimits, Kind
+from anhyst.compensate.builder import build_block
 from anhyst.compensate.force_controller import FixedTwin
-from anhyst.compensate.full import build_full
 from anhyst.model.parameters import GapMap
 from anhyst.support.block_words import Scales
 from tests.actuators import GAPS, compiled, largest_force, magnet, ring
@@ -168,7 +168,7 @@ def test_any_demand_within_the_limits_is_met(
 def flux_block() -> Block:
     top = float(ring().predict([0.0, 150.0], history="demagnetised").output[-1])
     limits = DemandLimits((-top, top), (-150.0, 150.0))
-    return build_full(ring(), Scales(1.1 * top, 160.0, 0.0, 0.0), limits)
+    return build_block(ring(), "full", Scales(1.1 * top, 160.0, 0.0, 0.0), limits)
 
 
 @settings(max_examples=100)

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anhyst.compensate.block import Block, DemandLimits, TableSizes
-from anhyst.compensate.full import build_full
-from anhyst.compensate.simplified import build_simplified
+from anhyst.compensate.builder import build_block
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.numeric import FloatArray
@@ -60,7 +59,7 @@ def block_of(gap_map: GapMap, model: Model, reach: float) -> Block:
     scales, limits = ranges(gap_map, PLAY)
     low, high = limits.current
     narrow = DemandLimits(limits.demand, (reach * low, reach * high))
-    return build_full(model, scales, narrow, FULL_SIZES)
+    return build_block(model, "full", scales, narrow, FULL_SIZES)
 
 
 def drives(model: Model, demand: FloatArray, gap: float) -> FloatArray:
@@ -120,7 +119,7 @@ def test_another_straight_law_moves_it_by_less_than_the_two_are_ever_apart(
     )
     model = magnet("reluctance", PLAY)
     here, there = (
-        build_simplified(model, scales, limits, SIZES, law=each) for each in (law, other)
+        build_block(model, "simplified", scales, limits, SIZES, law=each) for each in (law, other)
     )
     demand = path("reluctance", seed)
     most = apart(here, there, np.append(demand, cycle("reluctance")), gap) + ACCURACY
@@ -132,8 +131,10 @@ def test_another_straight_law_moves_it_by_less_than_the_two_are_ever_apart(
 def test_a_swap_to_the_very_same_block_changes_nothing_that_matters(kind: str) -> None:
     model, (scales, limits) = magnet("reluctance", PLAY), ranges("reluctance", PLAY)
     if kind == "full":
-        block = build_full(model, scales, limits, FULL_SIZES)
+        block = build_block(model, "full", scales, limits, FULL_SIZES)
     else:
-        block = build_simplified(model, scales, limits, SIZES, law=closed_form("reluctance"))
+        block = build_block(
+            model, "simplified", scales, limits, SIZES, law=closed_form("reluctance")
+        )
     for seed in range(20):
         assert jump(block, block, path("reluctance", seed), GAPS[1]) < 5e-5

@@ -9,7 +9,7 @@ BEARING = RigKind(
     verbs=("export", "simulate", "calibrate", "tune", "excite", "live"),
     places={
         "read": "anhyst_rigs.rig.body:read_bearing",
-        "files": "anhyst_rigs.study.bearing.operating:files_of_bearing",
+        "files": "anhyst_rigs.study.bearing.ready:files_of_bearing",
         "simulate": "anhyst_rigs.reports.bearing.study:simulate",
         "run_board": "anhyst_rigs.reports.bearing.study:run_firmware",
         "printed": "anhyst_rigs.reports.bearing.subject:printed",

@@ -31,7 +31,7 @@ from anhyst_rigs.reports.bearing.page import plant_text, structure
 from anhyst_rigs.reports.study.page import INK, SHADE, hashes, origin, page_text, picture
 from anhyst_rigs.reports.study.task import SimulationTask
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.study.bearing.operating import controller_of, make_ready
+from anhyst_rigs.study.bearing.ready import controller_of, make_ready
 from anhyst_rigs.study.benefit import (
     AnyRig,
     Benefit,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from anhyst._core import Magnet, Plant
-from anhyst.compensate.block import cell_weights
+from anhyst.compensate.circuit import cell_weights
 from anhyst.laws import law_of
 from anhyst.laws.law import Role
 from anhyst.model.actuator import Model

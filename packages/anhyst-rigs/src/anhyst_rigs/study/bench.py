@@ -44,7 +44,7 @@ from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.bearing.on_board import build_firmware
-from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from anhyst_rigs.study.excite.design import Specimen
 from anhyst_rigs.study.excite.excite import Excitation, Measuring
 from anhyst_rigs.study.excite.on_board import measure_on_board

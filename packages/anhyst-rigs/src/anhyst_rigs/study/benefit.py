@@ -22,7 +22,8 @@ from anhyst.support import running_version
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName, capability
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.rig.bearing.loop import check_controller, make_setup
+from anhyst_rigs.rig.bearing.checks import check_controller
+from anhyst_rigs.rig.bearing.loop import make_setup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift, with_iron
 from anhyst_rigs.rig.file import RigFile

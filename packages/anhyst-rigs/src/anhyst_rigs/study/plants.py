@@ -24,7 +24,8 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import rms
-from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at, make_setups
+from anhyst_rigs.rig.bearing.held import lost_at
+from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setups
 from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import Drift, drifted_file, drifted_plant
@@ -42,7 +43,7 @@ from anhyst_rigs.rig.stage.fitted import identify_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.rig.tables import SPREADS
-from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from anhyst_rigs.study.bearing.responses import position_resolution, step_figures
 from anhyst_rigs.study.engine.monte_carlo import PlantFigure, Plants
 from anhyst_rigs.study.force_trials import ForceTrial, plan_trials

@@ -1,39 +1,21 @@
-"""A parameter block, one row of words in a number format, and what every kind of compensator packs in it."""
+"""A parameter block: one row of words in a number format, with the scales that give them a meaning."""
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anhyst import _core
-from anhyst.model.actuator import Model, least_slope, obstacle
-from anhyst.model.dynamics import Layers
 from anhyst.support.block_layout import (
-    BODY,
-    KINDS,
-    LAYOUT,
-    LEAST_WORDS,
-    MAGIC,
-    MOST_REAL_WORDS,
-    MOST_WORDS,
-    PLACES,
-    UNITS,
     WORDS,
     Word,
 )
 from anhyst.support.block_words import ONES, Names, Scales, WordUnit
-from anhyst.support.errors import InputError
 from anhyst.support.kinds import NumberFormat
-from anhyst.support.numeric import FloatArray
-from anhyst.support.units import MU_0
-
-if TYPE_CHECKING:
-    from anhyst.laws.cells import CellWeights
 
 Kind = Literal["full", "simplified", "euler", "cells"]
 
@@ -117,6 +99,18 @@ class Block:
             return float(self.words[at])
         return single_value(*(int(word) for word in self.words[at : at + 2]))
 
+    @property
+    def c_type(self) -> str:
+        """Type of a word in C."""
+        return {"float32": "float", "float64": "double", "int16": "int16_t"}[self.words.dtype.name]
+
+    @property
+    def memories(self) -> int:
+        """Number of memories of its law that the iron consists of."""
+        if self.kind != "cells":
+            return 1
+        return max(self.word("SOLID_LAYERS"), 1) + (self.number("SOLID_LAMINATED") > 0)
+
     def unit(self, word: Word, names: Names) -> WordUnit:
         """Return what 1.0 of a word, or of an entry of its table, is worth."""
         scale = {"": 1.0, "demand": self.scales.demand, "current": self.scales.current}[word.of]
@@ -132,34 +126,6 @@ class Block:
         return self.words[first : first + entries]
 
 
-def as_word(value: float, unit: float, name: str) -> int:
-    """Round a number to a word in which `unit` is 1.0."""
-    word = round(value * unit)
-    word = 32767 if word == 32768 else word  # 1.0 is the largest number of its format
-    if not -32767 <= word <= 32767:
-        raise InputError(
-            f"{name}: {value:g} does not fit its 16-bit word; widen the scale",
-            code="too-large-for-fixed-point",
-            key=name,
-        )
-    return word
-
-
-def mantissa(factor: float, name: str) -> tuple[int, int]:
-    """Split a positive factor into a weight (n/65536, below 0.5) and a shift of 0 to 12."""
-    shift = 0
-    while factor >= 0.4999 * 2.0**shift and shift <= 12:
-        shift += 1
-    weight = round(factor / 2.0**shift * 65536)
-    if shift > 12 or weight < 1:
-        raise InputError(
-            f"{name}: {factor:g} is out of the range of fixed point",
-            code="too-large-for-fixed-point",
-            key=name,
-        )
-    return weight, shift
-
-
 def single_words(value: float) -> tuple[int, int]:
     """Return the bits of a number in single precision, low half, high half."""
     bits = int(np.float32(value).view(np.uint32))
@@ -170,166 +136,6 @@ def single_value(low: int, high: int) -> float:
     """Return the number of two words, each signed or not."""
     bits = (low & 0xFFFF) | (high & 0xFFFF) << 16
     return float(f"{np.uint32(bits).view(np.float32):.7g}")
-
-
-FORMATS = {(kind, word.name): word.format for kind, body in BODY.items() for word in body}
-"""Format of each word of a kind, by its name."""
-
-
-class Packer:
-    """Collects words and tables in a number format, and closes the block with its checksum.
-
-    Fixed point rounds every number to its word. In floating point a word is the number itself, and
-    a shift that belongs to a weight is 0.
-    """
-
-    def __init__(
-        self, kind: Kind, model_hash: int = 0, number_format: NumberFormat = "fixed"
-    ) -> None:
-        self.kind = kind
-        self.number_format = number_format
-        self._head = np.zeros(LEAST_WORDS)
-        self._head[0:4] = [*MAGIC, LAYOUT, KINDS[kind]]
-        model = PLACES["MODEL"]
-        self._head[model : model + 2] = [model_hash & 0xFFFF, (model_hash >> 16) & 0xFFFF]
-        self._tables: dict[str, FloatArray] = {}
-
-    @property
-    def is_fixed(self) -> bool:
-        """Whether numbers are rounded to 16-bit words."""
-        return self.number_format == "fixed"
-
-    def set(self, name: str, value: int) -> None:
-        """Put an integer."""
-        self._head[WORDS[self.kind][name]] = value
-
-    def put(self, name: str, value: float, key: str, least: int = -32767) -> None:
-        """Put a number; `least` is its smallest word, and `key` names it in a message."""
-        at = WORDS[self.kind][name]
-        one = ONES[FORMATS[self.kind, name]]
-        self._head[at] = max(as_word(value, one, key), least) if self.is_fixed else value
-
-    def put_limit(self, name: str, value: float, scale: float, key: str) -> None:
-        """Put a limit of a signal; the rounded word times the rounded scale is never beyond it."""
-        self.put(name, value / scale, key)
-        if not self.is_fixed:
-            real = np.float32 if self.number_format == "f32" else np.float64
-            word, full = real(value / scale), real(scale)
-            while abs(float(word * full)) > abs(float(real(value))):
-                word = np.nextafter(word, real(0.0))
-            self._head[WORDS[self.kind][name]] = word
-
-    def put_weight(self, name: str, factor: float, key: str) -> None:
-        """Put a positive factor as a weight, and its exponent in the word NAME_SHIFT."""
-        weight, shift = mantissa(factor, key) if self.is_fixed else (factor, 0)
-        self._head[WORDS[self.kind][name]] = weight
-        self.set(f"{name}_SHIFT", shift)
-
-    def set_single(self, name: str, value: float) -> None:
-        """Put a number of two words."""
-        at = WORDS[self.kind][name]
-        self._head[at : at + 2] = single_words(value) if self.is_fixed else (value, 0.0)
-
-    def table(self, name: str, values: FloatArray, unit: float, least: int = -32767) -> None:
-        """Put a table of numbers, or rows of one, in which the word `unit` is 1.0 in fixed point."""
-        words = np.asarray(values, dtype=np.float64)
-        if self.is_fixed:
-            words = np.maximum(np.rint(words * unit), least)
-            if np.abs(words).max() > 32767 or np.abs(np.diff(words)).max(initial=0) > 32767:
-                largest = float(np.abs(values).max())
-                raise InputError(
-                    f"table {name.lower()}: {largest:.3g} does not fit into its 16 bits, which end "
-                    f"at {32767 / unit:.3g}; narrow the model's [valid], or correct its parameters",
-                    code="too-large-for-fixed-point",
-                )
-        self._tables[name] = words.ravel()
-
-    def close(self, scales: Scales, limits: DemandLimits, generation: int = 0) -> Block:
-        """Lay everything out."""
-        for name, value in (
-            ("SCALE_DEMAND", scales.demand),
-            ("SCALE_CURRENT", scales.current),
-            ("SCALE_GAP_LOW", scales.gap_low),
-            ("SCALE_GAP_HIGH", scales.gap_high),
-        ):
-            self.set_single(name, value)
-        tables: dict[str, tuple[int, int]] = {}
-        parts = [self._head]
-        end = LEAST_WORDS
-        for name, values in self._tables.items():
-            same = next(
-                (n for n, v in self._tables.items() if n in tables and np.array_equal(v, values)),
-                None,
-            )
-            if same is None:
-                tables[name] = (end, values.size)
-                parts.append(values)
-                end += values.size
-            else:
-                tables[name] = tables[same]
-            self.set(name, tables[name][0])
-        if end > (MOST_WORDS if self.is_fixed else MOST_REAL_WORDS):
-            raise InputError(
-                f"the parameter block needs {2 * end} bytes, a controller takes {2 * MOST_WORDS}; "
-                "ask for less accuracy",
-                code="block-too-long",
-            )
-        self._head[PLACES["LENGTH"]] = end
-        self._head[PLACES["GENERATION"]] = generation
-        words = np.concatenate(parts)
-        if self.is_fixed:
-            words = (words.astype(np.int64) & 0xFFFF).astype("<u2").view("<i2")
-        words = words.astype(DTYPES[self.number_format])
-        return Block(self.kind, _with_checksum(words), scales, limits, tables)
-
-
-def _with_checksum(words: NDArray[Any]) -> WordArray:
-    """Put the checksum into its two words; it runs over the bytes of all others, low byte first."""
-    at = PLACES["CRC"]
-    crc = zlib.crc32(np.concatenate([words[:at], words[at + 2 :]]).tobytes())
-    halves = np.array([crc & 0xFFFF, crc >> 16])
-    is_integer = np.issubdtype(words.dtype, np.integer)
-    words[at : at + 2] = halves.astype(np.uint16).view(np.int16) if is_integer else halves
-    return words.astype(words.dtype.newbyteorder("="))
-
-
-FullKind = Literal["full", "cells"]
-
-
-def iron_of(model: Model) -> Mapping[str, float]:
-    """Return the parameters of the iron, the same at every gap of what can be compiled."""
-    return model.parameters_at(model.first_node)
-
-
-def full_kind(model: Model) -> FullKind:
-    """Return the kind of the blocks that follow the law itself, of a model that can be compiled."""
-    return "full" if model.operator_law.cells is None else "cells"
-
-
-def saturation(model: Model) -> float:
-    """Return the largest magnetisation, A/m."""
-    iron, law = iron_of(model), model.operator_law
-    if law.cells is not None:
-        return law.cells(iron).saturation
-    return sum(iron[spec.name] for spec in law.with_role("saturation"))
-
-
-def cell_weights(model: Model) -> CellWeights:
-    """Return the cells of a model whose law has some."""
-    cells = model.operator_law.cells
-    assert cells is not None
-    return cells(iron_of(model))
-
-
-WEIGHT = 65536.0
-LARGEST_WEIGHT = 32767 / WEIGHT
-MOST_FLUX_SHIFT = 6
-
-
-def refuse_uncompilable(model: Model) -> None:
-    """Raise `InputError` for a model that has no fixed-point form, saying why."""
-    if (reason := obstacle(model)) is not None:
-        raise InputError(reason, code="no-fixed-point-form")
 
 
 def core_of(block: Block) -> _core.FixedCompensator | _core.CompensatorF32 | _core.Compensator:
@@ -344,188 +150,3 @@ def real_core_of(block: Block) -> _core.CompensatorF32 | _core.Compensator:
     if block.words.dtype == np.float32:
         return _core.CompensatorF32(block.kind, block.words)
     return _core.Compensator(block.kind, block.words)
-
-
-def closed(
-    pack: Packer, model: Model, scales: Scales, limits: DemandLimits, at: FloatArray
-) -> Block:
-    """Lay a block of the law itself out, and refuse what the core does not take."""
-    block = pack.close(scales, limits)
-    try:
-        core_of(block)
-    except ValueError as error:
-        steepest = least_slope(model, at).min()
-        if steepest < 1.0 and block.is_fixed:
-            raise InputError(
-                f"alpha: the output all but jumps at some currents (least slope of the drive "
-                f"{steepest:.2g} of that without iron), nearer than 16-bit tables can follow; "
-                "compile with --io f32",
-                code="tables-too-steep",
-                key="alpha",
-            ) from error
-        raise InputError(
-            "[parameters]: the tables of a block cannot hold a law of these magnitudes; correct the "
-            "parameters",
-            code="law-beyond-the-tables",
-            key="parameters",
-        ) from error
-    return block
-
-
-def nodes(model: Model, scales: Scales, sizes: TableSizes) -> FloatArray:
-    """Places over the gap at which a table has its entries, SI."""
-    if not model.needs_schedule:
-        return np.full(2, scales.gap_low)
-    return np.linspace(scales.gap_low, scales.gap_high, 2**sizes.gap_segments + 1)
-
-
-def flux_unit(model: Model) -> float:
-    """Flux density of saturated iron without the air around it, T: the unit of the inner flux."""
-    return MU_0 * saturation(model) * (1.0 - iron_of(model)["alpha"])
-
-
-def unit_codes(model: Model) -> int:
-    """Return the units of demand, current and gap as one word."""
-    gap = model.schedule.unit if model.schedule is not None else ""
-    demand, current, gap_code = (
-        UNITS.index(unit) for unit in (model.output.unit, model.input.unit, gap)
-    )
-    return demand + 16 * current + 256 * gap_code
-
-
-def flux_shift(gain: FloatArray) -> int:
-    """Return by how many bits gains of the flux are shifted to fit into their table."""
-    if not gain.max() <= LARGEST_WEIGHT * 2.0**MOST_FLUX_SHIFT:
-        raise InputError(
-            "flux: the full-scale demand is far beyond saturation; narrow the output in the "
-            "model's [valid], or correct its parameters",
-            code="demand-beyond-saturation",
-            key="flux",
-        )
-    return max(0, int(np.ceil(np.log2(gain.max() / LARGEST_WEIGHT))))
-
-
-def flux_gain(model: Model, scales: Scales, at: FloatArray) -> FloatArray:
-    """Return the flux of a full-scale output at each node, in units of :func:`flux_unit`."""
-    full = scales.demand / model.over_schedule("c_out", at)
-    return np.asarray((np.sqrt(full) if model.power == 2 else full) / flux_unit(model))
-
-
-def pack_common(
-    pack: Packer,
-    model: Model,
-    scales: Scales,
-    limits: DemandLimits,
-    sizes: TableSizes,
-    conditioning: Conditioning,
-    offset: FloatArray | None = None,
-) -> None:
-    """Put limits, start-up, and the way from demand to flux; `offset` instead of the model's."""
-    at = nodes(model, scales, sizes)
-    pack.set("POWER", model.power)
-    pack.set("ROOT_KNEE", sizes.root_knee)
-    for name, value, scale in (
-        ("DEMAND_LOW", limits.demand[0], scales.demand),
-        ("DEMAND_HIGH", limits.demand[1], scales.demand),
-        ("CURRENT_LOW", limits.current[0], scales.current),
-        ("CURRENT_HIGH", limits.current[1], scales.current),
-    ):
-        pack.put_limit(name, value, scale, name.lower())
-    pack.set_single("SCALE_RATE", conditioning.rate)
-    pack.set("SCALE_UNITS", unit_codes(model))
-    pack.set("CONDITION_CYCLES", conditioning.cycles)
-    pack.set("CONDITION_TICKS", conditioning.ramp_ticks)
-    pack.set("GAP_SEGMENTS", sizes.gap_segments if model.needs_schedule else 0)
-    gain = flux_gain(model, scales, at)
-    shift = flux_shift(gain) if pack.is_fixed else 0
-    pack.set("FLUX_SHIFT", shift)
-    pack.put("FLUX_LIMIT", 1.0, "flux")
-    pack.table("GAP_GAIN", gain / 2.0**shift, WEIGHT, least=1)
-    offset = model.over_schedule("out_0", at) if offset is None else offset
-    pack.table("GAP_OFFSET", offset / scales.demand, 32768.0)
-
-
-@dataclass(frozen=True)
-class Arms:
-    """How a current is made up at places over the gap: ``bias + flux_arm*flux + field_arm*x``."""
-
-    # flux, in parts of that of saturated iron, for an effective field ``x`` of 1 A/m without iron
-    air: float
-    # in units of the input; for a flux of 1, and for an effective field of 1 A/m; shape (n,)
-    bias: FloatArray
-    flux_arm: FloatArray
-    field_arm: FloatArray
-
-
-def arms_of(model: Model, at: FloatArray) -> Arms:
-    """Bring the circuit of a model into the form of a compensator, at places over the gap.
-
-    ``c_H*(I - in_0) = x/(1-alpha) + (rho - alpha/(1-alpha))*B/mu0`` with
-    ``B/mu0 = (1-alpha)*M_s*flux``; a rewriting of section 2 of the theory.
-    """
-    alpha = iron_of(model)["alpha"]
-    turns, rho = (model.over_schedule(name, at) for name in ("c_H", "rho"))
-    saturated = flux_unit(model) / MU_0
-    return Arms(
-        air=1.0 / saturated,
-        bias=model.over_schedule("in_0", at),
-        flux_arm=np.asarray(saturated * (rho - alpha / (1.0 - alpha)) / turns),
-        field_arm=np.asarray(1.0 / ((1.0 - alpha) * turns)),
-    )
-
-
-def solid_numbers(model: Model, layers: Layers, rate: float) -> dict[str, float]:
-    """Return the numbers of solid iron, A/m and parts of the flux.
-
-    One tick is one implicit step of the diffusion. In a layer ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)``, as in
-    :func:`arms_of`.
-    """
-    iron, unit = iron_of(model), flux_unit(model)
-    alpha = iron["alpha"]
-    return {
-        "hold": iron["gamma"] * rate / (layers.count - 1) * unit * (1.0 - alpha),
-        "own": -alpha * unit / MU_0,
-        "surface": layers.surface,
-        "laminated": layers.laminated,
-        "layers": layers.count,
-    }
-
-
-def lag_arm(model: Model, at: FloatArray, rate: float) -> FloatArray | None:
-    """Return the current for a flux that rises by 1 in a tick, one value a node; None without a lag.
-
-    ``c_H*(I - in_0) = H + rho*B/mu0 + gamma*dB/dt``, the derivative as a backward difference.
-    """
-    if model.layers is not None or not model.has_eddy_currents:
-        return None
-    gamma, turns = (model.over_schedule(name, at) for name in ("gamma", "c_H"))
-    return np.asarray(gamma * rate * flux_unit(model) / turns)
-
-
-def pack_arms(
-    pack: Packer,
-    scales: Scales,
-    bias: FloatArray,
-    flux_arm: FloatArray,
-    field_arm: FloatArray,
-    lag: FloatArray | None = None,
-) -> None:
-    """Put how the current is made up, A for each unit of flux, field and lag, one value a node."""
-    arms = (bias, flux_arm, field_arm) if lag is None else (bias, flux_arm + lag, lag, field_arm)
-    spans = [max(np.abs(part).max(), np.abs(np.diff(part)).max()) for part in arms]
-    largest = max(spans) / scales.current
-    shift = max(0, int(np.ceil(np.log2(largest / LARGEST_WEIGHT)))) if pack.is_fixed else 0
-    if shift > 8:
-        raise InputError(
-            f"current: a unit of flux or field counts for {largest:.0f} times the full-scale "
-            "current, more than 16-bit words can weigh against each other; compile with --io f32",
-            code="weights-too-uneven",
-            key="current",
-        )
-    unit = scales.current * 2.0**shift
-    pack.set("CURRENT_SHIFT", shift)
-    pack.table("GAP_BIAS", bias / unit, WEIGHT)
-    pack.table("GAP_FLUX_ARM", flux_arm / unit, WEIGHT)
-    pack.table("GAP_FIELD_ARM", field_arm / unit, WEIGHT, least=1)
-    if lag is not None:
-        pack.table("GAP_LAG_ARM", lag / unit, WEIGHT, least=0)

@@ -9,54 +9,17 @@ demand travels; what becomes of one that is held is measured apart (:mod:`.holdi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.block import Block
-from anhyst.compensate.force_controller import twin_of
 from anhyst.compensate.holding import SECONDS, Held, hold
-from anhyst.compensate.measure import (
-    OutputDeviation,
-    Path,
-    PathRun,
-    against_demand,
-    between,
-    deviation,
-    fast_paths,
-    find_reach,
-    interpolation,
-    off_demand,
-    paths,
-    resolution,
-    snapped,
-)
+from anhyst.compensate.measure import BudgetPart, PathRun, Trial
 from anhyst.compensate.plan import Plan
-from anhyst.compensate.search import FINE
 from anhyst.model.actuator import Model
 from anhyst.support.errors import NegativeResult
 from anhyst.support.numeric import FloatArray, rms
-
-SEED = 2
-LENGTH = 4
-
-CROSSING = 0.5
-"""Seconds in which the demand of the part 'sample rate' crosses its range, and the gap its own."""
-
-MOST_TICKS = 400
-"""Of a crossing that are simulated; at higher rates the deviation shrinks in proportion."""
-
-
-@dataclass(frozen=True, slots=True)
-class BudgetPart:
-    """One line of the budget, in units of the output."""
-
-    name: str  # key, and what a reader sees
-    title: str
-    worst: float | None  # deviations; None where there is nothing to measure
-    rms: float | None
-    note: str  # what was switched on, and where it was worst
 
 
 @dataclass(frozen=True)
@@ -82,19 +45,10 @@ class Budget:
 
 def measure_budget(plan: Plan) -> Budget:
     """Measure what a plan costs."""
-    model, block, io = plan.model, plan.still, plan.request.io
-    ways = paths(model, block.scales, block.limits, seed=SEED, length=LENGTH)
-    everything, runs = against_demand(model, block, io, ways)
-    compiled = _part("compiled", "compiled, all at once", everything, runs)
-    parts = (
-        _model_fit(plan),
-        *_law(plan, ways),
-        _tables(plan, ways),
-        _quantisation(plan, ways),
-        *_gap(plan, ways),
-        _sampling(plan),
-        *_rate(plan),
-    )
+    fit = _model_fit(plan)
+    trial = Trial(plan.builder, plan.sizes, plan.block, plan.still)
+    compiled = trial.compiled()
+    parts = (fit, *trial.parts(plan.largest))
     known = [part for part in parts if part.name in {"model_fit", "sample_rate", "rate"}]
     added = [compiled, *known]
     total = BudgetPart(
@@ -109,22 +63,15 @@ def measure_budget(plan: Plan) -> Budget:
     held = tuple(hold(plan))
     return Budget(
         largest=plan.largest,
-        unit=model.output.unit,
+        unit=plan.model.output.unit,
         wanted=allowed,
         parts=parts,
         compiled=compiled,
         total=total,
-        drift=_drift(held, model),
+        drift=_drift(held, plan.model),
         held=held,
-        runs=tuple(runs),
+        runs=tuple(trial.runs),
     )
-
-
-def _part(
-    name: str, title: str, off: OutputDeviation, runs: Sequence[tuple[PathRun, FloatArray]]
-) -> BudgetPart:
-    where = next(run.path.title for run, _ in runs if run.path.name == off.path)
-    return BudgetPart(name, title, off.worst, off.rms, f"worst in {where}")
 
 
 def _drift(held: Sequence[Held], model: Model) -> BudgetPart:
@@ -146,129 +93,6 @@ def _model_fit(plan: Plan) -> BudgetPart:
         return BudgetPart("model_fit", "model fit", None, None, "the model file has no fit figures")
     note = "model against the measured loops, as the model file says"
     return BudgetPart("model_fit", "model fit", fit.worst, fit.rms, note)
-
-
-def _law(plan: Plan, ways: list[Path]) -> list[BudgetPart]:
-    if plan.request.kind == "full":
-        return []
-    off, runs = against_demand(plan.model, plan.builder.exact(FINE), "f64", ways)
-    part = _part("law", "straight anhysteretic", off, runs)
-    return [replace(part, note=f"the simplified law with fine tables; {part.note}")]
-
-
-def _tables(plan: Plan, ways: list[Path]) -> BudgetPart:
-    builder, sizes = plan.builder, plan.sizes
-    at, block = snapped(ways, plan.model, plan.block.scales, sizes), builder.exact(sizes)
-    if plan.request.kind == "full":
-        off, runs = against_demand(plan.model, block, "f64", at)
-        part = _part("tables", "tables", off, runs)
-        note = f"in double precision, at gaps that stand in the tables; {part.note}"
-        return replace(part, note=note)
-    fine = builder.exact(replace(FINE, gap_segments=sizes.gap_segments))
-    off = between(plan.model, (block, "f64"), (fine, "f64"), at)
-    note = "chosen against fine tables, in double precision, at gaps that stand in the tables"
-    return BudgetPart("tables", "tables", off.worst, off.rms, note)
-
-
-def _quantisation(plan: Plan, ways: list[Path]) -> BudgetPart:
-    same = plan.builder.exact(plan.sizes)
-    off = between(plan.model, (plan.still, plan.request.io), (same, "f64"), ways)
-    note = (
-        f"{plan.request.io} and {plan.sizes.iterations} iterations against double precision, many "
-        "iterations and the same tables"
-    )
-    if plan.request.kind == "euler":
-        note = "Euler's steps and rounding against the closed form in double precision"
-    return BudgetPart("quantisation", "quantisation", off.worst, off.rms, note)
-
-
-def _gap(plan: Plan, ways: list[Path]) -> list[BudgetPart]:
-    model, scales, limits = plan.model, plan.block.scales, plan.block.limits
-    if not model.needs_schedule:
-        return []
-    if plan.request.kind == "full":
-        lifted = paths(model, scales, limits, lifted=True, seed=SEED, length=LENGTH)
-        off = interpolation(model, scales, limits, plan.sizes, lifted)
-        note = "straight lines between the entries over the gap, everything else exact"
-    else:
-        coarse, fine = (
-            plan.builder.exact(replace(FINE, gap_segments=n))
-            for n in (plan.sizes.gap_segments, FINE.gap_segments)
-        )
-        off = between(model, (coarse, "f64"), (fine, "f64"), ways)
-        note = "chosen entries over the gap against those of the fit, everything else fine"
-    return [BudgetPart("gap_interpolation", "gap interpolation", off.worst, off.rms, note)]
-
-
-def _sampling(plan: Plan) -> BudgetPart:
-    """Let every current act two ticks after its demand: one of delay, and the end of its hold."""
-    model, scales, limits = plan.model, plan.block.scales, plan.block.limits
-    crossing = plan.request.rate * CROSSING
-    ticks = int(np.clip(crossing, 8, MOST_TICKS))
-    wave = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # 0..1, twice to and fro
-    gap = scales.gap_at(wave)
-    reach = find_reach(model, scales, limits)
-    demand = reach.demand(0.05 + 0.9 * np.roll(wave, ticks // 2), gap, lifted=True)
-    error = ticks / crossing * _late(model, demand, gap)[2 * ticks :]
-    note = (
-        f"a current of {plan.request.rate:g} Hz at the end of its hold, one tick of delay before "
-        f"it, while demand and gap cross their ranges in {CROSSING:g} s; half as fast, half as much"
-    )
-    off = deviation([("sample_rate", error)])
-    return BudgetPart("sample_rate", "sample rate", off.worst, off.rms, note)
-
-
-def _rate(plan: Plan) -> list[BudgetPart]:
-    """Follow demands as fast as was measured, with the layers and without."""
-    late, block = plan.builder.late, plan.block
-    if late is None:
-        return []
-    ways = fast_paths(late, block.scales, block.limits, plan.request.rate)
-
-    def off(used: Block) -> OutputDeviation:
-        errors = []
-        for path in ways:
-            current = twin_of(used, plan.request.io).run(path.demand, path.gap)
-            # A record begins at rest: a sample before the first tick, at which nothing flows.
-            drive, gap = np.append(0.0, current), path.gap
-            gap = gap if gap is None else np.append(gap[0], gap)
-            time = np.arange(drive.size) / plan.request.rate
-            output = late.predict(drive, gap, time, history="demagnetised").output[1:]
-            run = PathRun(path, current, output, np.ones(current.size, dtype=bool))
-            errors.append((path.name, off_demand(run, block.limits, resolution(block.scales))))
-        return deviation(errors)
-
-    moving, still = off(block), off(plan.still)
-    titles = " and ".join(path.title for path in ways)
-    note = (
-        f"{titles}, against the model with its layers; compiled at rest it would be "
-        f"{100.0 * still.worst / plan.largest:.2g} %"
-    )
-    return [BudgetPart("rate", "rate", moving.worst, moving.rms, note)]
-
-
-def _late(model: Model, demand: FloatArray, gap: FloatArray) -> FloatArray:
-    """Output minus demand where each current acts two ticks late, at the gap of then.
-
-    The iron's memory is advanced at the ticks alone. Between them the gap moves under a current
-    that rests and then leaps; iron comes back from such ripples, but the law of the model drifts
-    along them a little, at any rate, and this is not to be reported as an error of sampling.
-    """
-    iron, state = model.iron_at(float(gap[0])), np.zeros(model.operator_law.states)
-    circuit = model.circuit(gap, np.zeros(gap.size))
-    flux, _ = circuit.flux_density(demand)
-    error = np.zeros(gap.size)
-    none = np.zeros(1)
-    for now in range(gap.size - 2):
-        before, then = slice(now, now + 1), slice(now + 2, now + 3)
-        drive, _, state, _, _ = iron.inverse(flux[before], circuit.rho[before], none, state)
-        # The same current at the gap of two ticks later, where its turns count otherwise.
-        later = drive * circuit.turns[then] / circuit.turns[before]
-        later = later + circuit.turns[then] * (circuit.in_0[before] - circuit.in_0[then])
-        reached, *_ = iron.forward(later, circuit.rho[then], none, state)
-        output = circuit.c_out[then] * reached**model.power + circuit.out_0[then]
-        error[then] = output - demand[then]
-    return error
 
 
 REASON = {

@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst.compensate.block import (
-    WEIGHT,
-    Arms,
-    Block,
-    Conditioning,
-    DemandLimits,
-    Packer,
-    TableSizes,
-    arms_of,
-    cell_weights,
-    closed,
-    lag_arm,
-    nodes,
-    pack_arms,
-    pack_common,
-    refuse_uncompilable,
-    solid_numbers,
-)
+from anhyst.compensate.block import DemandLimits, TableSizes
+from anhyst.compensate.circuit import WEIGHT, Arms, cell_weights
+from anhyst.compensate.packing import Frame, LawTables, Packer
 from anhyst.laws.cells import CellWeights, curve_value
-from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
-from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 
 MARGIN = 1.02
@@ -185,45 +167,32 @@ def cell_rows(
     return CellRows(reach, few.thresholds[1:], grid, grids[grid][0])
 
 
-def build_cells(
-    model: Model,
-    scales: Scales,
-    limits: DemandLimits,
-    sizes: TableSizes | None = None,
-    conditioning: Conditioning | None = None,
-    model_hash: int = 0,
-    number_format: NumberFormat = "fixed",
-    *,
-    still: bool = False,
-) -> Block:
-    """Make the parameter block of a law of play cells; as :func:`anhyst.compensate.full.build_full`.
+def cell_law(frame: Frame, *, still: bool) -> LawTables:
+    """Return the tables of a model of cells; a field of 1 is the largest.
 
     `still` leaves out what answers late, but for the reach of layers.
     """
-    refuse_uncompilable(model)
-    sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
-    at = nodes(model, scales, sizes)
-    arms = arms_of(model, at)
-    rows = cell_rows(cell_weights(model), arms, limits, sizes, solid=model.layers is not None)
+    model, arms = frame.model, frame.arms
+    solid = model.layers is not None
+    rows = cell_rows(cell_weights(model), arms, frame.limits, frame.sizes, solid=solid)
+    law_arms = arms.bias, arms.flux_arm, arms.field_arm * rows.reach
+    return LawTables(law_arms, partial(_pack, frame, rows, None if still else model.layers))
+
+
+def _pack(frame: Frame, rows: CellRows, layers: Layers | None, pack: Packer) -> None:
     reach = rows.reach
-    pack = Packer("cells", model_hash, number_format)
-    pack_common(pack, model, scales, limits, sizes, conditioning)
-    lag = None if still else lag_arm(model, at, conditioning.rate)
-    pack_arms(pack, scales, arms.bias, arms.flux_arm, arms.field_arm * reach, lag)
     pack.set_single("UNIT_FIELD", reach)
     pack.table("CELLS_THRESHOLDS", rows.thresholds / reach, 32768.0, least=1)
     pack.table("CELLS_ROWS", rows.rows, 32767.0)
-    pack.put("CELLS_AIR", arms.air * reach / 4.0, "h", least=1)
+    pack.put("CELLS_AIR", frame.arms.air * reach / 4.0, "h", least=1)
     pack.set("CELLS_COUNT", rows.thresholds.size)
     pack.set("CELLS_SEGMENTS", rows.grid.segments)
     pack.set("CELLS_ZONE", rows.grid.zone)
-    if model.layers is not None and not still:
-        numbers = solid_numbers(model, model.layers, conditioning.rate)
-        _pack_solid(pack, model.layers, numbers["hold"] / reach, numbers["own"] / reach)
-    return closed(pack, model, scales, limits, at)
+    if layers is not None:
+        _pack_layers(pack, layers, *(one / reach for one in frame.layer_fields(layers)))
 
 
-def _pack_solid(pack: Packer, layers: Layers, hold: float, own: float) -> None:
+def _pack_layers(pack: Packer, layers: Layers, hold: float, own: float) -> None:
     """Put the words of solid iron; what a unit of flux counts in fields of the reach."""
     pack.put_weight("SOLID_HOLD", max(hold, 1.0 / WEIGHT), "gamma")
     pack.set("SOLID_LAYERS", layers.count)

@@ -21,8 +21,8 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import minimize_scalar
 
 from anhyst import _core
-from anhyst.compensate.block import as_word
 from anhyst.compensate.force_controller import REAL, Compensator, Native
+from anhyst.compensate.packing import as_word
 from anhyst.compensate.plan import full_scale
 from anhyst.compensate.play_block import Words, pack_play
 from anhyst.compensate.sources import Operating, Sources

@@ -253,6 +253,32 @@ class FixedTwin(Twin):
         currents = self._core.run(codes, self.gap_codes(gap, codes.size), self.io == "q15")
         return currents / self.one * self.block.scales.current
 
+    def run_with_losses(
+        self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray
+    ) -> FloatArray:
+        """Solve and commit where the amplifier gives another current; `loss` in parts of its range."""
+        solve, commit = (
+            (self._core.solve_q15, self._core.commit_q15)
+            if self.io == "q15"
+            else (self._core.solve_q31, self._core.commit_q31)
+        )
+        low, high = self.current_codes(self.block.limits.current).tolist()
+        losses = ((high - low) * loss).round().astype(int).tolist()
+        rows = zip(
+            self.demand_codes(demand).tolist(),
+            self.gap_codes(gap, loss.size).tolist(),
+            losses,
+            strict=True,
+        )
+        codes = []
+        for now, at, lost in rows:
+            code = solve(now, at)
+            if lost:
+                code = min(max(code + lost, low), high)
+            commit(code, at)
+            codes.append(code)
+        return np.array(codes, dtype=np.float64) / self.one * self.block.scales.current
+
     def _start_up(self) -> FloatArray:
         ticks = range(self._core.conditioning_length())
         codes = [self._core.conditioning_q15(tick) for tick in ticks]
@@ -297,6 +323,22 @@ class RealTwin(Twin):
         gaps = self.block.scales.gap_low if gap is None else gap
         at = np.broadcast_to(np.asarray(gaps, dtype=np.float64), demands.shape).copy()
         return self._core.run(demands, at)
+
+    def run_with_losses(
+        self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray
+    ) -> FloatArray:
+        """Solve and commit where the amplifier gives another current; `loss` in parts of its range."""
+        low, high = self.block.limits.current
+        gaps = np.full(loss.size, self._gap(None)) if gap is None else gap
+        rows = zip(demand.tolist(), gaps.tolist(), ((high - low) * loss).tolist(), strict=True)
+        currents = []
+        for now, at, lost in rows:
+            current = self._core.solve(now, at)
+            if lost:
+                current = min(max(current + lost, low), high)
+            self._core.commit(current, at)
+            currents.append(current)
+        return np.array(currents)
 
     def _start_up(self) -> FloatArray:
         ticks = range(self._core.conditioning_length())

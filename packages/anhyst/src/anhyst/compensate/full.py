@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import brentq
 
 from anhyst._core import langevin
-from anhyst.compensate.block import (
-    Block,
-    Conditioning,
-    DemandLimits,
-    Packer,
-    TableSizes,
-    arms_of,
-    closed,
-    iron_of,
-    lag_arm,
-    nodes,
-    pack_arms,
-    pack_common,
-    refuse_uncompilable,
-)
+from anhyst.compensate.block import DemandLimits, TableSizes
+from anhyst.compensate.circuit import Arms, iron_of
+from anhyst.compensate.packing import Frame, LawTables, Packer
 from anhyst.laws.jiles_atherton import ascending_branch
-from anhyst.model.actuator import Model
-from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 
 MARGIN = 1.02
@@ -48,9 +35,10 @@ MAX_Q8 = 32767 / 256
 class Normal:
     """The law in units of its own, and how a current is made up there."""
 
-    kappa: float  # ``k/a``, reversible fraction, ``r_d/a``
-    c: float
-    play: float
+    a: float  # shape field of the anhysteretic curve, A/m: the unit of fields
+    kappa: float  # ``k/a``
+    c: float  # reversible fraction
+    play: float  # ``r_d/a``
     # ``h = a/((1-alpha)*M_s)``: flux (over that of saturated iron) for a field ``x = 1``
     air: float
     # current at each place over the gap, A: ``bias + flux_arm*flux + field_arm*x``; shape (n,)
@@ -59,11 +47,11 @@ class Normal:
     field_arm: FloatArray
 
 
-def normal(model: Model, at: FloatArray) -> Normal:
-    """Bring a model into the form of the compensator, at places over the gap."""
-    iron, arms = iron_of(model), arms_of(model, at)
+def normal(iron: Mapping[str, float], arms: Arms) -> Normal:
+    """Bring the parameters of iron, and how a current is made up, into the units of the law."""
     a = iron["a"]
     return Normal(
+        a=a,
         kappa=iron["k"] / a,
         c=iron["c"],
         play=iron["r_d"] / a,
@@ -113,9 +101,17 @@ class FullTables:
 
     reach: float  # largest field
     curve: FloatArray  # anhysteretic curve over fields from 0 to the largest; shape (2**n + 1,)
-    # ascending branch of a fully pinned iron, over fields of both signs; shape (2**(n + 1)
+    # ascending branch of a fully pinned iron, over fields of both signs; shape (2**(n + 1) + 1,)
     branch: FloatArray
     inverse: FloatArray  # field over the anhysteretic from 0 to 1; shape (2**m + 1,)
+
+
+def full_law(frame: Frame) -> LawTables:
+    """Return the tables of a model of the full law; a field of 1 is the largest."""
+    law = normal(iron_of(frame.model), frame.arms)
+    tables = full_tables(law, frame.limits, frame.sizes)
+    arms = law.bias, law.flux_arm, law.field_arm * tables.reach
+    return LawTables(arms, partial(_pack, law, tables, frame.sizes))
 
 
 def full_tables(law: Normal, limits: DemandLimits, sizes: TableSizes) -> FullTables:
@@ -138,34 +134,12 @@ def full_tables(law: Normal, limits: DemandLimits, sizes: TableSizes) -> FullTab
     return FullTables(reach, curve, ascending_branch(law.kappa, field), inverse)
 
 
-def build_full(
-    model: Model,
-    scales: Scales,
-    limits: DemandLimits,
-    sizes: TableSizes | None = None,
-    conditioning: Conditioning | None = None,
-    model_hash: int = 0,
-    number_format: NumberFormat = "fixed",
-    *,
-    still: bool = False,
-) -> Block:
-    """Make the parameter block of the full law; `still` leaves its lag out."""
-    refuse_uncompilable(model)
-    sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
-    at = nodes(model, scales, sizes)
-    law = normal(model, at)
-    tables = full_tables(law, limits, sizes)
+def _pack(law: Normal, tables: FullTables, sizes: TableSizes, pack: Packer) -> None:
     reach = tables.reach
-    pack = Packer("full", model_hash, number_format)
-    pack_common(pack, model, scales, limits, sizes, conditioning)
-    lag = None if still else lag_arm(model, at, conditioning.rate)
-    pack_arms(pack, scales, law.bias, law.flux_arm, law.field_arm * reach, lag)
-    pack.set_single("UNIT_FIELD", reach * iron_of(model)["a"])
-
+    pack.set_single("UNIT_FIELD", reach * law.a)
     pack.table("FULL_CURVE", tables.curve, 32768.0)
     pack.table("FULL_BRANCH", tables.branch, 32768.0)
     pack.table("FULL_INVERSE", tables.inverse / reach, 32767.0)
-
     pack.put_weight("FULL_RATE", reach / (law.kappa * np.log(2.0)) / 16.0, "k")
     steepness = reach / law.kappa
     pack.put("FULL_STEEPNESS", min(steepness, MAX_Q8) if pack.is_fixed else steepness, "k", 1)
@@ -175,4 +149,3 @@ def build_full(
     pack.set("FULL_ITERATIONS", sizes.iterations)
     pack.set("FULL_CURVE_SEGMENTS", sizes.curve_segments)
     pack.set("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)
-    return closed(pack, model, scales, limits, at)

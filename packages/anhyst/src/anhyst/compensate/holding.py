@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.compensate.force_controller import twin_of
-from anhyst.compensate.measure import Reach, find_reach
+from anhyst.compensate.paths import Reach
 from anhyst.compensate.plan import Plan
 from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
@@ -77,9 +77,8 @@ class _Case:
 
 def hold(plan: Plan) -> list[Held]:
     """Hold demands under a plan's compensator and let the model say what becomes of the output."""
-    reach = find_reach(plan.model, plan.block.scales, plan.block.limits)
     return [
-        _hold(plan, reach, case, level)
+        _hold(plan, plan.builder.reach, case, level)
         for case in _cases(plan.model.needs_schedule)
         for level in LEVELS
     ]

@@ -1,211 +1,27 @@
-"""How far a compensator's output is from the demand, and the paths along which that is measured."""
+"""What a compensator of certain sizes costs: how far its output is from the demand, part by part.
+
+Each part is switched on alone, everything else exact. The currents go through the exact model in
+double precision, and what comes out is compared with what was demanded.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import FixedCompensator
-from anhyst.compensate.block import (
-    Block,
-    DemandLimits,
-    TableSizes,
-    arms_of,
-    flux_unit,
-    iron_of,
-    nodes,
-)
-from anhyst.compensate.force_controller import FixedTwin, Io, RealTwin, twin_of
+from anhyst.compensate.block import Block, DemandLimits, TableSizes
+from anhyst.compensate.builder import FINE, Builder
+from anhyst.compensate.circuit import arms_of, flux_unit, iron_of, nodes
+from anhyst.compensate.force_controller import Io, twin_of
+from anhyst.compensate.paths import Path
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
-
-MARGIN = 0.98
-"""Of the largest output that the largest current gives: a demand must be reachable to be judged."""
-
-STEP = 0.005
-"""Of a random walk, in parts of the range: many of them make the way of one reversal."""
-
-GAPS = 33
-"""Places over the gap at which it is found out what can be reached."""
-
-
-CYCLES, MOST_TICKS = 3, 8000
-"""Of fast demands: cycles, and ticks of all of them at most."""
-
-BAND = (0.1, 0.6)
-"""Of fast demands, in parts of what can be reached at rest: they take more current."""
-
-
-@dataclass(frozen=True)
-class Path:
-    """A demand over a gap, sample by sample."""
-
-    name: str  # key of the path
-    title: str  # what it is, for a reader
-    demand: FloatArray  # in units of the output; shape (n,)
-    # scheduling variable, SI; None where the model does not need it; shape (n,)
-    gap: FloatArray | None
-
-
-@dataclass(frozen=True)
-class Reach:
-    """Range of the output at each gap, for currents within their limits."""
-
-    gaps: FloatArray  # scheduling variable, SI; shape (g,)
-    # smallest demand that is asked for, and largest, in units of the output; shape (g,)
-    low: FloatArray
-    high: FloatArray
-    left: FloatArray  # output that the smallest current leaves after the largest; shape (g,)
-
-    def demand(self, part: FloatArray, gap: FloatArray, lifted: bool = False) -> FloatArray:
-        """Return demands at parts 0..1 of the range; `lifted` above what a current can leave."""
-        bottom = self.left + 0.03 * (self.high - self.left) if lifted else self.low
-        low, high = (np.interp(gap, self.gaps, end) for end in (bottom, self.high))
-        return np.asarray(low + (high - low) * part)
-
-
-def find_reach(model: Model, scales: Scales, limits: DemandLimits) -> Reach:
-    """Find out which outputs can be reached over the gap."""
-    gaps = np.linspace(scales.gap_low, scales.gap_high, GAPS)
-    low, high = limits.current
-    turns = np.array([high, low, high, low])
-    ends = np.array([model.predict(turns, gap, history="demagnetised").output for gap in gaps])
-    span = ends[:, 2] - ends[:, 3]
-    top = np.minimum(ends[:, 3] + MARGIN * span, limits.demand[1])
-    bottom = np.full(GAPS, limits.demand[0])
-    if model.power == 2:  # the square of a flux is never negative
-        bottom = np.maximum(bottom, model.over_schedule("out_0", gaps))
-    else:
-        bottom = np.maximum(bottom, ends[:, 2] - MARGIN * span)
-    return Reach(gaps, bottom, top, ends[:, 3])
-
-
-def paths(
-    model: Model,
-    scales: Scales,
-    limits: DemandLimits,
-    *,
-    lifted: bool = False,
-    seed: int = 1,
-    length: int = 1,
-) -> list[Path]:
-    """Return everything that a compensator is measured on."""
-    reach = find_reach(model, scales, limits)
-    collected = []
-    for name, (title, part, share) in _shapes(model.needs_schedule, seed, 1500 * length).items():
-        gap = scales.gap_at(share)
-        shown = title if model.needs_schedule else title.removesuffix(", gap at rest")
-        demand = reach.demand(part, gap, lifted)
-        collected.append(Path(name, shown, demand, gap if model.needs_schedule else None))
-    return collected
-
-
-def fast_paths(model: Model, scales: Scales, limits: DemandLimits, rate: float) -> list[Path]:
-    """Return demands as fast as the model was seen to hold, and a tenth of it; the gap moves slowly."""
-    fastest = model.dynamics.fastest if model.dynamics else 0.0
-    fastest = min(fastest or rate / 200.0, rate / 20.0)
-    reach = find_reach(model.at_rest, scales, limits)
-    collected = []
-    for speed in (fastest, 0.1 * fastest):
-        ticks = min(round(CYCLES * rate / speed), MOST_TICKS)
-        phase = np.arange(ticks) * speed / rate
-        part = 1.0 - np.abs(2.0 * (phase % 1.0) - 1.0)
-        rise = np.minimum(phase / 0.5, 1.0)  # from rest
-        gap = scales.gap_at(0.5 * (1.0 - np.cos(2.0 * np.pi * phase / CYCLES)))
-        low, high = (BAND[0] * rise, BAND[0] + (BAND[1] - BAND[0]) * rise)
-        demand = reach.demand(low + (high - low) * part, gap)
-        title = f"triangles of {speed:.3g} Hz, gap moving"
-        collected.append(
-            Path(f"fast_{speed:.3g}", title, demand, gap if model.needs_schedule else None)
-        )
-    return collected
-
-
-def _shapes(moves: bool, seed: int, size: int) -> dict[str, tuple[str, FloatArray, FloatArray]]:
-    """Return title, demand and gap of each path, both 0..1."""
-    random = np.random.default_rng(seed)
-    shapes = {
-        "nested": (
-            "nested loops, gap at rest",
-            np.resize(_nested(), size),
-            _at_rest(random, size, 250),
-        ),
-        "reversals": (
-            "random reversals, gap at rest",
-            _reversals(random, size),
-            _at_rest(random, size, 200),
-        ),
-        "jumps": (
-            "full-range jumps in one sample, gap at rest",
-            _jumps(random, size),
-            _at_rest(random, size, 50),
-        ),
-    }
-    if moves:
-        shapes["moving"] = (
-            "random reversals, gap moving",
-            _reversals(random, size),
-            _reversals(random, size, 90.0),
-        )
-        shapes["moving_jumps"] = (
-            "jumps of demand and gap in one sample",
-            _jumps(random, size),
-            _jumps(random, size),
-        )
-        shapes["walking"] = (
-            "demand and gap walking together",
-            _walk(random, size),
-            _walk(random, size),
-        )
-    return shapes
-
-
-def _nested() -> FloatArray:
-    """Triangles inside each other, from zero to the largest and around three middles; 0..1."""
-    corners = [0.0]
-    for middle in (0.5, 0.2, 0.8):
-        for half in min(middle, 1.0 - middle) * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
-            corners += [middle + half, middle - half]
-    corners.append(0.0)
-    at = np.linspace(0.0, len(corners) - 1.0, 1500)
-    return np.interp(at, np.arange(len(corners)), corners)
-
-
-def _reversals(random: np.random.Generator, size: int, stride: float = 25.0) -> FloatArray:
-    """Return straight lines between random turning points at random times; 0..1."""
-    times = np.concatenate([[0.0], np.cumsum(random.exponential(stride, size))])
-    levels = random.random(times.size)
-    levels[0] = 0.0
-    extreme = random.random(times.size) < 0.15
-    levels[extreme] = np.round(levels[extreme])
-    return np.interp(np.arange(size), times, levels)
-
-
-def _jumps(random: np.random.Generator, size: int) -> FloatArray:
-    """Return another level at every sample, half of them at one of the ends; 0..1."""
-    levels = random.random(size)
-    ends = random.random(size) < 0.5
-    levels[ends] = np.round(levels[ends])
-    return levels
-
-
-def _walk(random: np.random.Generator, size: int) -> FloatArray:
-    """Return small random steps on top of each other, turning back at the ends; 0..1."""
-    walk = random.random() + np.cumsum(random.normal(0.0, STEP, size))
-    return np.abs((walk + 1.0) % 2.0 - 1.0)
-
-
-def _at_rest(random: np.random.Generator, size: int, length: int) -> FloatArray:
-    """Return fractions 0..1 of the gap range, each held for ``length`` samples, both ends included."""
-    levels = random.random(-(-size // length))
-    levels[:2] = 0.0, 1.0
-    return np.repeat(levels, length)[:size]
-
 
 LOSS_EVERY = 4
 """On the path with losses the amplifier gives what was wanted but for one tick in so many."""
@@ -241,49 +57,10 @@ def run_twin(model: Model, block: Block, io: Io, path: Path) -> PathRun:
 def run_with_losses(model: Model, block: Block, io: Io, path: Path) -> PathRun:
     """Run a compensator whose amplifier now and then gives something else, as `run_twin`."""
     size = path.demand.size
-    loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
-    twin = twin_of(block, io)
-    if isinstance(twin, FixedTwin):
-        current = _lossy_codes(twin, path, loss) / twin.one * block.scales.current
-    else:
-        current = _lossy_numbers(twin, path, loss)
     judged = np.arange(size) % LOSS_EVERY != LOSS_EVERY - 1
+    loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
+    current = twin_of(block, io).run_with_losses(path.demand, path.gap, np.where(judged, 0.0, loss))
     return PathRun(path, current, exact_output(model, current, path), judged)
-
-
-def _lossy_codes(twin: FixedTwin, path: Path, loss: FloatArray) -> FloatArray:
-    """Return the applied currents as codes; `loss` is in parts of the range of the current."""
-    core = FixedCompensator(twin.block.kind, twin.block.words)
-    solve, commit = (
-        (core.solve_q15, core.commit_q15) if twin.io == "q15" else (core.solve_q31, core.commit_q31)
-    )
-    low, high = twin.current_codes(twin.block.limits.current).tolist()
-    losses = ((high - low) * loss).round().astype(int).tolist()
-    demands = twin.demand_codes(path.demand).tolist()
-    gaps = twin.gap_codes(path.gap, loss.size).tolist()
-    codes = []
-    for index, (demand, gap) in enumerate(zip(demands, gaps, strict=True)):
-        code = solve(demand, gap)
-        if index % LOSS_EVERY == LOSS_EVERY - 1:
-            code = min(max(code + losses[index], low), high)
-        commit(code, gap)
-        codes.append(code)
-    return np.array(codes, dtype=np.float64)
-
-
-def _lossy_numbers(twin: RealTwin, path: Path, loss: FloatArray) -> FloatArray:
-    """Return the applied currents; `loss` is in parts of their range."""
-    low, high = twin.block.limits.current
-    losses = ((high - low) * loss).tolist()
-    gaps = [None] * loss.size if path.gap is None else path.gap.tolist()
-    currents = []
-    for index, (demand, gap) in enumerate(zip(path.demand.tolist(), gaps, strict=True)):
-        current = twin.solve(demand, gap)
-        if index % LOSS_EVERY == LOSS_EVERY - 1:
-            current = min(max(current + losses[index], low), high)
-        twin.commit(current, gap)
-        currents.append(current)
-    return np.array(currents)
 
 
 def exact_output(model: Model, current: FloatArray, path: Path) -> FloatArray:
@@ -393,3 +170,189 @@ def interpolation(
         return off_demand(run, limits, 1e-9 * scales.current)
 
     return deviation((path.name, error(path)) for path in paths)
+
+
+SEED = 2
+LENGTH = 4
+
+CROSSING = 0.5
+"""Seconds in which the demand of the part 'sample rate' crosses its range, and the gap its own."""
+
+MOST_TICKS = 400
+"""Of a crossing that are simulated; at higher rates the deviation shrinks in proportion."""
+
+
+@dataclass(frozen=True, slots=True)
+class BudgetPart:
+    """One line of the budget, in units of the output."""
+
+    name: str  # key, and what a reader sees
+    title: str
+    worst: float | None  # deviations; None where there is nothing to measure
+    rms: float | None
+    note: str  # what was switched on, and where it was worst
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A compensator on trial: what its parts are measured on is built once."""
+
+    builder: Builder
+    sizes: TableSizes
+    block: Block  # as it is compiled
+    still: Block  # without what answers late
+
+    @cached_property
+    def exact(self) -> Block:
+        """The same tables in double precision, of the iron at rest."""
+        return self.builder.exact(self.sizes)
+
+    @cached_property
+    def ways(self) -> list[Path]:
+        """The paths of the budget, other ones than those of the search."""
+        return self.builder.reach.paths(seed=SEED, length=LENGTH)
+
+    @cached_property
+    def runs(self) -> list[tuple[PathRun, FloatArray]]:
+        """Everything switched on along all paths, with the deviation."""
+        return against_demand(self.builder.model, self.still, self.builder.io, self.ways)[1]
+
+    def parts(self, largest: float) -> list[BudgetPart]:
+        """Return what each step from model to C costs; `largest` is the output of 100 %."""
+        return [
+            *self._law(),
+            self._tables(),
+            self._quantisation(),
+            *self._gap(),
+            self._sampling(),
+            *self._rate(largest),
+        ]
+
+    def compiled(self) -> BudgetPart:
+        """Return what all of them cost together."""
+        return _worst_in("compiled", "compiled, all at once", self.runs)
+
+    def _law(self) -> list[BudgetPart]:
+        builder = self.builder
+        if builder.kind == "full":
+            return []
+        runs = against_demand(builder.model, builder.exact(FINE), "f64", self.ways)[1]
+        part = _worst_in("law", "straight anhysteretic", runs)
+        return [replace(part, note=f"the simplified law with fine tables; {part.note}")]
+
+    def _tables(self) -> BudgetPart:
+        builder, model = self.builder, self.builder.model
+        at = snapped(self.ways, model, builder.scales, self.sizes)
+        if builder.kind == "full":
+            part = _worst_in("tables", "tables", against_demand(model, self.exact, "f64", at)[1])
+            note = f"in double precision, at gaps that stand in the tables; {part.note}"
+            return replace(part, note=note)
+        fine = builder.exact(replace(FINE, gap_segments=self.sizes.gap_segments))
+        off = between(model, (self.exact, "f64"), (fine, "f64"), at)
+        note = "chosen against fine tables, in double precision, at gaps that stand in the tables"
+        return BudgetPart("tables", "tables", off.worst, off.rms, note)
+
+    def _quantisation(self) -> BudgetPart:
+        io = self.builder.io
+        off = between(self.builder.model, (self.still, io), (self.exact, "f64"), self.ways)
+        note = (
+            f"{io} and {self.sizes.iterations} iterations against double precision, many "
+            "iterations and the same tables"
+        )
+        if self.builder.kind == "euler":
+            note = "Euler's steps and rounding against the closed form in double precision"
+        return BudgetPart("quantisation", "quantisation", off.worst, off.rms, note)
+
+    def _gap(self) -> list[BudgetPart]:
+        builder, model = self.builder, self.builder.model
+        if not model.needs_schedule:
+            return []
+        if builder.kind == "full":
+            lifted = builder.reach.paths(lifted=True, seed=SEED, length=LENGTH)
+            off = interpolation(model, builder.scales, builder.limits, self.sizes, lifted)
+            note = "straight lines between the entries over the gap, everything else exact"
+        else:
+            coarse, fine = (
+                builder.exact(replace(FINE, gap_segments=n))
+                for n in (self.sizes.gap_segments, FINE.gap_segments)
+            )
+            off = between(model, (coarse, "f64"), (fine, "f64"), self.ways)
+            note = "chosen entries over the gap against those of the fit, everything else fine"
+        return [BudgetPart("gap_interpolation", "gap interpolation", off.worst, off.rms, note)]
+
+    def _sampling(self) -> BudgetPart:
+        """Let every current act two ticks after its demand: one of delay, and the end of its hold."""
+        builder = self.builder
+        rate, reach = builder.conditioning.rate, builder.reach
+        crossing = rate * CROSSING
+        ticks = int(np.clip(crossing, 8, MOST_TICKS))
+        wave = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # 0..1, twice to and fro
+        gap = builder.scales.gap_at(wave)
+        demand = reach.demand(0.05 + 0.9 * np.roll(wave, ticks // 2), gap, lifted=True)
+        error = ticks / crossing * _late(builder.model, demand, gap)[2 * ticks :]
+        note = (
+            f"a current of {rate:g} Hz at the end of its hold, one tick of delay before "
+            f"it, while demand and gap cross their ranges in {CROSSING:g} s; half as fast, half as much"
+        )
+        off = deviation([("sample_rate", error)])
+        return BudgetPart("sample_rate", "sample rate", off.worst, off.rms, note)
+
+    def _rate(self, largest: float) -> list[BudgetPart]:
+        """Follow demands as fast as was measured, with the layers and without."""
+        builder, late = self.builder, self.builder.late
+        if late is None:
+            return []
+        rate, step = builder.conditioning.rate, resolution(builder.scales)
+        ways = builder.reach.fast_paths(late.dynamics.fastest if late.dynamics else 0.0, rate)
+
+        def off(used: Block) -> OutputDeviation:
+            errors = []
+            for path in ways:
+                current = twin_of(used, builder.io).run(path.demand, path.gap)
+                # A record begins at rest: a sample before the first tick, at which nothing flows.
+                drive, gap = np.append(0.0, current), path.gap
+                gap = gap if gap is None else np.append(gap[0], gap)
+                time = np.arange(drive.size) / rate
+                output = late.predict(drive, gap, time, history="demagnetised").output[1:]
+                run = PathRun(path, current, output, np.ones(current.size, dtype=bool))
+                errors.append((path.name, off_demand(run, builder.limits, step)))
+            return deviation(errors)
+
+        moving, still = off(self.block), off(self.still)
+        titles = " and ".join(path.title for path in ways)
+        note = (
+            f"{titles}, against the model with its layers; compiled at rest it would be "
+            f"{100.0 * still.worst / largest:.2g} %"
+        )
+        return [BudgetPart("rate", "rate", moving.worst, moving.rms, note)]
+
+
+def _worst_in(name: str, title: str, runs: Sequence[tuple[PathRun, FloatArray]]) -> BudgetPart:
+    """Return the part of some runs, which says on which of them it was worst."""
+    off = deviation((run.path.name, error) for run, error in runs)
+    where = next(run.path.title for run, _ in runs if run.path.name == off.path)
+    return BudgetPart(name, title, off.worst, off.rms, f"worst in {where}")
+
+
+def _late(model: Model, demand: FloatArray, gap: FloatArray) -> FloatArray:
+    """Output minus demand where each current acts two ticks late, at the gap of then.
+
+    The iron's memory is advanced at the ticks alone. Between them the gap moves under a current
+    that rests and then leaps; iron comes back from such ripples, but the law of the model drifts
+    along them a little, at any rate, and this is not to be reported as an error of sampling.
+    """
+    iron, state = model.iron_at(float(gap[0])), np.zeros(model.operator_law.states)
+    circuit = model.circuit(gap, np.zeros(gap.size))
+    flux, _ = circuit.flux_density(demand)
+    error = np.zeros(gap.size)
+    none = np.zeros(1)
+    for now in range(gap.size - 2):
+        before, then = slice(now, now + 1), slice(now + 2, now + 3)
+        drive, _, state, _, _ = iron.inverse(flux[before], circuit.rho[before], none, state)
+        # The same current at the gap of two ticks later, where its turns count otherwise.
+        later = drive * circuit.turns[then] / circuit.turns[before]
+        later = later + circuit.turns[then] * (circuit.in_0[before] - circuit.in_0[then])
+        reached, *_ = iron.forward(later, circuit.rho[then], none, state)
+        output = circuit.c_out[then] * reached**model.power + circuit.out_0[then]
+        error[then] = output - demand[then]
+    return error

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from anhyst.compensate.block import (
-    Block,
-    Conditioning,
-    DemandLimits,
-    Kind,
-    TableSizes,
-    flux_gain,
-    flux_shift,
-    refuse_uncompilable,
-)
+from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
+from anhyst.compensate.builder import Builder
+from anhyst.compensate.circuit import flux_gain, flux_shift
 from anhyst.compensate.force_controller import Io
-from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
+from anhyst.compensate.search import BlockSearch, FoundBlock
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History
-from anhyst.model.actuator import Model, has_lag, has_layers
+from anhyst.model.actuator import Model, has_lag, has_layers, obstacle
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kept import c_name, check_name
@@ -151,33 +143,17 @@ class Decision:
 class Plan:
     """How a model is compiled."""
 
+    name: str  # of the actuator in C: the prefix of its files and identifiers
     request: CompileRequest  # what was asked for
+    model: Model  # at rest
     builder: Builder  # the model, with scales and limits
     sizes: TableSizes  # of tables and searches
     block: Block  # the parameters
+    still: Block  # those without what answers late: the same unless iron is solid or late
     start: StartUp  # the start-up sequence
     found: FoundBlock  # what the search tried
+    largest: float  # output to which per cent refer; as :func:`reference_output`
     allowance: float  # what formats and tables may cost, in units of the output
-
-    @property
-    def model(self) -> Model:
-        """The model at rest."""
-        return self.builder.model
-
-    @cached_property
-    def still(self) -> Block:
-        """The parameters without what answers late: those of the plan unless iron is solid."""
-        return self.block if self.builder.late is None else self.builder(self.sizes)
-
-    @property
-    def name(self) -> str:
-        """Name of the actuator in C: the prefix of its files and identifiers."""
-        return self.request.name or c_name(self.model.name)
-
-    @property
-    def largest(self) -> float:
-        """Output to which per cent refer; as :func:`reference_output`."""
-        return reference_output(self.model, self.block.limits)
 
 
 def full_scale(largest: float) -> float:
@@ -212,7 +188,8 @@ def make_plan(
     scales: Scales | None = None,
 ) -> Plan:
     """Decide how a model is compiled."""
-    refuse_uncompilable(model)
+    if (reason := obstacle(model)) is not None:
+        raise InputError(reason, code="no-fixed-point-form")
     late = model if has_layers(model) or has_lag(model) else None
     if model.layers is not None and request.kind != "full":
         raise InputError(
@@ -237,8 +214,12 @@ def make_plan(
     settings = model, request.kind, request.io, scales, limits
     builder = Builder(*settings, start.conditioning, model_hash, late)
     result = BlockSearch(builder, share * allowance).run()
-    block = builder.whole(result.sizes)
-    return Plan(request, builder, result.sizes, block, start, result, allowance)
+    sizes, block = result.sizes, builder.whole(result.sizes)
+    still = block if late is None else builder(sizes)
+    name = request.name or c_name(model.name)
+    return Plan(
+        name, request, model, builder, sizes, block, still, start, result, reference, allowance
+    )
 
 
 def not_computed(error: InputError | NegativeResult) -> InputError:

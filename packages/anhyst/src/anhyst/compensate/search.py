@@ -3,38 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
 import numpy as np
 
-from anhyst.compensate.block import (
-    Block,
-    Conditioning,
-    DemandLimits,
-    Kind,
-    TableSizes,
-    full_kind,
-)
-from anhyst.compensate.cells import build_cells
-from anhyst.compensate.force_controller import Io
-from anhyst.compensate.full import build_full
+from anhyst.compensate.block import Kind, TableSizes
+from anhyst.compensate.builder import FINE, LAW_SEGMENTS, Builder
 from anhyst.compensate.measure import (
-    Path,
     PathRun,
     against_demand,
     apart,
     interpolation,
     outputs,
-    paths,
     snapped,
 )
-from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
-from anhyst.model.actuator import Model
+from anhyst.compensate.paths import Path
 from anhyst.support.block_layout import LEAST_WORDS, MOST_WORDS
-from anhyst.support.block_words import Scales
-from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 
 SPARE = 0.9
@@ -52,25 +38,8 @@ ITERATION_SEED, ITERATION_LENGTH = 3, 10
 LAW_SHARE = 0.1
 """Straight lines over the gap may move a simplified law by this part of what it is off itself."""
 
-ROOM = 0.998
-"""Of the full-scale output may the root of a demand reach, lowered by its offset."""
-
 KNEE_SHARE = 0.1
 """Of the wanted accuracy may go into the straight start of the root."""
-
-FINE = TableSizes(
-    gap_segments=4,
-    curve_segments=7,
-    inverse_segments=6,
-    iterations=12,
-    octaves=14,
-    octave_segments=5,
-    root_knee=8,
-)
-"""Everything finer than any axis needs while another one is looked at."""
-
-LAW_SEGMENTS = 4
-"""The arms of the simplified law are fitted at 2^this + 1 gaps, and straight between them."""
 
 GAP_RANGE = range(7)
 CLOSED_FORM = {"octaves": range(6, 15), "octave_segments": range(2, 6)}
@@ -86,66 +55,6 @@ MOST: dict[Kind, int] = {"full": 1024, "cells": MOST_WORDS, "simplified": 1024, 
 """Words of a block."""
 
 ITERATION_RANGE = range(2, 12)
-
-
-@dataclass(frozen=True)
-class Builder:
-    """Makes blocks of one model, kind and format that differ in their sizes alone."""
-
-    model: Model
-    kind: Kind
-    io: Io
-    scales: Scales
-    limits: DemandLimits
-    conditioning: Conditioning = field(default_factory=Conditioning)
-    model_hash: int = 0
-    late: Model | None = None  # the model with its layers or its lag, where these are compiled
-
-    @property
-    def block_kind(self) -> Kind:
-        """Kind of the blocks: the full compensator of a model is that of its law."""
-        return full_kind(self.model) if self.kind == "full" else self.kind
-
-    @cached_property
-    def law(self) -> ClosedForm:
-        """The five numbers of the simplified law, fitted once."""
-        at = np.linspace(self.scales.gap_low, self.scales.gap_high, 2**LAW_SEGMENTS + 1)
-        at = at if self.model.needs_schedule else at[:1]
-        room = ROOM * self.scales.demand - self.limits.demand[1]
-        return fit_closed_form(self.model, self.limits, at, room=room)
-
-    @property
-    def number_format(self) -> NumberFormat:
-        """Number format of the blocks."""
-        return "f32" if self.io == "f32" else "fixed"
-
-    def __call__(self, sizes: TableSizes) -> Block:
-        """Return the block with these sizes, of the iron at rest."""
-        return self.block(sizes, self.number_format, still=True)
-
-    def exact(self, sizes: TableSizes) -> Block:
-        """Return the same tables in double precision, with as many iterations as can matter.
-
-        Euler's form has no tables; the closed form stands in for it.
-        """
-        return self.block(replace(sizes, iterations=FINE.iterations), "f64", still=True)
-
-    def whole(self, sizes: TableSizes, number_format: NumberFormat | None = None) -> Block:
-        """Return the block with these sizes, with its layers or its lag if there are some."""
-        return self.block(sizes, number_format or self.number_format, still=self.late is None)
-
-    def block(self, sizes: TableSizes, number_format: NumberFormat, *, still: bool) -> Block:
-        """Return the block with these sizes in a number format; `still` leaves out what answers late."""
-        model = self.late or self.model
-        parts = (model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
-        match self.block_kind:
-            case "full":
-                return build_full(*parts, number_format, still=still)
-            case "cells":
-                return build_cells(*parts, number_format, still=still)
-            case kind:
-                made: Kind = kind if number_format == "fixed" else "simplified"
-                return build_simplified(*parts, self.law, made, number_format, still=still)
 
 
 @dataclass(frozen=True)
@@ -173,8 +82,8 @@ class BlockSearch:
     def __init__(self, builder: Builder, wanted: float) -> None:
         self.builder = builder
         self.wanted = wanted
-        b = builder
-        self.paths = paths(b.model, b.scales, b.limits, length=LENGTH)
+        self.kind = builder.block_kind
+        self.paths = builder.reach.paths(length=LENGTH)
         self.knee = self._knee()
         self._fine: dict[int, tuple[list[Path], list[FloatArray]]] = {}
 
@@ -187,7 +96,7 @@ class BlockSearch:
     def run(self) -> FoundBlock:
         """Search."""
         axes = {"gap_segments": self._over_gap()}
-        for name, values in TABLES[self.builder.block_kind].items():
+        for name, values in TABLES[self.kind].items():
             axes[name] = [(value, self._alone(replace(FINE, **{name: value}))) for value in values]
         enough = SPARE * self.wanted
         best: tuple[float, TableSizes] | None = None
@@ -199,14 +108,14 @@ class BlockSearch:
                 break
         assert best is not None
         reached, sizes = best
-        if self.builder.block_kind != "cells":  # solved in closed form
+        if self.kind != "cells":  # solved in closed form
             sizes = replace(sizes, iterations=self._iterations(sizes))
         return FoundBlock(sizes, reached, axes)
 
     def _iterations(self, sizes: TableSizes) -> int:
         """Return one more than the fewest iterations that are as good as many."""
         b = self.builder
-        ways = paths(b.model, b.scales, b.limits, seed=ITERATION_SEED, length=ITERATION_LENGTH)
+        ways = b.reach.paths(seed=ITERATION_SEED, length=ITERATION_LENGTH)
 
         def worst(iterations: int) -> float:
             block = b(replace(sizes, iterations=iterations))
@@ -243,7 +152,7 @@ class BlockSearch:
         if not b.model.needs_schedule:
             return [(0, 0.0)]
         if b.kind == "full":
-            lifted = paths(b.model, b.scales, b.limits, lifted=True)
+            lifted = b.reach.paths(lifted=True)
             sizes = [replace(FINE, gap_segments=n) for n in GAP_RANGE]
             parts = b.model, b.scales, b.limits
             return [(s.gap_segments, interpolation(*parts, s, lifted).worst) for s in sizes]
@@ -280,9 +189,8 @@ class BlockSearch:
         for choice in product(*axes.values()):
             sizes = replace(fine, **{n: c[0] for n, c in zip(axes, choice, strict=True)})
             over_gap, *tables = (cost for _, cost in choice)
-            kind = self.builder.block_kind
-            words = words_of(kind, sizes) * (2 if self.builder.io == "f32" else 1)
-            if words <= MOST[kind]:
+            words = words_of(self.kind, sizes) * (2 if self.builder.io == "f32" else 1)
+            if words <= MOST[self.kind]:
                 rows.append((words, over_gap + max(tables), sizes))
         promising = [row for row in rows if row[1] <= self.wanted]
         if promising:

@@ -13,30 +13,19 @@ through a bent curve is best where the work is done.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 from scipy.special import lambertw
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import (
-    Block,
-    Conditioning,
-    DemandLimits,
-    Kind,
-    Packer,
-    TableSizes,
-    flux_unit,
-    lag_arm,
-    nodes,
-    pack_arms,
-    pack_common,
-    refuse_uncompilable,
-)
+from anhyst.compensate.block import DemandLimits, TableSizes
+from anhyst.compensate.circuit import flux_unit
+from anhyst.compensate.packing import Frame, LawTables, Packer
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 
 LOOPS = ((0.05, 0.95), (0.3, 0.7), (0.05, 0.5), (0.5, 0.95))
@@ -98,10 +87,6 @@ class ClosedForm:
             np.interp(at, self.at, part) for part in (self.bias, self.flux_arm, self.lag_arm)
         )
         return bias, flux_arm, lag_arm
-
-    def offset_over(self, at: FloatArray) -> FloatArray | None:
-        """Return the offset at other places; None: that of the model."""
-        return None if self.offset is None else np.interp(at, self.at, self.offset)
 
 
 @dataclass(frozen=True)
@@ -307,7 +292,6 @@ def fit_closed_form(
     room: float = 0.0,
 ) -> ClosedForm:
     """Fit the simplified law to a model over its working range, in force."""
-    refuse_uncompilable(model)
     sizes = sizes or TableSizes()
     gaps = np.unique(at)
     groups = [_tasks(model, float(gap), limits) for gap in gaps]
@@ -367,30 +351,12 @@ def _search(groups: list[list[_Task]], sizes: TableSizes) -> tuple[float, float]
     return float(np.exp(end.x[0])), float(1.0 / (1.0 + np.exp(-end.x[1])))
 
 
-def build_simplified(
-    model: Model,
-    scales: Scales,
-    limits: DemandLimits,
-    sizes: TableSizes | None = None,
-    conditioning: Conditioning | None = None,
-    model_hash: int = 0,
-    law: ClosedForm | None = None,
-    kind: Kind = "simplified",
-    number_format: NumberFormat = "fixed",
-    *,
-    still: bool = False,
-) -> Block:
-    """Make the parameter block of the simplified law; parameters as for `build_full`.
+def simplified_law(frame: Frame, law: ClosedForm) -> LawTables:
+    """Return the closed form over the gap; the place of the field takes the bounded state."""
+    offset = None if law.offset is None else np.interp(frame.at, law.at, law.offset)
+    return LawTables(law.over(frame.at), partial(_pack, law, frame.sizes), offset)
 
-    `law` is the outcome of `fit_closed_form`, which is called where it is missing. The `kind`
-    ``"euler"`` is the paper's Euler form of the same five numbers, with ``sizes.substeps``.
-    """
-    refuse_uncompilable(model)
-    sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
-    at = nodes(model, scales, sizes)
-    law = law or fit_closed_form(model, limits, at, sizes)
-    pack = Packer(kind, model_hash, number_format)
-    pack_common(pack, model, scales, limits, sizes, conditioning, law.offset_over(at))
-    pack_arms(pack, scales, *law.over(at), None if still else lag_arm(model, at, conditioning.rate))
-    _pack_law(pack, law.rate, law.nu, 0.0 if kind == "euler" else law.dead_band, sizes)
-    return pack.close(scales, limits)
+
+def _pack(law: ClosedForm, sizes: TableSizes, pack: Packer) -> None:
+    dead_band = 0.0 if pack.kind == "euler" else law.dead_band
+    _pack_law(pack, law.rate, law.nu, dead_band, sizes)

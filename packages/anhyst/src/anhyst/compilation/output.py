@@ -25,6 +25,7 @@ from anhyst.compensate.budget import (
 from anhyst.compensate.force_controller import Io
 from anhyst.compensate.plan import ACCURACY, CompileRequest, Plan, make_plan, not_computed
 from anhyst.compilation.a2l import a2l
+from anhyst.compilation.budget_page import budget_page, explain
 from anhyst.compilation.controller import Controller, read_fitting
 from anhyst.compilation.manifest import (
     MANIFEST,
@@ -35,7 +36,7 @@ from anhyst.compilation.manifest import (
 )
 from anhyst.compilation.packages import check_package, package_files
 from anhyst.compilation.play import CompiledPlay, compile_play
-from anhyst.compilation.source import budget_page, example_values, sources
+from anhyst.compilation.source import example_values, signal_lines, sources
 from anhyst.compilation.vectors import (
     COLUMNS,
     LEVITATION_COLUMNS,
@@ -153,20 +154,22 @@ def compile_model(
         raise refusal(budget, _better(model, plan, controller))
     if request.accuracy is not None and request.kind == "full" and not is_held(plan, budget):
         raise drift_refusal(plan, budget)
+    costs, accuracy = as_dict(budget), _accuracy(budget)
     version = running_version()
     around = None if controller is None else controller.around(plan)
+    signals, values = signal_lines(plan), example_values(plan, sha256, version, around)
+    choices = explain(plan)
     files = {
-        **sources(plan, _accuracy(budget), sha256, version, around),
+        **sources(plan, values, accuracy, signals, around),
         "vectors.csv": vectors_csv(COLUMNS, golden_vectors(plan)),
-        "budget.json": json_text(as_dict(budget)),
-        "budget.html": budget_page(plan, budget, version),
+        "budget.json": json_text(costs),
+        "budget.html": budget_page(plan, budget, choices, signals, version),
     }
     if around is not None:
         files["controller.csv"] = vectors_csv(LEVITATION_COLUMNS, levitation_vectors(plan, around))
-    described = manifest(plan, budget, sha256, version, around)
+    described = manifest(plan, budget, choices, sha256, version, around)
     if request.io != "f32":  # a firmware computes in fixed point
         files[f"{plan.name}.a2l"] = a2l(described)
-    values = example_values(plan, sha256, version, around)
     packed = package_files(package, files, described, values)
     described |= {} if package is None else {"package": package}
     write_folder(out, packed, described)

@@ -19,17 +19,10 @@ VALUES_END = 18
 WIDTH = 100
 
 
-def c_type(block: Block) -> str:
-    """Return the type of a word in C."""
-    return {"f": {4: "float", 8: "double"}, "i": {2: "int16_t"}}[block.words.dtype.kind][
-        block.words.dtype.itemsize
-    ]
-
-
 def definition(name: str, words: str, block: Block, names: Names, schedule: Quantity | None) -> str:
     """Return the definition of ``NAME_parameters``; `words` is the number of words in C."""
     rows = parameters_source(block, names, schedule)
-    return f"const {c_type(block)} {name}_parameters[{words}] = {{\n{rows}\n}};"
+    return f"const {block.c_type} {name}_parameters[{words}] = {{\n{rows}\n}};"
 
 
 def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> str:
@@ -159,13 +152,6 @@ def _literal(word: np.generic) -> str:
     if isinstance(word, np.float64):
         return repr(float(word))
     return "-32767 - 1" if int(word) == -32768 else str(int(word))
-
-
-def memories(block: Block) -> int:
-    """Return the number of memories of its law that the iron consists of."""
-    if block.kind != "cells":
-        return 1
-    return max(block.word("SOLID_LAYERS"), 1) + (block.number("SOLID_LAMINATED") > 0)
 
 
 def literal(value: float) -> str:

@@ -1,22 +1,18 @@
-"""The text files of an output folder: what belongs into a project, and the accuracy budget as a page."""
+"""The text files of an output folder that belong into a project."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from matplotlib.figure import Figure
 
-from anhyst.compensate.budget import Budget, BudgetPart, percent
-from anhyst.compensate.holding import SECONDS
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.controller import ControllerPlan, controller_values
-from anhyst.compilation.manifest import controller_bytes, explain, parameters_bytes, state_bytes
-from anhyst.compilation.parameters import c_type, definition, literal, memories, scales_source
+from anhyst.compilation.manifest import controller_bytes, state_bytes
+from anhyst.compilation.parameters import definition, literal, scales_source
 from anhyst.compilation.toolchain import (
     AROUND,
     AROUND_SINGLE,
@@ -28,19 +24,6 @@ from anhyst.compilation.toolchain import (
     read_core,
 )
 from anhyst.support.block_words import Names
-from anhyst.support.figures import ALARM, MODEL, WIDTH, styled, svg_text
-from anhyst.support.numeric import FloatArray, rms
-from anhyst.support.page import (
-    NOT_KNOWN,
-    Cell,
-    Headline,
-    PageTable,
-    Picture,
-    Section,
-    Text,
-    render_page,
-    table,
-)
 from anhyst.support.units import Quantity
 
 PORT = "port/anhyst_port_cortex_m4.h"
@@ -50,22 +33,22 @@ ONES = {"q15": 2**15, "q31": 2**31, "f32": 1}
 
 def sources(
     plan: Plan,
+    values: Mapping[str, object],
     accuracy: Mapping[str, str],
-    sha256: str,
-    version: str,
+    signals: Sequence[str],
     controller: ControllerPlan | None = None,
 ) -> dict[str, str]:
-    """Return the C files and what helps to build them."""
+    """Return the C files and what helps to build them; `values` are those of :func:`example_values`."""
     real = not plan.block.is_fixed
     taken = (SINGLE if real else SOURCES)[plan.block.kind] + (CONTROL if controller else ())
     taken += AROUND_SINGLE if real else AROUND
     parts = ("parameters",) if controller is None else ("parameters", "controller")
-    common = example_values(plan, sha256, version, controller) | {
+    common = dict(values) | {
         "core": sorted(f"{SRC}/{name}" for name in taken),
         "own": [f"{plan.name}_{part}.c" for part in parts],
     }
-    parameters = common | _parameters(plan)
-    files = core_files(taken, memories(plan.block)) | {
+    parameters = common | _parameters(plan, signals)
+    files = core_files(taken, plan.block.memories) | {
         f"{plan.name}_parameters.h": render("parameters.h.j2", parameters),
         f"{plan.name}_parameters.c": render("parameters.c.j2", parameters),
         "main.c": render("main.c.j2", common),
@@ -73,7 +56,7 @@ def sources(
         "anhyst.mk": render("anhyst.mk.j2", common),
         "anhyst.cmake": render("anhyst.cmake.j2", common),
     }
-    guide = common | _guide(plan) | dict(accuracy)
+    guide = common | _guide(plan, signals) | dict(accuracy)
     if controller is not None:
         files |= _controller_files(common, plan.name, controller)
         guide |= controller_values(controller, plan.name) | {
@@ -99,8 +82,9 @@ def example_values(
         "io": io,
         "real": not block.is_fixed,
         "port": block.is_fixed,
-        "word": c_type(block),
-        "memories": memories(block),
+        "word": block.c_type,
+        "parameters_bytes": block.size,
+        "memories": block.memories,
         "input": model.input.name.replace("_", " "),
         "output": model.output.name.replace("_", " "),
         "type": TYPES[io],
@@ -137,14 +121,14 @@ def _controller_files(
     }
 
 
-def _parameters(plan: Plan) -> dict[str, object]:
+def _parameters(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
     """Return what the files of the parameters show beside what all files do."""
     model, block = plan.model, plan.block
     names = Names(model.output.unit, model.input.unit)
     values: dict[str, object] = {
-        "signals": signal_lines(plan),
+        "signals": signals,
         "limits": limit_lines(plan),
-        "layered": memories(block) > 1,
+        "layered": block.memories > 1,
         "rate": f"{plan.request.rate:.10g}",
     }
     words = f"{plan.name.upper()}_PARAMETERS_WORDS"
@@ -157,24 +141,23 @@ def _parameters(plan: Plan) -> dict[str, object]:
     }
 
 
-def _guide(plan: Plan) -> dict[str, object]:
+def _guide(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
     """Return what the drop-in guide says beside the code."""
     start, io = plan.start, plan.request.io
     cycles = start.conditioning.cycles
-    rows = [line.partition(" ") for line in signal_lines(plan)]
+    rows = [line.partition(" ") for line in signals]
     return {
         "rate": f"{plan.request.rate:.10g}",
         "bits": 16 if io == "q15" else 32,
         "signals": [(name, text.strip()) for name, _, text in rows],
         "scale_name": f"{plan.name.upper()}_FULL_SCALE_DEMAND_{_unit(plan.model.output)}",
         "unit": plan.model.output.unit,
-        "layered": memories(plan.block) > 1,
+        "layered": plan.block.memories > 1,
         "condition": (
             f"{cycles} triangle{'s' * (cycles > 1)} of current between its limits, "
             f"{start.seconds:g} s"
         ),
         "remaining": f"{100.0 * start.remaining / plan.largest:.2g}",
-        "parameters_bytes": parameters_bytes(plan.block),
         "state_bytes": state_bytes(plan.block),
     }
 
@@ -299,144 +282,3 @@ def _real(value: float) -> str:
 
 def _unit(quantity: Quantity) -> str:
     return re.sub(r"\W+", "_", quantity.unit.replace("/", "_per_")).upper()
-
-
-ROW = 2.1  # inches
-POINTS = 1200
-"""Drawn of a path; the largest of each stretch, so that no peak is lost."""
-
-
-def budget_page(plan: Plan, budget: Budget, version: str) -> str:
-    """Return the page of a budget."""
-    worst, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
-    text = f"Compiled, the output is within {worst:.2g} % of what the model would give"
-    if budget.wanted is not None:
-        text += f"; {percent(budget, budget.wanted):.3g} % was asked for"
-    head = Headline(
-        title=f"{plan.model.name}: {plan.block.kind}, {plan.request.io}",
-        what=f"{text}. Held, it drifts by {drift:.2g} % in {SECONDS:g} s.",
-        basis="",
-        notes=(),
-        tiles=(),
-        comparison=None,
-        holds=f"Per cent are of the largest demand, {budget.largest:.4g} {budget.unit}. Every "
-        "figure is measured: the currents of the compensator go through the model in double "
-        "precision, and what comes out is compared with what was demanded.",
-    )
-    sections = (
-        Section("parts", "What each step costs", (_parts(budget),)),
-        Section("paths", "Deviation along the paths", _along(budget)),
-        Section("held", "Demands that are held", (_held(budget),)),
-        Section("choices", "What was chosen, and why", _choices(plan)),
-        Section("signals", "Signals", (_signals(plan),)),
-    )
-    return render_page(head, sections, version, kind="Accuracy budget", source="the model file")
-
-
-def _parts(budget: Budget) -> PageTable:
-    """Each part switched on alone, everything else exact; then the sums."""
-    sums = budget.compiled, budget.total, budget.drift
-    largest = max(part.worst or 0.0 for part in (*budget.parts, *sums))
-
-    def row(part: BudgetPart) -> list[Cell]:
-        def share(value: float | None) -> str:
-            return NOT_KNOWN if value is None else f"{percent(budget, value):#.2g}"
-
-        worst = NOT_KNOWN if part.worst is None else f"{part.worst:.3g}"
-        return [
-            Cell(part.title, strong=part in sums),
-            Cell(part.note),
-            Cell(worst),
-            Cell(share(part.worst), bar=(part.worst or 0.0) / largest if largest else 0.0),
-            Cell(share(part.rms)),
-        ]
-
-    return table(
-        "Parts and sums",
-        ["part", "what was switched on", f"worst [{budget.unit}]", "worst [%]", "rms [%]"],
-        [row(part) for part in (*budget.parts, *sums)],
-        "Each part is switched on alone, everything else exact.",
-        texts=2,
-    )
-
-
-def _along(budget: Budget) -> tuple[Picture, PageTable]:
-    rows = [
-        [
-            run.path.title,
-            f"{error.size}",
-            f"{percent(budget, float(np.abs(error).max())):.3g}",
-            f"{percent(budget, rms(error)):.2g}",
-        ]
-        for run, error in budget.runs
-    ]
-    shown = Picture(
-        svg_text(_figure(budget), "paths"),
-        "Deviation of the output from the demand along each path",
-        "Everything that compiling adds is switched on. Where the current stands at a limit, only "
-        "deviations to the wrong side count.",
-    )
-    return shown, table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
-
-
-def _held(budget: Budget) -> PageTable:
-    rows = [
-        [
-            path.title,
-            f"{path.demand:.3g}",
-            f"{path.seconds:g}",
-            f"{percent(budget, path.drift):.2g}",
-        ]
-        for path in budget.held
-    ]
-    return table(
-        "Every movement",
-        ["while", f"demand [{budget.unit}]", "time [s]", "drift [%]"],
-        rows,
-        "The same demand at the same gap, again and again: how far the output has moved since its "
-        "first return. A movement that repeats itself is followed until compensator and model "
-        "repeat themselves too.",
-    )
-
-
-def _choices(plan: Plan) -> tuple[PageTable, Text]:
-    rows = [[choice.name, choice.value, choice.reason] for choice in explain(plan)]
-    size = f"Altogether {parameters_bytes(plan.block)} bytes of parameters."
-    return table("Every choice", ["what", "chosen", "because"], rows, texts=3), Text(size)
-
-
-def _signals(plan: Plan) -> PageTable:
-    lines = [line.partition(" ") for line in signal_lines(plan)]
-    return table(
-        "", ["signal", "meaning"], [[name, text.strip()] for name, _, text in lines], "", 2
-    )
-
-
-@styled
-def _figure(budget: Budget) -> Figure:
-    """Draw the deviation along each path."""
-    rows = -(-len(budget.runs) // 2)
-    # Panels that are all alike need no search for room, which took a fifth of compiling.
-    figure = Figure((WIDTH, ROW * rows))
-    figure.subplots_adjust(0.1, 0.5 / (ROW * rows), 0.99, 1.0 - 0.3 / (ROW * rows), 0.08, 0.65)
-    axes = figure.subplots(rows, 2, squeeze=False, sharey=True).ravel().tolist()
-    for ax in axes[len(budget.runs) :]:
-        ax.remove()
-    for ax, (run, error) in zip(axes, budget.runs, strict=False):
-        at, low, high = _envelope(percent(budget, 1.0) * error)
-        ax.fill_between(at, low, high, color=MODEL, linewidth=0.6, edgecolor=MODEL)
-        ax.set_title(run.path.title)
-        ax.set_xlabel("sample")
-        if budget.wanted is not None:
-            for bound in (-percent(budget, budget.wanted), percent(budget, budget.wanted)):
-                ax.axhline(bound, color=ALARM, linewidth=0.8, dashes=(4, 3))
-    for ax in axes[0 : len(budget.runs) : 2]:
-        ax.set_ylabel("deviation, %")
-    return figure
-
-
-def _envelope(error: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return places, lowest and highest value of stretches of equal length."""
-    edges = np.unique(np.linspace(0, error.size, min(POINTS, error.size) + 1).astype(int))
-    low, high = (np.asarray(f.reduceat(error, edges[:-1])) for f in (np.minimum, np.maximum))
-    return edges[:-1].astype(np.float64), low, high

@@ -13,14 +13,11 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import CurrentMap, PlayMap
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
-from anhyst.compilation.manifest import parameters_bytes
 from anhyst.compilation.parameters import (
     WIDTH,
-    c_type,
     definition,
     listed,
     literal,
-    memories,
     table_source,
 )
 from anhyst.compilation.play_source import play_source
@@ -161,7 +158,7 @@ def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, 
 def memories_of(stage: StageController) -> list[int]:
     """Return the number of memories of the iron of each magnet."""
     methods = [magnet.parameters for magnet in stage.distinct]
-    return [memories(m.block) if isinstance(m, HysteresisInverse) else 1 for m in methods]
+    return [m.block.memories if isinstance(m, HysteresisInverse) else 1 for m in methods]
 
 
 def _kernel(block: Block) -> str:
@@ -300,7 +297,7 @@ def _words(magnet: ForceController) -> int:
 
 def _type(parameters: object, law: str) -> str:
     if isinstance(parameters, HysteresisInverse):
-        return c_type(parameters.block)
+        return parameters.block.c_type
     if isinstance(parameters, PlayMap):
         return "int16_t" if law == "q31" else "float"
     return f"anhyst_map_{law}"
@@ -373,7 +370,7 @@ def _map(entries: str, table: CurrentMap, fixed: bool) -> str:
 def _bytes(magnet: ForceController) -> int:
     parameters, fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
-        return parameters_bytes(parameters.block)
+        return parameters.block.size
     if isinstance(parameters, PlayMap):
         return parameters.block(magnet.format).nbytes
     table = _map_of(parameters)

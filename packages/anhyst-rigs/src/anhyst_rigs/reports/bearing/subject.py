@@ -20,7 +20,8 @@ from anhyst_rigs.reports.bearing.figures import (
     nearest_loops,
 )
 from anhyst_rigs.reports.study.page import Printed, case_table, hashes, interval_text, ordered
-from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at
+from anhyst_rigs.rig.bearing.held import lost_at
+from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.distance import PlantCheck
 from anhyst_rigs.rig.file import RigFile

@@ -29,7 +29,7 @@ from anhyst_rigs.link.virtual_boards import (
     Reading,
 )
 from anhyst_rigs.link.wire import LinkPort
-from anhyst_rigs.rig.bearing.loop import BearingSetup, position_control
+from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst_rigs.rig.bench.protocol import (
     BEARING_COMMANDS,
@@ -186,7 +186,7 @@ class BearingBench(LockStepBench):
     ) -> None:
         rig = setup.rig
         self.rate = float(rig.settings.timing.rate_Hz)
-        self._scales = position_control(setup).settings("fixed")
+        self._scales = setup.position_control.settings("fixed")
         self.bearing = bearing or make_plant(rig, 0)
         self.load_drive = LoadDrive(rig, self.bearing)
         limits, gap = setup.controller.limits, rig.settings.gap_m

@@ -27,7 +27,8 @@ from scipy.special import chdtr
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, rms, sine, triangle
-from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at
+from anhyst_rigs.rig.bearing.held import lost_at
+from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import TrajectoryCase

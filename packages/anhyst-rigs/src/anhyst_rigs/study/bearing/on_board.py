@@ -21,7 +21,7 @@ from anhyst.support.jobs import Progress, in_parts
 from anhyst.support.states import State
 from anhyst_rigs.link.firmware import build, check_compiler
 from anhyst_rigs.link.virtual_boards import find_qemu
-from anhyst_rigs.rig.bearing.loop import BearingSetup, compiled_model, make_setups, position_control
+from anhyst_rigs.rig.bearing.loop import BearingSetup, compiled_model, make_setups
 from anhyst_rigs.rig.bearing.scenario import parts_of_run
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.body import BodyRig
@@ -29,7 +29,7 @@ from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.board_faults import Ending, FaultRuns, injections
-from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.ready import make_ready, read_files
 
 QEMU = "qemu-mps2"
 _AIR_M = 5e-6
@@ -202,7 +202,7 @@ def build_firmware(
     request = CompileRequest("simplified" if kind == "simplified" else "full", "q31", table.rate_Hz)
     compiled = compile_model(model, folder / "c", request, controller.path)
     setup = make_setups(rig, controller, knowledge, (kind,))[kind]
-    settings = dict(position_control(setup).settings("fixed"))
+    settings = dict(setup.position_control.settings("fixed"))
     if compiled.manifest["controller"]["settings"] != settings:
         raise InputError(
             f"{controller.path}: does not say of the amplifiers, or of a second magnet, what "

@@ -2,34 +2,24 @@
 
 Just after a reversal only the reversible part of the iron answers. A controller that works in small
 movements meets that slope and not the one of the whole loop.
-
-Everything that a rig file and a controller file name: read and checked before any work.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.data import Loops
-from anhyst.data.output_map import is_electromagnet
-from anhyst.model.actuator import Model, read_model
-from anhyst.support.atomic import PathLike, check_writable
-from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, spaced
 from anhyst.support.toml_file import FileFault, faults_error
-from anhyst_rigs.rig.bearing.loop import BearingSetup, check_controller
-from anhyst_rigs.rig.body import BodyRig, read_bearing
-from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
-from anhyst_rigs.rig.from_loops import complete_rig
+from anhyst_rigs.rig.bearing.loop import BearingSetup
+from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.measuring import HeldBearing
 from anhyst_rigs.rig.plant import current_gains
+from anhyst_rigs.rig.sensor_table import FluxSensorTable
 from anhyst_rigs.study.bearing import linear
 
 _CURRENTS = 1200
@@ -58,13 +48,17 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     gap, high = settings.gap_m, settings.amplifier.current_high_A
     up = np.linspace(0.0, high, _CURRENTS)
     path = np.concatenate([up, up[::-1]])
+    load, ends = rig.load, np.array([settings.body.stop_low_m, settings.body.stop_high_m])
+    narrowest = float(np.min(rig.gaps_at(ends)))
     force, psi, _ = rig.static_map(path, np.full(path.size, gap))
     check_load(rig, float(force[_CURRENTS - 1]))
-    _check_rest(rig)
-    _check_probe(rig)
+    _check_rest(rig, float(rig.static_map(up, np.full(up.size, ends[1]))[0][-1]))
+    if settings.hall_probe is not None:
+        density = float(rig.static_map(up, np.full(up.size, narrowest))[2][-1])
+        _check_probe(rig, settings.hall_probe, density, narrowest)
     bias = settings.bias_N
     key = ("load", "force_N") if bias is None else ("control", "bias_N")
-    wanted = rig.load if bias is None else bias
+    wanted = load if bias is None else bias
     least, most = float(force[0]), float(force[_CURRENTS - 1])
     if not least < wanted < most:
         text = f"{wanted:g} N is not within what the magnet pulls at {gap:g} m"
@@ -80,13 +74,13 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
         text = f"at {wanted:g} N {error}; raise or lower it"
         raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
     around = 0.05 * high
-    ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
+    linkage = np.interp([current - around, current + around], up, psi[:_CURRENTS])
     magnets = float(len(rig.settings.placed))
     point = linear.Point(
         mass=settings.body.mass_kg,
         k_i=magnets * slopes.static.k_i,
         k_s=magnets * slopes.static.k_s - settings.load.stiffness_N_per_m,
-        inductance=magnets * float(ends[1] - ends[0]) / (2.0 * around),
+        inductance=magnets * float(linkage[1] - linkage[0]) / (2.0 * around),
         resistance=magnets * settings.magnet.poles.resistance,
         damping=settings.body.damping_N_s_per_m + settings.load.damping_N_s_per_m,
         eddy_time=settings.magnet.eddy_time_s,
@@ -138,32 +132,22 @@ def check_rate(rig: BodyRig, pole_Hz: float) -> None:
         raise faults_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
-def _check_rest(rig: BodyRig) -> None:
+def _check_rest(rig: BodyRig, force_max: float) -> None:
     """Refuse a load that is carried at the operating gap and not lifted off its rest."""
-    gap, high = rig.settings.body.stop_high_m, rig.settings.amplifier.current_high_A
-    up = np.linspace(0.0, high, _CURRENTS)
-    force = float(rig.static_map(up, np.full(up.size, gap))[0][-1])
-    if not rig.load < force:
+    if not rig.load < force_max:
+        gap = rig.settings.body.stop_high_m
         text = f"no current lifts {rig.load:.4g} N off the rest at {gap:g} m, the magnet reaches "
-        text += f"{force:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
+        text += f"{force_max:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
         raise faults_error(rig.path, [FileFault(("load", "force_N"), text, code="load-too-large")])
 
 
-def _check_probe(rig: BodyRig) -> None:
-    """Refuse a Hall probe that ends below what the largest current makes at the smallest gap."""
-    settings = rig.settings
-    probe, body = settings.hall_probe, settings.body
-    if probe is None:
-        return
-    gap = float(np.min(rig.gaps_at(np.array([body.stop_low_m, body.stop_high_m]))))
-    up = np.linspace(0.0, settings.amplifier.current_high_A, _CURRENTS)
-    density = float(rig.static_map(up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
-    if density > probe.range_T:
-        text = f"the largest current makes {density:.4g} T at a gap of {gap:g} m; raise it"
-        raise faults_error(
-            rig.path,
-            [FileFault(rig.settings.place(probe, "range_T"), text, code="range-too-narrow")],
-        )
+def _check_probe(rig: BodyRig, probe: FluxSensorTable, density: float, gap: float) -> None:
+    """Refuse a Hall probe that ends below what the largest current makes at the smallest gap, T."""
+    seen = density * (1.0 + probe.gain_error)
+    if seen > probe.range_T:
+        text = f"the largest current makes {seen:.4g} T at a gap of {gap:g} m; raise it"
+        place = rig.settings.place(probe, "range_T")
+        raise faults_error(rig.path, [FileFault(place, text, code="range-too-narrow")])
 
 
 def linear_loop(setup: BearingSetup, at: OperatingPoint) -> linear.LinearLoop:
@@ -299,94 +283,3 @@ def _middle(
     # A parabola, so that the bend of the curve does not tilt its slope.
     bend = np.polynomial.Polynomial.fit(off[near], middle[near], 2).convert().coef
     return float(bend[0]), float(bend[1])
-
-
-def read_files(
-    rig_path: PathLike, controller_path: PathLike | None
-) -> tuple[BodyRig, ControllerFile]:
-    """Read a rig file and a controller file, which lies beside it if it is not named."""
-    rig = read_bearing(rig_path)
-    return rig, controller_of(rig, controller_path)
-
-
-def controller_of(rig: BodyRig, path: PathLike | None) -> ControllerFile:
-    """Read the controller file of a bearing, which lies beside the rig file if it is not named."""
-    return read_controller(rig.path.parent / "controller.toml" if path is None else path)
-
-
-def files_of_bearing(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
-    """Return rig file and controller file, and all files that they name."""
-    rig, controller = read_files(rig_path, controller_path)
-    named = [
-        rig.path,
-        rig.model,
-        rig.flux_table,
-        controller.path,
-        controller.model,
-        rig.calibration,
-    ]
-    return [file for file in named if file is not None] + list(rig.measured.files)
-
-
-@dataclass(frozen=True)
-class Ready:
-    """A rig, a controller and the loops, read and checked against each other."""
-
-    rig: BodyRig  # its magnet is whole
-    controller: ControllerFile
-    loops: Loops
-    model: Model | None  # that the controller file names
-    at: OperatingPoint
-
-    def knowledge(self) -> IdentifiedMagnet:
-        """Return what the controller knows; a model that it does not name is identified."""
-        if self.model is not None:
-            return IdentifiedMagnet(self.loops, self.model)
-        return identify_magnet(self.loops, self.rig.settings.loops)
-
-
-def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()) -> Ready:
-    """Read and check everything that a rig and a controller name, before any work."""
-    files = [rig.path, controller.path, controller.model, rig.model, rig.flux_table]
-    reads = [*rig.measured.files, *(file for file in files if file is not None)]
-    for path in outputs:
-        check_writable(path, reads=reads)
-    at = None if rig.settings.magnet.from_loops else find_operating_point(rig)
-    check_controller(controller, rig)
-    _check_calibration(rig, controller)
-    model = _controller_model(controller, rig)
-    loops = rig.measured.read()
-    gaps = list(loops.by_schedule())
-    middle = rig.settings.gap_m
-    if not min(gaps) < middle < max(gaps):
-        raise InputError(
-            f"{rig.measured.text}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} "
-            f"works at {middle:g} m; measure loops around it",
-            code="gaps-not-covered",
-        )
-    whole = complete_rig(rig, loops)
-    return Ready(whole, controller, loops, model, at or find_operating_point(whole))
-
-
-def _check_calibration(rig: BodyRig, controller: ControllerFile) -> None:
-    own = controller.settings.compensation.variant
-    if rig.calibration is not None and rig.learnt(own) is None:
-        raise InputError(
-            f"{rig.path}: control.calibration: {rig.calibration} says nothing of '{own}', and others "
-            "would be calibrated alone; calibrate again, with all methods",
-            code="method-missing",
-            key="control.calibration",
-        )
-
-
-def _controller_model(controller: ControllerFile, rig: BodyRig) -> Model | None:
-    if controller.model is None:
-        return None
-    model = read_model(controller.model)
-    if not is_electromagnet(model) or not model.needs_schedule:
-        raise InputError(
-            f"{controller.model}: a bearing needs a model of force over current and gap; identify "
-            f"one from {rig.measured.text}",
-            code="not-current-to-force",
-        )
-    return model

@@ -24,7 +24,8 @@ from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, rms, sine
-from anhyst_rigs.rig.bearing.loop import BearingSetup, lost_at
+from anhyst_rigs.rig.bearing.held import lost_at
+from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder, steps_up_and_down
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import ReferenceStep, SimulatedLoop

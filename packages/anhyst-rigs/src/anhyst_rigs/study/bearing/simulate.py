@@ -17,14 +17,9 @@ from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, in_parts
 from anhyst.support.kinds import PROBED, MethodName
 from anhyst.support.result import columns_of
-from anhyst_rigs.rig.bearing.loop import (
-    BearingSetup,
-    calibrated_magnets,
-    levitation_fault,
-    lost_after_steps,
-    make_setups,
-)
-from anhyst_rigs.rig.bearing.scenario import parts_of_run, steps_up_and_down
+from anhyst_rigs.rig.bearing.held import levitation_fault, lost_after_steps
+from anhyst_rigs.rig.bearing.loop import BearingSetup, calibrated_magnets, make_setups
+from anhyst_rigs.rig.bearing.scenario import parts_of_run
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.distance import PlantCheck
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, check_plant
@@ -35,10 +30,9 @@ from anhyst_rigs.study.bearing.operating import (
     OperatingPoint,
     has_constants,
     linear_loop,
-    make_ready,
-    read_files,
     sweep_frequencies,
 )
+from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from anhyst_rigs.study.bearing.responses import (
     Sensitivity,
     StepCell,
@@ -205,9 +199,9 @@ def explore(
     mine = make_setups(rig, controller, knowledge, (own,))[own]
     steps, after, landing = parts_of_run(rig, mine.controller)
     loop = SimulatedLoop(mine)
-    recording = loop.run(steps)
-    if len(recording) == steps.ticks:
-        recording = Recording.joined([recording, loop.run(after)])
+    recording = stepped = loop.run(steps)
+    if len(stepped) == steps.ticks:
+        recording = Recording.joined([stepped, loop.run(after)])
     if fault := levitation_fault(mine, recording, steps):
         if out is None:
             raise NegativeResult(fault, code="levitation-lost")
@@ -216,13 +210,23 @@ def explore(
         raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
     next(parts)(1, 1)
     setups, left_out = _beside(mine, controller, knowledge)
-    simulation = _compare(controller, knowledge, setups, ready.at, recording, parts)
+    run = _Run(recording, stepped, steps)
+    simulation = _compare(controller, knowledge, setups, ready.at, run, parts)
     simulation.figures["left_out"] = left_out
     simulation.figures["lost_in"] = [
         *lost_after_steps(rig, recording, steps.ticks, landing),
         *_lost_blocks(simulation.figures),
     ]
     return simulation
+
+
+@dataclass(frozen=True)
+class _Run:
+    """The run of the own variant that a simulation records."""
+
+    recording: Recording  # lift-off, steps, loads, landing
+    stepped: Recording  # its first part, up to the last step
+    steps: Scenario  # of that part
 
 
 def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike, ...]:
@@ -274,11 +278,12 @@ def _compare(
     knowledge: IdentifiedMagnet,
     setups: Mapping[MethodName, BearingSetup],
     at: OperatingPoint,
-    recording: Recording,
+    run: _Run,
     parts: Iterator[Progress],
 ) -> Simulation:
     """Try everything with every variant."""
-    rig = setups[controller.settings.compensation.variant].rig
+    own = controller.settings.compensation.variant
+    rig = setups[own].rig
     tried = rig.settings
     heights, load = tried.step.heights_m, tried.load.force_N
     cells = compare_steps(
@@ -290,7 +295,6 @@ def _compare(
         next(parts),
     )
     tried_beside = experiments.try_all(rig, setups, default_seeds(rig), parts)
-    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, heights)
     loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
     swept = {
         name: sweep(setup, tried.gap_m, load, sweep_frequencies(rig), seed=0)
@@ -323,9 +327,12 @@ def _compare(
         knowledge=knowledge,
         setups=setups,
         at=at,
-        recording=recording,
-        shown={name: SimulatedLoop(setup).run(scenario) for name, setup in setups.items()},
-        scenario=scenario,
+        recording=run.recording,
+        shown={
+            name: run.stepped if name == own else SimulatedLoop(setup).run(run.steps)
+            for name, setup in setups.items()
+        },
+        scenario=run.steps,
         cells=cells,
         experiments=tried_beside,
         loops=loops,

@@ -29,7 +29,7 @@ from anhyst_rigs.rig.drift import untaught
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.fitted import identify_stage
-from anhyst_rigs.study.bearing.operating import controller_of, make_ready
+from anhyst_rigs.study.bearing.ready import controller_of, make_ready
 from anhyst_rigs.study.tracking.bodies import LEARNT, BearingLaw, StageLaw
 from anhyst_rigs.study.tracking.learner import fit
 from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable

@@ -28,7 +28,7 @@ from anhyst_rigs.rig.rewriting import rewrite_rig
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage
 from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.study.bearing.operating import make_ready, read_files
+from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from anhyst_rigs.study.bearing.simulate import compared
 from anhyst_rigs.study.piezo import find_inverses
 from anhyst_rigs.study.plants import METHODS

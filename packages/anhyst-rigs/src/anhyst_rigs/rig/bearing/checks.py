@@ -1,0 +1,101 @@
+"""Whether a controller file belongs to the rig file of a bearing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from anhyst.control.controller_file import ControllerFile, ControllerTable
+from anhyst.support.kinds import PROBED
+from anhyst.support.toml_file import FileFault, faults_error
+from anhyst_rigs.rig.bearing.loop import pair_of
+from anhyst_rigs.rig.bearing.scenario import land_time, lift_time
+from anhyst_rigs.rig.body import BodyRig, step_ends
+
+LONGEST_RAMP_S = 60.0
+"""Longest time that lifting off or landing may take, s."""
+
+
+def check_controller(controller: ControllerFile, rig: BodyRig) -> None:
+    """Refuse a controller that does not belong to the rig."""
+    if faults := list(_rig_faults(controller.settings, rig)):
+        raise faults_error(controller.path, faults)
+
+
+def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
+    plant, rate = rig.settings, rig.settings.timing.rate_Hz
+    if settings.rate_Hz != rate:
+        text = f"is {settings.rate_Hz:g} Hz here and {rate:g} Hz in {rig.path}; make them equal"
+        yield FileFault(("rate_Hz",), text, code="differs-from-rig")
+    limits, amplifier = settings.limits, plant.amplifier
+    if limits.current_low_A < amplifier.current_low_A:
+        text = f"the amplifier of {rig.path} begins at {amplifier.current_low_A:g} A; raise it"
+        yield FileFault(("limits", "current_low_A"), text, code="beyond-amplifier")
+    if limits.current_high_A > amplifier.current_high_A:
+        text = f"the amplifier of {rig.path} ends at {amplifier.current_high_A:g} A; lower it"
+        yield FileFault(("limits", "current_high_A"), text, code="beyond-amplifier")
+    if len(rig.settings.placed) == 1 and limits.force_low_N < 0.0:
+        text = "a single magnet cannot push; raise it to 0 or more"
+        yield FileFault(("limits", "force_low_N"), text, code="cannot-push")
+    if len(rig.settings.placed) == 1 and not rig.load < limits.force_high_N:
+        text = f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.load:g} N"
+        yield FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
+    variant = settings.compensation.variant
+    if variant in PROBED and plant.hall_probe is None:
+        text = f'"{variant}" needs the table [hall_probe], {rig.path} has none; add it'
+        yield FileFault(("compensation", "variant"), text, code="no-hall-probe")
+    yield from _amplifier_faults(settings, rig)
+    steps = ((gap, height) for gap in plant.step_gaps_m for height in plant.step.heights_m)
+    lows = [step_ends(gap, height)[1] for gap, height in steps]
+    lowest = min(lows + [plant.gap_m - one.amplitude_m for one in plant.trajectories])
+    highest = plant.body.stop_high_m
+    if not limits.gap_low_m < lowest:
+        text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
+        yield FileFault(("limits", "gap_low_m"), text, code="gaps-not-covered")
+    step = plant.gap_sensor.step
+    if limits.step_m < step:
+        text = f"the position sensor of {rig.path} has steps of {step:.4g} m; raise it"
+        yield FileFault(("limits", "step_m"), text, code="step-too-fine")
+    if not limits.gap_high_m > highest:
+        text = f"{rig.path} rests at a gap of {highest:.5g} m; raise it"
+        yield FileFault(("limits", "gap_high_m"), text, code="gaps-not-covered")
+    yield from _ramp_faults(settings, rig, lowest)
+
+
+def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iterator[FileFault]:
+    """Find ramps so slow that nobody waits for them."""
+    way = rig.settings.body.stop_high_m - lowest
+    for table, what, ramp, seconds in (
+        ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest)),
+        ("landing", "landing", settings.landing, land_time(rig, settings)),
+    ):
+        if seconds > LONGEST_RAMP_S:
+            forces = settings.limits.force_high_N / ramp.force_rate_N_per_s
+            longer = forces > way / ramp.speed_m_per_s
+            key = "force_rate_N_per_s" if longer else "speed_m_per_s"
+            text = f"{what} takes {seconds:.4g} s, at most {LONGEST_RAMP_S:g} s are simulated"
+            yield FileFault((table, key), f"{text}; raise it", code="too-slow")
+
+
+def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
+    """Say where the file contradicts the rig on amplifiers or a second magnet."""
+    converter, amplifier = settings.converter, rig.settings.amplifier
+    if converter is not None:
+        ends = {
+            "low_A": amplifier.current_low_A,
+            "high_A": amplifier.current_high_A,
+            "bits": amplifier.dac_bits,
+        }
+        for key, value in ends.items():
+            if getattr(converter, key) != value:
+                text = f"the amplifier of {rig.path} has {value:g}; make them equal"
+                yield FileFault(("converter", key), text, code="differs-from-rig")
+    pair = pair_of(rig)
+    if settings.pair is not None and pair is None:
+        text = f"the magnet of {rig.path} is a single one; take it out"
+        yield FileFault(("pair",), text, code="differs-from-rig")
+    elif settings.pair is not None and pair is not None:
+        for key in type(pair).model_fields:
+            value = getattr(pair, key)
+            if getattr(settings.pair, key) != value:
+                text = f"is {value:g} in {rig.path}; make them equal"
+                yield FileFault(("pair", key), text, code="differs-from-rig")

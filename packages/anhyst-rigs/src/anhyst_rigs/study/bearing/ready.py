@@ -1,0 +1,113 @@
+"""What a rig file and a controller file of a bearing name: read, and checked before any work."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.data import Loops
+from anhyst.data.output_map import is_electromagnet
+from anhyst.model.actuator import Model, read_model
+from anhyst.support.atomic import PathLike, check_writable
+from anhyst.support.errors import InputError
+from anhyst_rigs.rig.bearing.checks import check_controller
+from anhyst_rigs.rig.body import BodyRig, read_bearing
+from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
+from anhyst_rigs.rig.from_loops import complete_rig
+from anhyst_rigs.study.bearing.operating import OperatingPoint, find_operating_point
+
+
+def read_files(
+    rig_path: PathLike, controller_path: PathLike | None
+) -> tuple[BodyRig, ControllerFile]:
+    """Read a rig file and a controller file, which lies beside it if it is not named."""
+    rig = read_bearing(rig_path)
+    return rig, controller_of(rig, controller_path)
+
+
+def controller_of(rig: BodyRig, path: PathLike | None) -> ControllerFile:
+    """Read the controller file of a bearing, which lies beside the rig file if it is not named."""
+    return read_controller(rig.path.parent / "controller.toml" if path is None else path)
+
+
+def files_of_bearing(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
+    """Return rig file and controller file, and all files that they name."""
+    return _files(*read_files(rig_path, controller_path))
+
+
+def _files(rig: BodyRig, controller: ControllerFile) -> list[Path]:
+    measured = rig.measured
+    named = [
+        rig.path,
+        rig.model,
+        rig.flux_table,
+        rig.calibration,
+        controller.path,
+        controller.model,
+    ]
+    return [file for file in named if file is not None] + list(measured.files)
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A rig, a controller and the loops, read and checked against each other."""
+
+    rig: BodyRig  # its magnet is whole
+    controller: ControllerFile
+    loops: Loops
+    model: Model | None  # that the controller file names
+    at: OperatingPoint
+
+    def knowledge(self) -> IdentifiedMagnet:
+        """Return what the controller knows; a model that it does not name is identified."""
+        if self.model is not None:
+            return IdentifiedMagnet(self.loops, self.model)
+        return identify_magnet(self.loops, self.rig.settings.loops)
+
+
+def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()) -> Ready:
+    """Read and check everything that a rig and a controller name, before any work."""
+    reads = _files(rig, controller)
+    for path in outputs:
+        check_writable(path, reads=reads)
+    at = None if rig.settings.magnet.from_loops else find_operating_point(rig)
+    check_controller(controller, rig)
+    _check_calibration(rig, controller)
+    model = _controller_model(controller, rig)
+    loops = rig.measured.read()
+    gaps = list(loops.by_schedule())
+    middle = rig.settings.gap_m
+    if not min(gaps) < middle < max(gaps):
+        raise InputError(
+            f"{rig.measured.text}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} "
+            f"works at {middle:g} m; measure loops around it",
+            code="gaps-not-covered",
+        )
+    whole = complete_rig(rig, loops)
+    return Ready(whole, controller, loops, model, at or find_operating_point(whole))
+
+
+def _check_calibration(rig: BodyRig, controller: ControllerFile) -> None:
+    own = controller.settings.compensation.variant
+    if rig.calibration is not None and rig.learnt(own) is None:
+        raise InputError(
+            f"{rig.path}: control.calibration: {rig.calibration} says nothing of '{own}', and others "
+            "would be calibrated alone; calibrate again, with all methods",
+            code="method-missing",
+            key="control.calibration",
+        )
+
+
+def _controller_model(controller: ControllerFile, rig: BodyRig) -> Model | None:
+    if controller.model is None:
+        return None
+    model = read_model(controller.model)
+    if not is_electromagnet(model) or not model.needs_schedule:
+        raise InputError(
+            f"{controller.model}: a bearing needs a model of force over current and gap; identify "
+            f"one from {rig.measured.text}",
+            code="not-current-to-force",
+        )
+    return model

@@ -1,0 +1,129 @@
+"""From a model to its parameter blocks, of any kind, format and size; what they share is found once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
+from anhyst.compensate.cells import cell_law
+from anhyst.compensate.force_controller import Io
+from anhyst.compensate.full import full_law
+from anhyst.compensate.packing import Frame
+from anhyst.compensate.paths import Reach, find_reach
+from anhyst.compensate.simplified import ClosedForm, fit_closed_form, simplified_law
+from anhyst.model.actuator import Model
+from anhyst.support.block_words import Scales
+from anhyst.support.kinds import NumberFormat
+
+ROOM = 0.998
+"""Of the full-scale output may the root of a demand reach, lowered by its offset."""
+
+FINE = TableSizes(
+    gap_segments=4,
+    curve_segments=7,
+    inverse_segments=6,
+    iterations=12,
+    octaves=14,
+    octave_segments=5,
+    root_knee=8,
+)
+"""Everything finer than any axis needs while another one is looked at."""
+
+LAW_SEGMENTS = 4
+"""The arms of the simplified law are fitted at 2^this + 1 gaps, and straight between them."""
+
+
+@dataclass(frozen=True)
+class Builder:
+    """Makes blocks of one model, kind and format that differ in their sizes alone."""
+
+    model: Model
+    kind: Kind
+    io: Io
+    scales: Scales
+    limits: DemandLimits
+    conditioning: Conditioning = field(default_factory=Conditioning)
+    model_hash: int = 0
+    late: Model | None = None  # the model with its layers or its lag, where these are compiled
+
+    @property
+    def block_kind(self) -> Kind:
+        """Kind of the blocks: the full compensator of a model is that of its law."""
+        with_cells = self.kind == "full" and self.model.operator_law.cells is not None
+        return "cells" if with_cells else self.kind
+
+    @cached_property
+    def reach(self) -> Reach:
+        """Outputs that the model can reach, found once."""
+        return find_reach(self.model, self.scales, self.limits)
+
+    @cached_property
+    def law(self) -> ClosedForm:
+        """The five numbers of the simplified law, fitted once."""
+        at = np.linspace(self.scales.gap_low, self.scales.gap_high, 2**LAW_SEGMENTS + 1)
+        at = at if self.model.needs_schedule else at[:1]
+        room = ROOM * self.scales.demand - self.limits.demand[1]
+        return fit_closed_form(self.model, self.limits, at, room=room)
+
+    @property
+    def number_format(self) -> NumberFormat:
+        """Number format of the blocks."""
+        return "f32" if self.io == "f32" else "fixed"
+
+    def __call__(self, sizes: TableSizes) -> Block:
+        """Return the block with these sizes, of the iron at rest."""
+        return self.block(sizes, self.number_format, still=True)
+
+    def exact(self, sizes: TableSizes) -> Block:
+        """Return the same tables in double precision, with as many iterations as can matter.
+
+        Euler's form has no tables; the closed form stands in for it.
+        """
+        return self.block(replace(sizes, iterations=FINE.iterations), "f64", still=True)
+
+    def whole(self, sizes: TableSizes, number_format: NumberFormat | None = None) -> Block:
+        """Return the block with these sizes, with its layers or its lag if there are some."""
+        return self.block(sizes, number_format or self.number_format, still=self.late is None)
+
+    def block(self, sizes: TableSizes, number_format: NumberFormat, *, still: bool) -> Block:
+        """Return the block with these sizes in a number format; `still` leaves out what answers late."""
+        kind = self.block_kind
+        if kind == "euler" and number_format != "fixed":
+            kind = "simplified"
+        return build_block(
+            self.late or self.model, kind, self.scales, self.limits, sizes, self.conditioning,
+            model_hash=self.model_hash, number_format=number_format, still=still,
+            law=self.law if kind in {"simplified", "euler"} else None,
+        )  # fmt: skip
+
+
+def build_block(
+    model: Model,
+    kind: Kind,
+    scales: Scales,
+    limits: DemandLimits,
+    sizes: TableSizes | None = None,
+    conditioning: Conditioning | None = None,
+    *,
+    model_hash: int = 0,
+    number_format: NumberFormat = "fixed",
+    law: ClosedForm | None = None,
+    still: bool = False,
+) -> Block:
+    """Make the parameter block of a kind; `still` leaves out what answers late.
+
+    `law` is the outcome of `fit_closed_form`, which the simplified kinds need: ``"simplified"``, and
+    ``"euler"``, the paper's Euler form of the same five numbers, with ``sizes.substeps``.
+    """
+    frame = Frame(model, scales, limits, sizes or TableSizes(), conditioning or Conditioning())
+    if kind == "full":
+        tables = full_law(frame)
+    elif kind == "cells":
+        tables = cell_law(frame, still=still)
+    else:
+        assert law is not None
+        tables = simplified_law(frame, law)
+    return frame.block(kind, tables, model_hash, number_format, still=still)

@@ -1,0 +1,85 @@
+"""How straight the ways through the code are: ``make house`` follows a model to C and a rig file to a recording.
+
+The jobs are run. Whenever a function is entered for the first time and is given the thing that is
+followed, or something made of it, its file is noted. Functions of one file in a row are one stay. A
+*return* is a stay in a file that was left before: somebody who reads along turns back to it.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import CodeType, FrameType
+
+ROOT = Path(__file__).resolve().parents[1]
+MODEL = ROOT / "packages" / "anhyst" / "tests" / "kept_models" / "electromagnet.toml"
+RIG = ROOT / "examples" / "bearing" / "rig.toml"
+
+
+class Walk:
+    """Notes the files through which objects of some packages go."""
+
+    def __init__(self, *packages: str) -> None:
+        self.packages = packages
+        self.stays: list[str] = []
+        self._met: set[CodeType] = set()
+
+    def follow(self, job: Callable[[], object]) -> dict[str, int]:
+        """Run a job; return its files and its returns."""
+        sys.setprofile(self._note)
+        try:
+            job()
+        finally:
+            sys.setprofile(None)
+        files = len(set(self.stays))
+        return {"files": files, "returns": len(self.stays) - files}
+
+    def _note(self, frame: FrameType, event: str, _: object) -> None:
+        code = frame.f_code
+        if event != "call" or code in self._met or "/src/anhyst" not in code.co_filename:
+            return
+        given = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+        kinds = [type(frame.f_locals.get(name)).__module__ for name in given]
+        if code.co_name.startswith("<") or not any(
+            kind.startswith(self.packages) for kind in kinds
+        ):
+            return
+        self._met.add(code)
+        if self.stays[-1:] != [code.co_filename]:
+            self.stays.append(code.co_filename)
+
+
+def model_to_c() -> dict[str, int]:
+    """Follow a model to a folder of C."""
+    import anhyst
+
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "c"
+        walk = Walk("anhyst.model", "anhyst.compensate", "anhyst.compilation")
+        return walk.follow(lambda: anhyst.compile(MODEL, out, rate=20_000.0))
+
+
+def rig_to_recording() -> dict[str, int]:
+    """Follow the rig file of a bearing to the recording of its steps."""
+    from anhyst_rigs.rig.bearing.held import levitation_fault
+    from anhyst_rigs.rig.bearing.loop import make_setups
+    from anhyst_rigs.rig.bearing.scenario import parts_of_run
+    from anhyst_rigs.rig.loop import SimulatedLoop
+    from anhyst_rigs.study.bearing.ready import make_ready, read_files
+
+    def job() -> None:
+        rig, controller = read_files(RIG, None)
+        ready = make_ready(rig, controller)
+        own = controller.settings.compensation.variant
+        setup = make_setups(ready.rig, controller, ready.knowledge(), (own,))[own]
+        steps, *_ = parts_of_run(ready.rig, setup.controller)
+        assert levitation_fault(setup, SimulatedLoop(setup).run(steps), steps) is None
+
+    return Walk("anhyst_rigs").follow(job)
+
+
+if __name__ == "__main__":
+    print(json.dumps({"model to C": model_to_c(), "rig to recording": rig_to_recording()}))
