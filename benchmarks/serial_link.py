@@ -17,11 +17,12 @@ from anhyst.identification import identify
 from anhyst.model.writer import write_model
 from anhyst.support.states import Command, State
 from anhyst_rigs.link.client import ControllerLink
-from anhyst_rigs.link.firmware import build, read_sizes
+from anhyst_rigs.link.firmware import build
 from anhyst_rigs.link.frames import DemandRequest, StatusAnswer
 from anhyst_rigs.link.virtual_boards import Reading, Running, run_host, run_qemu
 from anhyst_rigs.link.wire import encode
 from rows import ROOT, Row
+from tests.link.sizes import read_sizes
 
 COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "1000000"))
 ON_HOST = 20_000

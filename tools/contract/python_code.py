@@ -39,8 +39,12 @@ class Message:
     """A payload: fixed fields, then for some types a row of numbers."""
 
     TYPE: ClassVar[int]
+    ANSWER: ClassVar[int]  # type of the answer to a request, else 0
     FIXED: ClassVar[struct.Struct]
-    TAIL: ClassVar[str] = ""
+    TAIL: ClassVar[str]
+
+    def __init_subclass__(cls, code: int, form: str, answer: int = 0, tail: str = "") -> None:
+        cls.TYPE, cls.ANSWER, cls.FIXED, cls.TAIL = code, answer, struct.Struct(form), tail
 
     def pack(self) -> bytes:
         """Return the payload; ValueError where a number does not fit."""
@@ -70,6 +74,9 @@ class PlantRecord:
     """A record of the plant's bus: 32-bit words, the last one a check."""
 
     FIXED: ClassVar[struct.Struct]
+
+    def __init_subclass__(cls, form: str) -> None:
+        cls.FIXED = struct.Struct(form)
 
     def pack(self) -> bytes:
         """Return the record with its check."""
@@ -121,20 +128,16 @@ def enum_class(entry: Entry, base: str, values: list[int]) -> str:
     return "\n".join(lines)
 
 
-def dataclass_of(entry: Entry, name: str, base: str, constants: list[str]) -> str:
-    """Return the dataclass of a frame or record."""
+def dataclass_of(entry: Entry, name: str, base: str) -> str:
+    """Return the dataclass of a frame or record, whose base says of what class it is."""
     tail = entry.get("tail")
     code = "<" + "".join(CODES[field["type"]] for field in entry["fields"])
+    own = f', tail="{CODES[tail["type"]]}"' if tail else ""
     lines = [
         "@dataclass(frozen=True)",
-        f"class {name}({base}):",
+        f'class {name}({base}, form="{code}"{own}):',
         docstring(entry["doc"], "    "),
-        "",
     ]
-    lines += [f"    {constant}" for constant in constants]
-    lines.append(f'    FIXED: ClassVar[struct.Struct] = struct.Struct("{code}")')
-    if tail:
-        lines.append(f'    TAIL: ClassVar[str] = "{CODES[tail["type"]]}"')
     if entry["fields"] or tail:
         lines.append("")
     for field in entry["fields"]:
@@ -172,14 +175,13 @@ def frames_module(frames: Entry, signals: Entry) -> str:
     parts.append("SETTINGS = {\n" + "\n".join(rows) + "\n}\n\n" + BASES)
     by_name = {frame["name"]: frame for frame in frames["frame"]}
     for frame in frames["frame"]:
-        constants = [f"TYPE: ClassVar[int] = 0x{frame['type']:02X}"]
+        base = f"Message, code=0x{frame['type']:02X}"
         if is_request(frame):
-            answer = by_name[frame["answer"]]["type"]
-            constants.append(f"ANSWER: ClassVar[int] = 0x{answer:02X}")
-        parts.append(dataclass_of(frame, class_name(frame), "Message", constants) + "\n")
+            base += f", answer=0x{by_name[frame['answer']]['type']:02X}"
+        parts.append(dataclass_of(frame, class_name(frame), base) + "\n")
     for record in plant["record"]:
         name = "".join(word.capitalize() for word in record["name"].split("_"))
-        parts.append(dataclass_of(record, name, "PlantRecord", []) + "\n")
+        parts.append(dataclass_of(record, name, "PlantRecord") + "\n")
     names = [class_name(frame) for frame in frames["frame"] if not is_request(frame)]
     listed = "".join(f"        {name},\n" for name in names)
     parts.append(

@@ -14,12 +14,13 @@ from anhyst.support.errors import NegativeResult
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link import wire
 from anhyst_rigs.link.client import ControllerLink
-from anhyst_rigs.link.firmware import build, read_sizes
+from anhyst_rigs.link.firmware import build
 from anhyst_rigs.link.virtual_boards import PlantBus, over, run_host, run_library, run_qemu
 from tests.refusals import refused
 
 from .handmade import write_parameters
 from .plant import NoisyPlant
+from .sizes import read_sizes
 
 
 @pytest.mark.slow

@@ -67,7 +67,7 @@ def test_a_block_made_for_another_board_is_refused_in_one_line(
     assert "\n" not in text
     board.bus.step(3)
     assert board.bus.drive == pytest.approx(drive, abs=1e-3)
-    assert controller.status().generation == 0
+    assert controller.status().codes.generation == 0
 
 
 def follow(board: Running, controller: ControllerLink, words: list[int]) -> list[float]:

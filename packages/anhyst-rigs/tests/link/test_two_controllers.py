@@ -138,7 +138,7 @@ def test_on_one_chip_each_answers_on_its_own_line(chip: Path) -> None:
         states = first.status(), second.status()
         assert [one.state for one in states] == [State.RUN, State.RUN]
         assert [one.codes.demand for one in states] == [1 << 29, 1 << 30]
-        assert 0.0 < states[0].drive < states[1].drive
+        assert 0.0 < states[0].codes.drive < states[1].codes.drive
         assert first.read_setting(Setting.FOLLOW) == 0
         first.command(Command.STOP)
         assert (first.status().state, second.status().state) == (State.READY, State.RUN)

@@ -286,7 +286,7 @@ def test_one_word_is_calibrated_and_the_checksum_follows(xcp_board: Running) -> 
             master.download(generation.to_bytes(2, "little"))
             assert master.getCalPage(ECU, SEGMENT) == 0
             master.setCalPage(ECU, SEGMENT, 1)
-            assert controller.status().generation == generation
+            assert controller.status().codes.generation == generation
         words = controller.read_block()
         assert words == regenerate(words, 42)
         master.setMta(place, 0)
@@ -314,10 +314,10 @@ def test_a_page_that_is_no_block_for_this_board_is_refused(xcp_board: Running, n
         with pytest.raises(XcpResponseError) as error:
             master.setCalPage(ECU, SEGMENT, 1)
         assert refused(error.value) == "ERR_PAGE_NOT_VALID"
-        assert controller.status().generation == 0
+        assert controller.status().codes.generation == 0
         download(master, regenerate(compiled(KIND).words.tolist(), 10))
         master.setCalPage(ECU, SEGMENT, 1)
-        assert controller.status().generation == 10
+        assert controller.status().codes.generation == 10
 
 
 def test_page_0_cannot_be_written(xcp_board: Running) -> None:

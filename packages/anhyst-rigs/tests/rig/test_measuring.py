@@ -8,11 +8,21 @@ import numpy as np
 import pytest
 
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.rig.measuring import measure_path
+from anhyst_rigs.rig.measurement_table import MeasurementTable
+from anhyst_rigs.rig.measuring import measure_place
 
 
 class Held:
     """A magnet and a sensor that show what they are given."""
+
+    def magnet(self) -> Held:
+        return self
+
+    def sensors(self, seed: list[int], sample: float) -> dict[str, Held]:
+        return {"current": self, "force": self}
+
+    def hold(self, current: float, gap: float) -> None:
+        pass
 
     def run(self, current: FloatArray, gap: FloatArray, seconds: float) -> FloatArray:
         return np.column_stack([current * gap])
@@ -27,6 +37,11 @@ class Held:
      (0.352e-3, "0.352mm-up")],
 )  # fmt: skip
 def test_no_two_gaps_share_a_label(gap: float, name: str) -> None:
-    held = cast(Any, Held())
-    sensors = {"current": held, "force": held}
-    assert measure_path(held, sensors, gap, np.array([0.0, 1.0, 0.0]), "up", ()).label == name
+    campaign = MeasurementTable.model_validate(
+        {
+            **{"gaps_m": [gap], "current_max_A": 1.0, "sweep_A_per_s": 1.0, "sample_s": 1.0},
+            **{"conditioning_cycles": 1, "records": [{"name": "up", "turns": [0.0, 1.0, 0.0]}]},
+        }
+    )
+    (loop,) = measure_place(cast(Any, Held()), campaign, 0)
+    assert loop.label == name

@@ -13,10 +13,10 @@ from anhyst.cli.app import main
 from anhyst.support.kinds import kind_of
 from anhyst_rigs.reports.plants import render
 from anhyst_rigs.rig.drift import Drift, draw_drift, drifted_file
-from anhyst_rigs.rig.kind_rules import read_rig_file, spread_keys
+from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.magnet_table import MagnetTable
 from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
-from anhyst_rigs.rig.tables import SpreadTable
+from anhyst_rigs.rig.tables import SPREADS, SpreadTable
 from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants, monte_carlo
 from anhyst_rigs.study.piezo import find_inverses, follow, judged_from, reference
 from anhyst_rigs.study.plants import errors_of, force_plants, piezo_plants, stage_plants
@@ -113,7 +113,7 @@ def test_every_kind_of_rig_takes_the_keys_of_spread_that_it_draws_from() -> None
     for name in ("bearing", "stage", "planar", "solenoid", "piezo"):
         path = EXAMPLES / name / "rig.toml"
         file = read_rig_file(path, kind_of(path).word)
-        taken = set(spread_keys(file))
+        taken = set(SPREADS[file.control.kind].keys)
         if not any(isinstance(one, MagnetTable) and one.solid for one in file.magnets):
             taken -= {"conductivity_percent"}
         for key in SpreadTable.model_fields:

@@ -15,12 +15,12 @@ from anhyst.support.atomic import PathLike, add_files, check_new
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.wording import count_of
-from anhyst_rigs.draft.bearing import Numbers, draft_bearing, numbers_of
+from anhyst_rigs.draft.bearing import Numbers, numbers_of
 from anhyst_rigs.draft.force import draft_force_control
 from anhyst_rigs.draft.magnet import Machine, MeasuredMagnet, Wanted, machine_of, reach_of
-from anhyst_rigs.draft.piezo import draft_piezo, fit_stack, found_lines
+from anhyst_rigs.draft.piezo import draft_piezo, fit_stack
 from anhyst_rigs.draft.stage import draft_stage
-from anhyst_rigs.draft.text import Draft
+from anhyst_rigs.draft.text import Draft, draft
 
 RUN_BEARING = (
     "anhyst simulate {out}/rig.toml --out {out}/run.csv",
@@ -97,8 +97,8 @@ def init_bearing(
         numbers = numbers_of(machine, reach)
     except InputError as error:
         raise error.at(source.text) from error
-    drafts = draft_bearing(source.name, source.key, source.reading, reach, machine, numbers)
-    files = {RIG: drafts.rig, CONTROLLER: drafts.controller}
+    values = {**source.values, "reach": reach, "machine": machine, "numbers": numbers}
+    files = {RIG: draft("bearing", **values), CONTROLLER: draft("controller", **values)}
     return _put(out, files, source, RUN_BEARING, _found(reach, machine, numbers), machine)
 
 
@@ -113,15 +113,18 @@ def _init_piezo(loops: Loops, source: _Source, out: PathLike, wanted: Wanted) ->
         )
     try:
         if loops.output.name != "displacement":
-            raise InputError(
-                "a piezo stage needs columns of voltage and displacement, such as u_V and x_um",
-                code="columns-missing",
-            )
+            text = "a piezo stage needs columns of voltage and displacement, such as u_V and x_um"
+            raise InputError(text, code="columns-missing")
         stack = fit_stack(loops)
     except InputError as error:
         raise error.at(source.text) from error
     files = {RIG: draft_piezo(source.name, loops, stack)}
-    return _put(out, files, source, RUN_PIEZO, found_lines(stack))
+    found = (
+        f"stack of {1e6 * stack.stroke:.4g} um from {stack.low:.4g} to {stack.high:.4g} V",
+        f"the law of Bouc and Wen misses the loops by {stack.fit_text}",
+        f"creep: {stack.creep_text}",
+    )
+    return _put(out, files, source, RUN_PIEZO, found)
 
 
 def init_rig(
@@ -137,13 +140,13 @@ def init_rig(
     loops = options.read(paths, progress)
     try:
         reach = reach_of(loops)
-        of = source.name, source.key, source.reading, reach
-        draft = draft_force_control(*of) if stage is None else draft_stage(*of, stage)
+        of = reach, source.values
+        rig = draft_force_control(*of) if stage is None else draft_stage(*of, stage)
     except InputError as error:
         raise error.at(source.text) from error
     lines = [line] if (line := rate_line(loops)) else []
     run = RUN_FORCE if stage is None else RUN_STAGE
-    return _put(out, {RIG: draft}, source, run, (_magnet(reach), *lines))
+    return _put(out, {RIG: rig}, source, run, (_magnet(reach), *lines))
 
 
 class _Source:
@@ -162,12 +165,11 @@ class _Source:
                     )
             self.copies[f"{LOOPS}/{path.name}"] = path
         tables = [name for name in self.copies if not name.endswith(".toml")]
-        self.key: str | list[str] = tables[0] if len(tables) == 1 else tables
-        self.reading = {
-            name.removeprefix("read_"): value for name, value in options.as_settings().items()
-        }
+        reading = {name.removeprefix("read_"): one for name, one in options.as_settings().items()}
         if options.sidecar is not None:
-            self.reading["sidecar"] = f"{LOOPS}/{Path(options.sidecar).name}"
+            reading["sidecar"] = f"{LOOPS}/{Path(options.sidecar).name}"
+        files = tables[0] if len(tables) == 1 else tables
+        self.values: dict[str, Any] = {"name": self.name, "files": files, "reading": reading}
 
 
 def _put(
@@ -178,19 +180,15 @@ def _put(
     found: tuple[str, ...],
     machine: Machine | None = None,
 ) -> Drafted:
-    add_files(out, {name: draft.text() for name, draft in files.items()}, source.copies)
+    add_files(out, {name: draft.text for name, draft in files.items()}, source.copies)
     return Drafted(
         Path(out),
         (*files, *source.copies),
-        _commands(run, out),
+        tuple(command.format(out=Path(out)) for command in run),
         found,
         {} if machine is None else machine.guessed(),
-        {name: draft.guesses() for name, draft in files.items()},
+        {name: draft.guesses for name, draft in files.items()},
     )
-
-
-def _commands(run: Sequence[str], out: PathLike) -> tuple[str, ...]:
-    return tuple(command.format(out=Path(out)) for command in run)
 
 
 def _found(reach: MeasuredMagnet, machine: Machine, numbers: Numbers) -> tuple[str, ...]:

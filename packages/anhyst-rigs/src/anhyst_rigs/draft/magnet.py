@@ -45,20 +45,15 @@ class MeasuredMagnet:
     # cycles a second and A/s of the fastest loops; None where rate does not matter
     fastest: tuple[float, float] | None = None
 
-    def force_at(self, gap: float) -> float:
-        """Return the force that the largest current makes at a gap within the measured ones, N.
-
-        Over the gap the reciprocal root of the force is nearly straight.
-        """
-        return float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
-
     def usable(self, gap: float) -> float:
         """Return the largest force that a controller at a gap is to ask for, N.
 
         A little less than the loops reach there; and not much more than they reach at the weakest
         gap, or what is fitted over all gaps would be made up there.
         """
-        return min(RESERVE * self.force_at(gap), WEAKEST * float(self.forces.min()))
+        # Over the gap the reciprocal root of the force is nearly straight.
+        force = float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
+        return min(RESERVE * force, WEAKEST * float(self.forces.min()))
 
     def slopes(self, force: float, gap: float) -> Tangent:
         """Return the slopes of the force over current and gap at an operating point."""
@@ -85,11 +80,12 @@ class MeasuredMagnet:
 
     @property
     def noise(self) -> tuple[float, float]:
-        """Standard deviations of the noise of current and force, A and N."""
+        """Standard deviations of the noise of current and force between turning points, A and N."""
         found = [
-            (noise(loop.input[part]), noise(loop.output[part]))
+            (noise(loop.input[start:end]), noise(loop.output[start:end]))
             for loop in self.loops.loops
-            for part in _branches(loop)
+            for start, end in pairwise([0, int(np.argmax(loop.input)), int(loop.n)])
+            if end - start >= LEAST_BRANCH
         ]
         if not found:
             return 0.0, 0.0
@@ -120,16 +116,12 @@ def reach_of(loops: Loops) -> MeasuredMagnet:
     current_high = min(max(float(loop.input.max()) for loop in group) for group in groups.values())
     current_high = nearest(current_high, 3)  # what is read is restless
     if not current_high > 0.0:
-        raise InputError(
-            "at one gap no current above 0 A was measured; turn the sign of the current",
-            code="current-negative",
-        )
+        text = "at one gap no current above 0 A was measured; turn the sign of the current"
+        raise InputError(text, code="current-negative")
     forces = np.array([_force_at_top(group, current_high) for group in groups.values()])
     if not forces.min() > 0.0:
-        raise InputError(
-            "the largest current does not pull at every gap; turn the sign of the force",
-            code="force-negative",
-        )
+        text = "the largest current does not pull at every gap; turn the sign of the force"
+        raise InputError(text, code="force-negative")
     gaps = np.array(list(groups), dtype=np.float64)
     return MeasuredMagnet(loops, gaps, current_high, forces, fastest)
 
@@ -154,14 +146,6 @@ def _force_at_top(group: Sequence[Loop], current_high: float) -> float:
         return float(np.mean(force))
     _, level = np.polyfit(current - current_high, force, 1)
     return float(level)
-
-
-def _branches(loop: Loop) -> list[slice]:
-    """Return the pieces of a record between turning points of its current."""
-    largest = int(np.argmax(loop.input))
-    ends = [0, largest, int(loop.n)]
-    pairs = [slice(start, end) for start, end in pairwise(ends)]
-    return [part for part in pairs if part.stop - part.start >= LEAST_BRANCH]
 
 
 GRAVITY = 9.81
@@ -226,11 +210,8 @@ def machine_of(wanted: Wanted, reach: MeasuredMagnet) -> Machine:
         ("gap", wanted.gap, "m"),
     ):
         if number is not None and not (math.isfinite(number) and number > 0.0):
-            raise InputError(
-                f"{name}: {number:g} {unit} is not above 0; correct it",
-                code="not-above-zero",
-                key=name,
-            )
+            text = f"{name}: {number:g} {unit} is not above 0; correct it"
+            raise InputError(text, code="not-above-zero", key=name)
     gap = _gap(wanted, reach)
     load = _load(wanted, reach)
     if wanted.mass is not None:

@@ -11,47 +11,22 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from typing import Self, TypeVar
 
 from anhyst.support.block_words import GENERATION_AT, LENGTH_AT, checksum, misfit
 from anhyst.support.errors import InputError
-from anhyst.support.states import Command, Fault, State
+from anhyst.support.states import Command, State
 from anhyst_rigs.link import frames
-from anhyst_rigs.link.frames import (
-    ANSWERS,
-    AckAnswer,
-    BlockBeginRequest,
-    BlockDataRequest,
-    BlockReadRequest,
-    BlockSwapRequest,
-    BlockWordsAnswer,
-    CommandRequest,
-    DemandRequest,
-    HeartbeatRequest,
-    HelloRequest,
-    InfoAnswer,
-    KeepRequest,
-    Message,
-    NakAnswer,
-    Reason,
-    Setting,
-    SettingAnswer,
-    SettingReadRequest,
-    SettingWriteRequest,
-    StatusAnswer,
-)
+from anhyst_rigs.link.frames import Message, NakAnswer, Reason, Setting
 from anhyst_rigs.link.wire import BAUD, Frame, LinkPort, Port, Receiver, Status, encode
 
 _Answer = TypeVar("_Answer", bound=Message)
 
 _WORDS_MOST = 118
 """Words of a block in one frame, either way."""
-
-_POLL = 0.005
-"""Between two questions of :meth:`ForceController.wait_for`, s."""
 
 _MEANING = {
     Reason.VERSION: "it speaks another version of the protocol",
@@ -70,9 +45,6 @@ _MEANING = {
 }
 
 
-_BEGIN = (Command.RUN, Command.LIFT)
-
-
 class Refused(InputError):  # noqa: N818 - an answer
     """The controller answered that it does not do a request, and why; nothing changed there."""
 
@@ -87,8 +59,8 @@ class Refused(InputError):  # noqa: N818 - an answer
         self.detail = nak.detail
         if self.reason is Reason.STATE:
             meaning = f"not in the state {State(nak.detail).name.lower()}"
-            begins = isinstance(request, CommandRequest) and request.command in _BEGIN
-            if nak.detail == State.IDLE and begins:
+            command = request.command if isinstance(request, frames.CommandRequest) else None
+            if nak.detail == State.IDLE and command in (Command.RUN, Command.LIFT):
                 meaning += "; condition the magnet first, or declare it demagnetised"
         super().__init__(
             f"{url}: the controller refused {_words(name)}: {meaning}",
@@ -116,7 +88,8 @@ class ControllerLink:
         self._lock = threading.RLock()
         try:
             self._port.write(b"\0")  # ends whatever a former session left half said
-            self.info = self.request(HelloRequest(frames.VERSION, secrets.randbits(32)), InfoAnswer)
+            hello = frames.HelloRequest(frames.VERSION, secrets.randbits(32))
+            self.info = self.request(hello, frames.InfoAnswer)
         except BaseException:
             self._port.close()
             raise
@@ -131,14 +104,9 @@ class ControllerLink:
         """Let go of the port. A controller that drives current goes to its safe state by itself."""
         self._port.close()
 
-    @property
-    def bad_frames(self) -> int:
-        """Frames from the controller that arrived broken."""
-        return self._receiver.bad
-
     def status(self) -> Status:
         """Ask what the controller did in its last tick; it learns that the PC is there."""
-        return self._status(HeartbeatRequest())
+        return self._status(frames.HeartbeatRequest())
 
     def demand(self, force: int) -> Status:
         """Demand a force, q31 of the full-scale force, from the next tick on."""
@@ -165,39 +133,42 @@ class ControllerLink:
 
     def command(self, command: Command) -> State:
         """Change the state of the controller."""
-        return State(self.request(CommandRequest(command), AckAnswer).detail)
+        return State(self.request(frames.CommandRequest(command), frames.AckAnswer).detail)
 
     def read_setting(self, setting: Setting) -> int:
         """Ask for a setting."""
-        return self.request(SettingReadRequest(setting), SettingAnswer).value
+        return self.request(frames.SettingReadRequest(setting), frames.SettingAnswer).value
 
     def write_setting(self, setting: Setting, value: int) -> int:
         """Set a setting from the next tick on; returns what the controller has now."""
-        return self.request(SettingWriteRequest(setting, value), SettingAnswer).value
+        return self.request(frames.SettingWriteRequest(setting, value), frames.SettingAnswer).value
 
     def write_block(self, words: Sequence[int]) -> int:
         """Send a parameter block and put it in force between two ticks."""
         row = [int(word) for word in words]
         if len(row) <= GENERATION_AT:
-            raise InputError(
-                f"a block of {len(row)} words: is too short; send a whole one",
-                code="block-too-short",
-            )
+            text = f"a block of {len(row)} words: is too short; send a whole one"
+            raise InputError(text, code="block-too-short")
         generation = row[GENERATION_AT] & 0xFFFF
         with self._lock:
-            self.request(BlockBeginRequest(len(row), generation, checksum(row)), AckAnswer)
+            begin = frames.BlockBeginRequest(len(row), generation, checksum(row))
+            self.request(begin, frames.AckAnswer)
             for at in range(0, len(row), _WORDS_MOST):
-                self.request(BlockDataRequest(at, tuple(row[at : at + _WORDS_MOST])), AckAnswer)
+                data = frames.BlockDataRequest(at, tuple(row[at : at + _WORDS_MOST]))
+                self.request(data, frames.AckAnswer)
             try:
-                return self.request(BlockSwapRequest(generation), AckAnswer).detail
+                return self.request(frames.BlockSwapRequest(generation), frames.AckAnswer).detail
             except Refused as refused:
                 if refused.reason is Reason.SCALE:
-                    refused.args = (f"{self.url}: {misfit(row, self._block_in_force())}",)
+                    in_force: list[int] = []
+                    with suppress(Refused):  # there may be none
+                        in_force = self.read_block()
+                    refused.args = (f"{self.url}: {misfit(row, in_force)}",)
                 raise
 
     def keep_block(self) -> int:
         """Keep the parameter block in force for the board's next start; returns its generation."""
-        return self.request(KeepRequest(), AckAnswer).detail
+        return self.request(frames.KeepRequest(), frames.AckAnswer).detail
 
     def read_block(self) -> list[int]:
         """Return the parameter block in force."""
@@ -208,62 +179,13 @@ class ControllerLink:
                 words += self._block_words(len(words), min(length - len(words), _WORDS_MOST))
         return words
 
-    def _block_in_force(self) -> list[int]:
-        """Return the block in force, or no word where there is none."""
-        try:
-            return self.read_block()
-        except Refused:
-            return []
-
     def _block_words(self, offset: int, count: int) -> tuple[int, ...]:
-        return self.request(BlockReadRequest(offset, count), BlockWordsAnswer).words
-
-    @contextmanager
-    def heartbeats(self, period: float = 0.02) -> Iterator[None]:
-        """Keep the link alive in the background while nothing else is asked."""
-        done = threading.Event()
-
-        def beat() -> None:
-            while not done.wait(period):
-                try:
-                    self.status()
-                except InputError:
-                    return  # the next request reports it
-
-        thread = threading.Thread(target=beat, daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            done.set()
-            thread.join()
-
-    def wait_for(self, *states: State, timeout: float = 10.0) -> Status:
-        """Ask until the controller is in one of these states."""
-        end = time.monotonic() + timeout
-        while True:
-            status = self.status()
-            if status.state in states:
-                return status
-            if status.state is State.FAULT and status.fault is not Fault.NONE:
-                fault = status.fault.name.lower().replace("_", " ")
-                raise InputError(
-                    f"{self.url}: the controller is in fault: {fault}",
-                    code="controller-in-fault",
-                )
-            time.sleep(_POLL)
-            if time.monotonic() > end:
-                names = " or ".join(state.name.lower() for state in states)
-                raise InputError(
-                    f"{self.url}: the controller is in {status.state.name.lower()}, "
-                    f"not in {names}, after {timeout:g} s",
-                    code="wrong-state",
-                )
+        return self.request(frames.BlockReadRequest(offset, count), frames.BlockWordsAnswer).words
 
     def _status(self, request: Message) -> Status:
         with self._lock:
             answer, tick = self._exchange(request)
-            return Status(tick, _expect(self.url, request, answer, StatusAnswer))
+            return Status(tick, _expect(self.url, request, answer, frames.StatusAnswer))
 
     def request(self, request: Message, kind: type[_Answer]) -> _Answer:
         """Send any request and return its answer."""
@@ -301,7 +223,7 @@ class ControllerLink:
 
     def read_answer(self, frame: Frame) -> Message:
         """Read an answer."""
-        kind = ANSWERS.get(frame.type)
+        kind = frames.ANSWERS.get(frame.type)
         if frame.version != frames.VERSION:
             raise self._other_version(frame.version)
         try:
@@ -316,7 +238,7 @@ class ControllerLink:
             )
         if isinstance(answer, NakAnswer) and answer.reason == Reason.VERSION:
             raise self._other_version(answer.detail)
-        if isinstance(answer, InfoAnswer) and answer.version != frames.VERSION:
+        if isinstance(answer, frames.InfoAnswer) and answer.version != frames.VERSION:
             raise self._other_version(answer.version)
         return answer
 
@@ -339,9 +261,9 @@ class ControllerLink:
 
 def _belongs(answer: Message, request: Message) -> bool:
     """Whether an answer can be one to this request, not left over from a former session."""
-    if isinstance(answer, NakAnswer | AckAnswer):
+    if isinstance(answer, NakAnswer | frames.AckAnswer):
         return answer.request == request.TYPE
-    return getattr(request, "ANSWER", None) == answer.TYPE
+    return request.ANSWER == answer.TYPE
 
 
 def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) -> _Answer:
@@ -349,10 +271,8 @@ def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) ->
         return answer
     if isinstance(answer, NakAnswer):
         raise Refused(url, request, answer)
-    raise InputError(
-        f"{url}: {type(answer).__name__} in answer to {type(request).__name__}",
-        code="unexpected-answer",
-    )
+    text = f"{url}: {type(answer).__name__} in answer to {type(request).__name__}"
+    raise InputError(text, code="unexpected-answer")
 
 
 def _words(name: str) -> str:
@@ -378,15 +298,12 @@ class _Sent:
     status: Status | None = None
 
 
-def demand_request(force: int) -> DemandRequest:
+def demand_request(force: int) -> frames.DemandRequest:
     """Return a demand, q31 of the full-scale force."""
     if not -(1 << 31) <= force < 1 << 31:
-        raise InputError(
-            f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1",
-            code="beyond-full-scale",
-            key="demand",
-        )
-    return DemandRequest(int(force))
+        text = f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1"
+        raise InputError(text, code="beyond-full-scale", key="demand")
+    return frames.DemandRequest(int(force))
 
 
 class _Flow:
@@ -433,7 +350,7 @@ class _Flow:
     def _take(self, demand: _Sent, frame: Frame) -> bool:
         """Keep an answer; False where the demands from this one on were sent again."""
         answer = self.controller.read_answer(frame)
-        if isinstance(answer, StatusAnswer):
+        if isinstance(answer, frames.StatusAnswer):
             demand.status = Status(frame.tick, answer)
             return True
         if isinstance(answer, NakAnswer) and answer.reason == Reason.OLD:

@@ -52,11 +52,8 @@ BOARDS = {
 def build(board: str, parameters: PathLike, out: PathLike) -> Path:
     """Build the firmware of a board around a compiled compensator."""
     if board not in BOARDS:
-        raise InputError(
-            f"board {board}: is not known; choose one of {', '.join(BOARDS)}",
-            code="unknown-board",
-            key="board",
-        )
+        text = f"board {board}: is not known; choose one of {', '.join(BOARDS)}"
+        raise InputError(text, code="unknown-board", key="board")
     folder = Path(parameters).resolve()
     actuator = _actuator(folder)
     with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
@@ -86,10 +83,8 @@ def _actuator(folder: Path) -> str:
         manifest = json.loads(path.read_text(encoding="utf-8"))
         name, rate = str(manifest["name"]), float(manifest["rate_Hz"])
     except (OSError, ValueError, KeyError, TypeError):
-        raise InputError(
-            f"{path}: is not there or names no actuator; name a folder that anhyst compile wrote",
-            code="not-a-compiled-folder",
-        ) from None
+        text = f"{path}: is not there or names no actuator; name a folder that anhyst compile wrote"
+        raise InputError(text, code="not-a-compiled-folder") from None
     if rate != int(rate) or not 10 <= rate <= 1_000_000:
         raise InputError(
             f"{path}: rate_Hz is {rate:g}; compile for a whole number of ticks a second, 10 to "
@@ -117,14 +112,13 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
         sources += sorted((root / part).glob("*.c"))
     for sources_of_board in own:
         sources += sorted(
-            file for file in sources_of_board.glob("*.c") if not _of_another(file, body)
+            file
+            for file in sources_of_board.glob("*.c")
+            if file.stem == f"board_{body}" or not file.stem.startswith("board_")
         )
     if not any(source.name == f"board_{body}.c" for source in sources):
-        raise InputError(
-            f"board {name}: has no controller of {body}; take another board",
-            code="board-has-no-controller",
-            key=name,
-        )
+        text = f"board {name}: has no controller of {body}; take another board"
+        raise InputError(text, code="board-has-no-controller", key=name)
     major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
     defines = {"BOARD_FIRMWARE_VERSION": str(256 * major + minor), **actuator_defines(actuator)}
     defines["BOARD_BODY"] = f'"{body}/{body}.h"'
@@ -140,31 +134,20 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     compile_and_link(_compiler(name), options, search, sources, ending, run)
 
 
-def _of_another(file: Path, body: str) -> bool:
-    """Whether a board's constants are those for another body."""
-    return file.stem.startswith("board_") and file.stem != f"board_{body}"
-
-
 def _compiler(name: str) -> list[str]:
     board = BOARDS[name]
     if board.cpu:
         if importlib.util.find_spec("ziglang") is None:
-            raise InputError(
-                f"board {name}: ziglang is not installed: pip install 'anhyst[verify]'",
-                code="not-installed",
-                key="ziglang",
-            )
+            text = f"board {name}: ziglang is not installed: pip install 'anhyst[verify]'"
+            raise InputError(text, code="not-installed", key="ziglang")
         zig = [sys.executable, "-m", "ziglang", "cc"]
         return [*zig, *_THUMB, f"-mcpu={board.cpu}", *_FREESTANDING, *_SMALL]
     check_runs_here(name)
     for candidate in ("cc", "gcc", "clang"):
         if shutil.which(candidate):
             return [candidate, "-O2"]
-    raise InputError(
-        f"board {name}: a C compiler is not installed: apt install gcc libc6-dev",
-        code="not-installed",
-        key="gcc",
-    )
+    text = f"board {name}: a C compiler is not installed: apt install gcc libc6-dev"
+    raise InputError(text, code="not-installed", key="gcc")
 
 
 def _run(command: Sequence[str], board: str) -> str:
@@ -187,22 +170,3 @@ def _run(command: Sequence[str], board: str) -> str:
             f"board {board}: does not compile: {lines[0]}", code="does-not-compile"
         )
     return done.stderr
-
-
-@dataclass(frozen=True, slots=True)
-class FirmwareSizes:
-    """Memory of a firmware for a microcontroller, bytes."""
-
-    flash: int  # code, constants and what variables start with
-    ram: int  # variables: state, both parameter blocks, buffers
-    stack: int  # kept for the stack
-
-
-def read_sizes(program: PathLike) -> FirmwareSizes:
-    """Return how much memory a firmware takes."""
-    from elftools.elf.elffile import ELFFile
-
-    with Path(program).open("rb") as stream:
-        size = {entry.name: int(entry["sh_size"]) for entry in ELFFile(stream).iter_sections()}
-    data = size.get(".data", 0)
-    return FirmwareSizes(size[".text"] + data, size[".bss"] + data, size[".stack"])

@@ -99,8 +99,12 @@ class Message:
     """A payload: fixed fields, then for some types a row of numbers."""
 
     TYPE: ClassVar[int]
+    ANSWER: ClassVar[int]  # type of the answer to a request, else 0
     FIXED: ClassVar[struct.Struct]
-    TAIL: ClassVar[str] = ""
+    TAIL: ClassVar[str]
+
+    def __init_subclass__(cls, code: int, form: str, answer: int = 0, tail: str = "") -> None:
+        cls.TYPE, cls.ANSWER, cls.FIXED, cls.TAIL = code, answer, struct.Struct(form), tail
 
     def pack(self) -> bytes:
         """Return the payload; ValueError where a number does not fit."""
@@ -131,6 +135,9 @@ class PlantRecord:
 
     FIXED: ClassVar[struct.Struct]
 
+    def __init_subclass__(cls, form: str) -> None:
+        cls.FIXED = struct.Struct(form)
+
     def pack(self) -> bytes:
         """Return the record with its check."""
         body = self.FIXED.pack(*vars(self).values())
@@ -153,87 +160,59 @@ def _check(body: bytes) -> int:
 
 
 @dataclass(frozen=True)
-class HelloRequest(Message):
+class HelloRequest(Message, code=0x01, answer=0x81, form="<HI"):
     """Opens a session: the sequence starts again with this frame.
 
     Where this very session is open already it is answered and changes nothing.
     """
-
-    TYPE: ClassVar[int] = 0x01
-    ANSWER: ClassVar[int] = 0x81
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<HI")
 
     version: int  # protocol version of the PC
     session: int  # number of the session, drawn at random by the PC
 
 
 @dataclass(frozen=True)
-class HeartbeatRequest(Message):
+class HeartbeatRequest(Message, code=0x02, answer=0x82, form="<"):
     """Asks for the status."""
-
-    TYPE: ClassVar[int] = 0x02
-    ANSWER: ClassVar[int] = 0x82
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<")
 
 
 @dataclass(frozen=True)
-class DemandRequest(Message):
+class DemandRequest(Message, code=0x03, answer=0x82, form="<i"):
     """The demanded force, in force from the next tick.
 
     Without effect outside run and on a position.
     """
 
-    TYPE: ClassVar[int] = 0x03
-    ANSWER: ClassVar[int] = 0x82
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<i")
-
     force: int  # q31 of the full-scale force
 
 
 @dataclass(frozen=True)
-class CommandRequest(Message):
+class CommandRequest(Message, code=0x04, answer=0x83, form="<H"):
     """Changes the state.
 
     Detail of the answer: the state entered.
     """
 
-    TYPE: ClassVar[int] = 0x04
-    ANSWER: ClassVar[int] = 0x83
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
-
     command: int  # one of command
 
 
 @dataclass(frozen=True)
-class SettingReadRequest(Message):
+class SettingReadRequest(Message, code=0x05, answer=0x85, form="<H"):
     """Asks for a setting."""
-
-    TYPE: ClassVar[int] = 0x05
-    ANSWER: ClassVar[int] = 0x85
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
 
     setting: int  # one of setting
 
 
 @dataclass(frozen=True)
-class SettingWriteRequest(Message):
+class SettingWriteRequest(Message, code=0x06, answer=0x85, form="<Hi"):
     """Sets a setting, in force from the next tick."""
-
-    TYPE: ClassVar[int] = 0x06
-    ANSWER: ClassVar[int] = 0x85
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<Hi")
 
     setting: int  # one of setting
     value: int
 
 
 @dataclass(frozen=True)
-class BlockBeginRequest(Message):
+class BlockBeginRequest(Message, code=0x07, answer=0x83, form="<HHI"):
     """Announces a parameter block; what had arrived of another is forgotten."""
-
-    TYPE: ClassVar[int] = 0x07
-    ANSWER: ClassVar[int] = 0x83
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHI")
 
     words: int  # length of the block
     generation: int  # of the block
@@ -241,95 +220,66 @@ class BlockBeginRequest(Message):
 
 
 @dataclass(frozen=True)
-class BlockDataRequest(Message):
+class BlockDataRequest(Message, code=0x08, answer=0x83, form="<H", tail="h"):
     """The next words of the block.
 
     Detail of the answer: the next offset.
     """
-
-    TYPE: ClassVar[int] = 0x08
-    ANSWER: ClassVar[int] = 0x83
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
-    TAIL: ClassVar[str] = "h"
 
     offset: int  # of the first of these words in the block
     words: tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class BlockSwapRequest(Message):
+class BlockSwapRequest(Message, code=0x09, answer=0x83, form="<H"):
     """Checks the block and puts it in force between two ticks.
 
     On any error the old one stays. Detail of the answer: the generation in force.
     """
 
-    TYPE: ClassVar[int] = 0x09
-    ANSWER: ClassVar[int] = 0x83
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
-
     generation: int  # of the block
 
 
 @dataclass(frozen=True)
-class BlockReadRequest(Message):
+class BlockReadRequest(Message, code=0x0A, answer=0x86, form="<HH"):
     """Asks for words of the block in force."""
-
-    TYPE: ClassVar[int] = 0x0A
-    ANSWER: ClassVar[int] = 0x86
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<HH")
 
     offset: int  # first word wanted
     words: int  # number of words, 1..118
 
 
 @dataclass(frozen=True)
-class TargetRequest(Message):
+class TargetRequest(Message, code=0x0E, answer=0x82, form="<i"):
     """The position to go to and hold, from the next tick on; before lifting, the first one.
 
     Refused beyond the positions that can be, and by a controller of force.
     """
 
-    TYPE: ClassVar[int] = 0x0E
-    ANSWER: ClassVar[int] = 0x82
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<i")
-
     position: int  # q31 of the controller's full scale
 
 
 @dataclass(frozen=True)
-class KeepRequest(Message):
+class KeepRequest(Message, code=0x0F, answer=0x83, form="<"):
     """Keeps the block in force for the next start, where the board has room for one.
 
     In idle or ready at zero current alone: the board's time may stand still meanwhile, for seconds.
     Detail: its generation.
     """
 
-    TYPE: ClassVar[int] = 0x0F
-    ANSWER: ClassVar[int] = 0x83
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<")
-
 
 @dataclass(frozen=True)
-class XcpRequest(Message):
+class XcpRequest(Message, code=0x10, answer=0x89, form="<", tail="B"):
     """A command of XCP, or nothing where only samples are wanted.
 
     Is no sign of life by itself: the command is, of a master that has shown the key.
     """
 
-    TYPE: ClassVar[int] = 0x10
-    ANSWER: ClassVar[int] = 0x89
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<")
-    TAIL: ClassVar[str] = "B"
-
     command: tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class InfoAnswer(Message):
+class InfoAnswer(Message, code=0x81, form="<HHHHHHHIIHH"):
     """Who the controller is."""
-
-    TYPE: ClassVar[int] = 0x81
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHHHHHHIIHH")
 
     version: int  # protocol version
     firmware: int  # version of the firmware: 256*major + minor
@@ -345,11 +295,8 @@ class InfoAnswer(Message):
 
 
 @dataclass(frozen=True)
-class StatusAnswer(Message):
+class StatusAnswer(Message, code=0x82, form="<BBHiiiiiHHHHHiiiiI"):
     """What the controller did in the tick that its head names."""
-
-    TYPE: ClassVar[int] = 0x82
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<BBHiiiiiHHHHHiiiiI")
 
     state: int  # one of state
     fault: int  # one of fault: the latched reason
@@ -372,22 +319,16 @@ class StatusAnswer(Message):
 
 
 @dataclass(frozen=True)
-class AckAnswer(Message):
+class AckAnswer(Message, code=0x83, form="<HH"):
     """Done."""
-
-    TYPE: ClassVar[int] = 0x83
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<HH")
 
     request: int  # type of the request
     detail: int  # see the request
 
 
 @dataclass(frozen=True)
-class NakAnswer(Message):
+class NakAnswer(Message, code=0x84, form="<HHH"):
     """Not done, and nothing changed."""
-
-    TYPE: ClassVar[int] = 0x84
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHH")
 
     request: int  # type of the request
     reason: int  # one of reason
@@ -395,44 +336,31 @@ class NakAnswer(Message):
 
 
 @dataclass(frozen=True)
-class SettingAnswer(Message):
+class SettingAnswer(Message, code=0x85, form="<Hi"):
     """The value of a setting."""
-
-    TYPE: ClassVar[int] = 0x85
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<Hi")
 
     setting: int  # one of setting
     value: int
 
 
 @dataclass(frozen=True)
-class BlockWordsAnswer(Message):
+class BlockWordsAnswer(Message, code=0x86, form="<H", tail="h"):
     """Words of the block in force."""
-
-    TYPE: ClassVar[int] = 0x86
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<H")
-    TAIL: ClassVar[str] = "h"
 
     offset: int  # of the first of these words
     words: tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class XcpPacketsAnswer(Message):
+class XcpPacketsAnswer(Message, code=0x89, form="<", tail="B"):
     """What the command is answered with, then events and samples: each packet behind its length."""
-
-    TYPE: ClassVar[int] = 0x89
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<")
-    TAIL: ClassVar[str] = "B"
 
     packets: tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class PlantSample(PlantRecord):
+class PlantSample(PlantRecord, form="<IiiiiiI"):
     """Plant to controller: what the sensors show at the beginning of a tick."""
-
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<IiiiiiI")
 
     tick: int  # counts from 1
     gap: int  # q30: 0 is the low end of the model's gaps, 1.0 the high one
@@ -444,13 +372,11 @@ class PlantSample(PlantRecord):
 
 
 @dataclass(frozen=True)
-class PlantDrive(PlantRecord):
+class PlantDrive(PlantRecord, form="<IiiIIiiii"):
     """Controller to plant: what is to flow from the beginning of the next tick on.
 
     Then signals that a plant does not know by itself.
     """
-
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<IiiIIiiii")
 
     tick: int  # of the sample from which this was computed
     drive: int  # q31 of the full-scale current, of the first magnet

@@ -63,7 +63,11 @@ Exchange = Callable[[PlantSample], PlantDrive]
 
 def over(connection: socket.socket, timeout: float = 10.0) -> Exchange:
     """Exchange records with a process at the other end of a socket."""
-    wait_at_most(connection, timeout)
+    # Inside the system, not in Python: an emulated board sends byte by byte.
+    connection.settimeout(None)
+    wait = struct.pack("@ll", int(timeout), int(timeout % 1.0 * 1e6))
+    for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
+        connection.setsockopt(socket.SOL_SOCKET, option, wait)
 
     def exchange(sample: PlantSample) -> PlantDrive:
         connection.sendall(sample.pack())
@@ -103,10 +107,8 @@ class PlantBus:
         try:
             drive = self.exchange(sample)
         except (OSError, ValueError) as error:
-            raise InputError(
-                f"the controller did not finish tick {tick}: {error}; see its output",
-                code="tick-not-finished",
-            ) from error
+            text = f"the controller did not finish tick {tick}: {error}; see its output"
+            raise InputError(text, code="tick-not-finished") from error
         if drive.tick != tick:
             raise InputError(
                 f"the controller answered tick {drive.tick} to tick {tick}", code="tick-differs"
@@ -123,33 +125,23 @@ class PlantBus:
         return self.drives[0]
 
 
-def wait_at_most(connection: socket.socket, timeout: float) -> None:
-    """Wait inside the system, not in Python: an emulated board sends byte by byte."""
-    connection.settimeout(None)
-    wait = struct.pack("@ll", int(timeout), int(timeout % 1.0 * 1e6))
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, wait)
-
-
 def _encode(tick: int, reading: Reading) -> PlantSample:
     currents = (reading.current, *reading.further, *(0.0 for _ in _CURRENTS))
     return PlantSample(
         tick=tick & 0xFFFFFFFF,
-        gap=_q30(reading.gap),
-        force=_q30(reading.force),
+        gap=_code(reading.gap, Q30),
+        force=_code(reading.force, Q30),
         position=_code(reading.position, Q31),
         status=reading.status,
-        **{name: _q30(current) for name, current in zip(_CURRENTS, currents, strict=False)},
+        **{name: _code(one, Q30) for name, one in zip(_CURRENTS, currents, strict=False)},
     )
 
 
-def _q30(value: float) -> int:
-    """Give the nearest code; what lies beyond is the nearest end, no number the error code."""
-    return _code(value, Q30)
-
-
 def _code(value: float, unit: float) -> int:
-    """Halves go up, as in the simulated loop."""
+    """Give the nearest code, halves up as in the simulated loop; no number is the error code.
+
+    What lies beyond is the nearest end.
+    """
     if math.isnan(value):
         return _RESERVED
     return math.floor(min(max(value * unit + 0.5, _LEAST), _MOST))
@@ -315,11 +307,8 @@ def find_qemu() -> str:
     check_runs_here("qemu-mps2")
     program_path = shutil.which(_QEMU)
     if program_path is None:
-        raise InputError(
-            f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}",
-            code="not-installed",
-            key=_QEMU,
-        )
+        text = f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}"
+        raise InputError(text, code="not-installed", key=_QEMU)
     return program_path
 
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 from anhyst.support.errors import InputError
-from anhyst.support.states import Fault, Flag, State
+from anhyst.support.states import Fault, State
 from anhyst.support.xcp_map import PACKET, SECRET
 from anhyst_rigs.link.frames import VERSION, Message, StatusAnswer
 
@@ -38,10 +38,6 @@ class Frame(NamedTuple):
     sequence: int
     tick: int
     payload: bytes
-
-
-_Q30 = 1.0 / (1 << 30)
-_Q31 = 1.0 / (1 << 31)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,39 +58,9 @@ class Status:
         return Fault(self.codes.fault)
 
     @property
-    def flags(self) -> Flag:
-        """What was limited, and more."""
-        return Flag(self.codes.flags)
-
-    @property
-    def demand(self) -> float:
-        """Demand in force, as a fraction of the full-scale force."""
-        return self.codes.demand * _Q31
-
-    @property
-    def force(self) -> float:
-        """Force measured, as a fraction of the full-scale force."""
-        return self.codes.force * _Q30
-
-    @property
-    def gap(self) -> float:
-        """Gap measured: 0 at the low end of the model's range, 1 at the high one."""
-        return self.codes.gap * _Q30
-
-    @property
-    def current(self) -> float:
-        """Current measured, as a fraction of the full-scale current."""
-        return self.codes.current * _Q30
-
-    @property
     def drive(self) -> float:
         """Current driven, as a fraction of the full-scale current."""
-        return self.codes.drive * _Q31
-
-    @property
-    def generation(self) -> int:
-        """Generation of the parameter block in force."""
-        return self.codes.generation
+        return self.codes.drive / (1 << 31)
 
 
 def encode(message: Message, sequence: int, tick: int = 0, version: int = VERSION) -> bytes:
@@ -311,11 +277,8 @@ def _open(url: str, baud: int) -> Any:
     try:
         import serial
     except ImportError as error:
-        raise InputError(
-            "pyserial is not installed; install it with: pip install 'anhyst-rigs[link]'",
-            code="not-installed",
-            key="pyserial",
-        ) from error
+        text = "pyserial is not installed; install it with: pip install 'anhyst-rigs[link]'"
+        raise InputError(text, code="not-installed", key="pyserial") from error
     try:
         return serial.serial_for_url(url, baudrate=baud, timeout=0, exclusive=True)
     except serial.SerialException as error:

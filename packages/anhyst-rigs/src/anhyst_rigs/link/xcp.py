@@ -25,22 +25,9 @@ from anhyst.support.block_words import GENERATION_AT, LENGTH_AT
 from anhyst.support.errors import InputError
 from anhyst.support.states import Command, State
 from anhyst.support.xcp_map import AREAS, INPUTS, SIGNALS
+from anhyst_rigs.link import frames
 from anhyst_rigs.link.client import ControllerLink, Refused
-from anhyst_rigs.link.frames import (
-    BlockDataRequest,
-    BlockSwapRequest,
-    Body,
-    CommandRequest,
-    DemandRequest,
-    Message,
-    NakAnswer,
-    Reason,
-    Setting,
-    SettingWriteRequest,
-    TargetRequest,
-    XcpPacketsAnswer,
-    XcpRequest,
-)
+from anhyst_rigs.link.frames import Body, Message, NakAnswer, Reason, Setting
 from anhyst_rigs.link.wire import BAUD, Port, framed, key_for, split
 
 _EVENT = 0xFD
@@ -113,10 +100,8 @@ class XcpLine:
             if not self._samples and self._gone.is_set():
                 raise self.lost()
             if not self._samples:
-                raise InputError(
-                    f"{self.url}: no tick came for {self.timeout:g} s; the controller stands",
-                    code="no-tick",
-                )
+                text = f"{self.url}: no tick came for {self.timeout:g} s; the controller stands"
+                raise InputError(text, code="no-tick")
             packets = b"".join(self._samples)
             self._samples.clear()
         return packets
@@ -276,8 +261,8 @@ class XcpMaster:
                 for at in range(0, len(row), _WORDS):
                     part = tuple(row[at : at + _WORDS])
                     data = struct.pack(f"<{len(part)}h", *part)
-                    self._put(AREAS["block"] + 2 * at, data, BlockDataRequest(at, part))
-                swap = BlockSwapRequest(row[GENERATION_AT] & 0xFFFF)
+                    self._put(AREAS["block"] + 2 * at, data, frames.BlockDataRequest(at, part))
+                swap = frames.BlockSwapRequest(row[GENERATION_AT] & 0xFFFF)
                 self._order(bytes((_SET_PAGE, _IN_FORCE, 0, 1)), swap)
             finally:
                 self._ask(bytes((_SET_PAGE, _SEEN, 0, 0)))
@@ -288,13 +273,15 @@ class XcpMaster:
 
     def write_setting(self, setting: Setting, value: int) -> int:
         """Set a setting from the next tick on."""
-        self._write(AREAS["setting"] + 4 * setting, value, SettingWriteRequest(setting, value))
+        self._write(
+            AREAS["setting"] + 4 * setting, value, frames.SettingWriteRequest(setting, value)
+        )
         return value
 
     def command(self, command: Command) -> State:
         """Change the state of the controller; returns the one it is in at the next tick."""
         with self._line.lock:
-            self._write(_INPUT["command"], int(command), CommandRequest(command))
+            self._write(_INPUT["command"], int(command), frames.CommandRequest(command))
             done = self.clock()
             for _ in range(_CLOCKS):
                 if self.clock() != done:
@@ -303,7 +290,9 @@ class XcpMaster:
 
     def aim(self, code: int) -> None:
         """Demand a force, or a position, q31 of full scale."""
-        request = DemandRequest(code) if self.body is Body.FORCE else TargetRequest(code)
+        request = (
+            frames.DemandRequest(code) if self.body is Body.FORCE else frames.TargetRequest(code)
+        )
         self._write(self._aimed, code, request)
 
     def goal(self) -> int:
@@ -416,11 +405,8 @@ class XcpBridge:
         try:
             self._listener = socket.create_server(("127.0.0.1", port))
         except OSError as error:
-            raise InputError(
-                f"port {port}: {error.strerror}; name another, or 0",
-                code="port-not-open",
-                key="port",
-            ) from error
+            text = f"port {port}: {error.strerror}; name another, or 0"
+            raise InputError(text, code="port-not-open", key="port") from error
         self.port = int(self._listener.getsockname()[1])
 
     def close(self) -> None:
@@ -461,7 +447,9 @@ class XcpBridge:
 
     def _carry(self, command: bytes) -> list[bytes]:
         """Return the packets that the slave answers to a command, or to nothing."""
-        answer = self._controller.request(XcpRequest(tuple(command)), XcpPacketsAnswer)
+        answer = self._controller.request(
+            frames.XcpRequest(tuple(command)), frames.XcpPacketsAnswer
+        )
         rest, packets = bytes(answer.packets), []
         while rest:
             end = 1 + rest[0]

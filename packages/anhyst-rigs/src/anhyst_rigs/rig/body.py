@@ -139,23 +139,23 @@ class BodyRig:
             )
         return read_calibration(self.calibration, self.path, self.settings, self.numbers)
 
+    def _beside(self, name: str | None) -> Path | None:
+        return None if name is None else self.path.parent / name
+
     @property
     def calibration(self) -> Path | None:
         """File of what motion taught of its magnets."""
-        named = self.settings.calibration
-        return None if named is None else self.path.parent / named
+        return self._beside(self.settings.calibration)
 
     @property
     def model(self) -> Path | None:
         """Model file of a magnet whose force an identified law makes."""
-        model = self.settings.magnet.model
-        return None if model is None else self.path.parent / model
+        return self._beside(self.settings.magnet.model)
 
     @property
     def flux_table(self) -> Path | None:
         """Flux table of such a magnet, if it has one."""
-        table = self.settings.magnet.flux_table
-        return None if table is None else self.path.parent / table
+        return self._beside(self.settings.magnet.flux_table)
 
     @cached_property
     def law(self) -> Model | None:
@@ -164,11 +164,8 @@ class BodyRig:
             return None
         law = read_model(self.model)
         if law.layers is not None:
-            raise InputError(
-                f"{self.model}: a virtual magnet of a law has no layers; take out its [layers]",
-                code="layers-not-in-plant",
-                key="model",
-            )
+            text = f"{self.model}: a virtual magnet of a law has no layers; take out its [layers]"
+            raise InputError(text, code="layers-not-in-plant", key="model")
         if law.fixed_gap_only or not law.needs_schedule or law.power != 2:
             raise InputError(
                 f"{self.model}: a bearing needs a model of force over current whose gap may move; "
@@ -293,16 +290,13 @@ def _delay_faults(file: RigFile) -> Iterator[FileFault]:
     output = timing.delay_ticks * timing.substeps + amplifier.delay_s * per_second
     for table, steps in ((amplifier, output), (sensor, sensor.delay_s * per_second)):
         if steps > MOST_DELAY:
-            text = (
-                f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}; shorten it "
-            )
-            yield FileFault(
-                file.place(table, "delay_s"), f"{text}or lower substeps", code="delay-too-long"
-            )
+            text = f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}; "
+            text += "shorten it or lower substeps"
+            yield FileFault(file.place(table, "delay_s"), text, code="delay-too-long")
 
 
 def _case_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find references outside the travel."""
+    """Find references outside the travel, and what is too short or too long for the rate."""
     low, high, step = file.body.stop_low_m, file.body.stop_high_m, file.step
 
     def outside(
@@ -328,16 +322,11 @@ def _case_faults(file: RigFile) -> Iterator[FileFault]:
         away = trajectory.amplitude_m
         ends = file.gap_m - away, file.gap_m + away
         yield from outside(trajectory, ("amplitude_m",), "the reference", *ends)
-    yield from _time_faults(file)
-
-
-def _time_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find what is too short or too long for the rate."""
-    hold, rate = file.step.hold_s, file.timing.rate_Hz
+    hold, rate = step.hold_s, file.timing.rate_Hz
     if round(hold * rate) < LEAST_HOLD:
         text = f"holds a step for {hold * rate:.3g} ticks of 1/{rate:g} s"
         text += f"; {LEAST_HOLD} at least, {LEAST_HOLD / rate:.4g} s"
-        yield FileFault(file.place(file.step, "hold_s"), text, code="too-short")
+        yield FileFault(file.place(step, "hold_s"), text, code="too-short")
     yield from frequency_faults(file, file.trajectories)
 
 

@@ -74,10 +74,8 @@ class LearntParameter(Table):
                 f"{self.name} is no number of a stage; calibrate again", code="unknown-name"
             )
         if abs(self.value) > (most := LIMITS[kind]):
-            raise InputError(
-                f"{self.name} must be within {most:g} of 0; calibrate again",
-                code="beyond-any-calibration",
-            )
+            text = f"{self.name} must be within {most:g} of 0; calibrate again"
+            raise InputError(text, code="beyond-any-calibration")
         return self
 
 
@@ -158,10 +156,7 @@ class CalibrationFile(Table):
 def read_calibration(
     path: Path, rig: Path, settings: RigFile, numbers: Sequence[ParameterName]
 ) -> CalibrationFile:
-    """Read a file that a rig file names, whose magnets have these numbers.
-
-    Feedforward and force scale must believe in the same mass.
-    """
+    """Read a file that a rig file names, whose magnets have these numbers."""
     file = read_toml(path, CalibrationFile, kinds=[CALIBRATION])
     if file.rig != settings.name:
         raise InputError(

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag, model_validator
 
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import (
@@ -17,8 +17,8 @@ from anhyst.support.toml_file import (
     Positive,
     Share,
     Table,
+    one_of,
     ordered,
-    tag_by,
 )
 from anhyst_rigs.rig.magnet_table import OPENS, Direction
 
@@ -67,10 +67,8 @@ class ScanCase(Table):
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if not 2.0 * self.snap_phase_s <= self.jerk_phase_s:
-            raise InputError(
-                "snap_phase_s must be at most half of jerk_phase_s; correct them",
-                code="phases-too-long",
-            )
+            text = "snap_phase_s must be at most half of jerk_phase_s; correct them"
+            raise InputError(text, code="phases-too-long")
         for peak in (*self.train_m_per_s2, *self.test_m_per_s2):
             if self.speed_m_per_s / peak < self.jerk_phase_s:
                 raise InputError(
@@ -144,13 +142,12 @@ class DisplacementCase(Table):
     @model_validator(mode="after")
     def _has_flanks(self) -> Self:
         if self.corner_s * self.frequency_Hz > 0.5:
-            raise InputError(
-                "corner_s must be at most half a period of the triangle; shorten it",
-                code="too-long",
-            )
+            text = "corner_s must be at most half a period of the triangle; shorten it"
+            raise InputError(text, code="too-long")
         return self
 
 
+_KINDS = ("step", "load", "triangle", "sine", "scan", "loss", "force", "held", "moving")
 CaseEntry = Annotated[
     Annotated[StepCase, Tag(f"{BRANCH}step")]
     | Annotated[LoadCase, Tag(f"{BRANCH}load")]
@@ -161,10 +158,5 @@ CaseEntry = Annotated[
     | Annotated[HeldCase, Tag(f"{BRANCH}held")]
     | Annotated[MovingCase, Tag(f"{BRANCH}moving")]
     | Annotated[DisplacementCase, Tag(f"{BRANCH}displacement")],
-    Discriminator(
-        tag_by("kind", sine="triangle"),
-        custom_error_type="unknown_choice",
-        custom_error_message='kind must be "step", "load", "triangle", "sine", "scan", "loss", '
-        '"force", "held", "moving" or "displacement"; correct it',
-    ),
+    one_of("kind", *_KINDS, "displacement", sine="triangle"),
 ]

@@ -100,18 +100,13 @@ def distance(loops: Loops, force: Callable[[Loop], FloatArray]) -> Distance:
 
 def model_distance(loops: Loops, model: Model) -> Distance:
     """Return how far a model is from loops, in their time where it depends on it."""
-    late = model.has_eddy_currents
-    return distance(
-        loops,
-        lambda loop: (
-            model.predict(
-                loop.input,
-                loop.schedule if model.needs_schedule else None,
-                loop.time if late else None,
-                history=loop.history,
-            ).output
-        ),
-    )
+
+    def force(loop: Loop) -> FloatArray:
+        schedule = loop.schedule if model.needs_schedule else None
+        time = loop.time if model.has_eddy_currents else None
+        return model.predict(loop.input, schedule, time, history=loop.history).output
+
+    return distance(loops, force)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,24 +134,21 @@ class PlantCheck:
     @property
     def warnings(self) -> list[str]:
         """What takes something from the results."""
-        texts = []
         if self.same:
-            texts.append(
+            return [
                 "the plant's force is made by the compensator's own model: what compensation gains "
                 'here proves nothing; set iron = "from loops" and force = "cells"'
-            )
-        elif self.plant.mean > SLACK * self.model.mean:
-            remedy = (
-                "say what is known of the magnet, or correct the history of the loops"
-                if self.fitted
-                else 'set iron = "from loops"'
-            )
-            texts.append(
-                f"the plant is {self.plant.mean:.3g} N from its loops in the mean, the "
-                f"compensator's model {self.model.mean:.3g} N: errors of that size are those of "
-                f"the plant, not of the magnet that was measured; {remedy}"
-            )
-        return texts
+            ]
+        if not self.plant.mean > SLACK * self.model.mean:
+            return []
+        remedy = 'set iron = "from loops"'
+        if self.fitted:
+            remedy = "say what is known of the magnet, or correct the history of the loops"
+        return [
+            f"the plant is {self.plant.mean:.3g} N from its loops in the mean, the "
+            f"compensator's model {self.model.mean:.3g} N: errors of that size are those of "
+            f"the plant, not of the magnet that was measured; {remedy}"
+        ]
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as JSON files hold it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -118,23 +118,17 @@ def drifted_file(file: RigFile, drift: Drift) -> RigFile:
     """Return what the file of a plant that has drifted would say; an identified law stays."""
     changes: dict[str, Any] = {}
     if file.stacks:
-        changes |= _of_stack(file, drift)
+        for key in ("stroke_m_per_V", "bend_m_per_V2", "slope_m_per_V"):
+            changes[f"stack.{key}"] = (1.0 + drift.stroke) * getattr(file.stack, key)
+        shares = [(1.0 + drift.creep) * share for share in file.stack.creep_shares]
+        changes["stack.creep_shares"] = shares
+        changes["flexure.resonance_Hz"] = (1.0 + drift.resonance) * file.flexure.resonance_Hz
     if file.magnets and file.bodies:
         changes |= _of_body(file, drift)
     if file.iron is not None:
         iron = file.iron.drifted(drift.pinning, drift.reversible, drift.saturation)
         changes |= {f"iron.{key}": value for key, value in iron.items()}
     return file.changed(changes)
-
-
-def _of_stack(file: RigFile, drift: Drift) -> dict[str, Any]:
-    stack, longer = file.stack, 1.0 + drift.stroke
-    strokes = ("stroke_m_per_V", "bend_m_per_V2", "slope_m_per_V")
-    return {
-        **{f"stack.{key}": longer * getattr(stack, key) for key in strokes},
-        "stack.creep_shares": [(1.0 + drift.creep) * share for share in stack.creep_shares],
-        "flexure.resonance_Hz": (1.0 + drift.resonance) * file.flexure.resonance_Hz,
-    }
 
 
 def _of_body(file: RigFile, drift: Drift) -> dict[str, Any]:
@@ -152,8 +146,7 @@ def _of_body(file: RigFile, drift: Drift) -> dict[str, Any]:
         "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
         "current_sensor.gain_error": shunt.gain_error + drift.current_gain,
     }
-    solid = file.magnet.solid_iron
-    if solid is not None:
+    if (solid := file.magnet.solid_iron) is not None:
         conductivity = solid.conductivity * (1.0 + drift.conductivity)
         changes["magnet.solid.conductivity_S_per_m"] = conductivity
     if hall is not None:
@@ -167,7 +160,11 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     settings = other.settings
     if rig.law is not None:
         return make_plant(other, seed, other.magnet_of(drifted_law(rig.law, drift)))
-    each = [replace(one, eddy=drift.eddy) for one in _of_magnets(drift, len(settings.placed))]
+    scales = [drift.first_scale] * len(settings.placed)
+    if len(scales) == 2:
+        scales[1] = drift.second_scale
+    own = drift.magnets or [Drift(first_scale=scale) for scale in scales]
+    each = [replace(one, eddy=drift.eddy) for one in own]
     made = {one: _drifted_magnet(settings, one) for one in dict.fromkeys(each)}
     numbers = plant_numbers(other)
     numbers.body["centre"] = _moved(settings.body.centre_m, drift)
@@ -179,14 +176,6 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     for one, head in zip(drift.heads, numbers.heads[len(each) :], strict=False):
         head["line"] = {**head["line"], "r": _moved(head["line"]["r"], one)}
     return make_plant(other, seed, *(made[one] for one in each), numbers=numbers)
-
-
-def _of_magnets(drift: Drift, count: int) -> Sequence[Drift]:
-    """Return what each magnet has drifted in beside all of them: of a pair its two scales."""
-    scales = [drift.first_scale] * count
-    if count == 2:
-        scales[1] = drift.second_scale
-    return drift.magnets or [Drift(first_scale=scale) for scale in scales]
 
 
 def _moved(place: Sequence[float], drift: Drift) -> list[float]:
@@ -201,6 +190,11 @@ def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
     poles = replace(magnet.poles, turns=magnet.poles.turns * (1.0 + drift.first_scale))
     lag = magnet.eddy_time_s + drift.eddy
     return iron_magnet(poles, steel, lag, file.gap_m, magnet.solid_iron)
+
+
+def each_value(value: Parameter, change: Callable[[float], float]) -> Parameter:
+    """Return a parameter changed, at every node of the gap if it depends on the gap."""
+    return tuple(map(change, value)) if isinstance(value, tuple) else change(value)
 
 
 def drifted_law(model: Model, drift: Drift) -> Model:

@@ -14,48 +14,11 @@ from pydantic import Field
 from anhyst.support.kinds import FileKind, rig_kinds
 from anhyst.support.toml_file import Table
 from anhyst.support.toml_text import Path as KeyPath
-from anhyst_rigs.rig.case_table import (
-    CaseEntry,
-    DisplacementCase,
-    ForceCase,
-    HeldCase,
-    LoadCase,
-    LossCase,
-    MovingCase,
-    ScanCase,
-    StepCase,
-    TrajectoryCase,
-)
+from anhyst_rigs.rig import case_table, sensor_table
+from anhyst_rigs.rig import tables as rig_tables
 from anhyst_rigs.rig.magnet_table import LikeTable, MagnetEntry, MagnetTable, SolenoidTable
 from anhyst_rigs.rig.measurement_table import CampaignTable, ExciteTable, LoopsTable
 from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
-from anhyst_rigs.rig.sensor_table import (
-    CurrentSensorTable,
-    FluxSensorTable,
-    ForceSensorTable,
-    GapSensorTable,
-    PositionSensorTable,
-    SensorEntry,
-)
-from anhyst_rigs.rig.tables import (
-    NO_LOAD,
-    AmplifierEntry,
-    AmplifierTable,
-    BodyEntry,
-    BodyTable,
-    ControlEntry,
-    DisplacementTable,
-    FlexureTable,
-    ForceTable,
-    FrameTable,
-    LevitationTable,
-    LoadTable,
-    SpreadTable,
-    StackAmplifierTable,
-    StackTable,
-    TimingTable,
-    TrackingTable,
-)
 
 MOST_SEED = 1 << 31
 """Seeds are below it."""
@@ -84,6 +47,16 @@ class The(Maybe[Entry]):
         return value
 
 
+class All(Generic[Entry]):
+    """The tables of some kinds among those of an attribute, as listed."""
+
+    def __init__(self, attribute: str, *kinds: type[Entry]) -> None:
+        self.attribute, self.kinds = attribute, kinds
+
+    def __get__(self, file: RigFile, owner: type[RigFile]) -> list[Entry]:
+        return [table for table in getattr(file, self.attribute) if isinstance(table, self.kinds)]
+
+
 class RigFile(Table):
     """The whole file. A list of tables has the name of one in the file, of several here."""
 
@@ -92,48 +65,53 @@ class RigFile(Table):
     name: str
     seed: Annotated[int, Field(ge=0, lt=MOST_SEED)] = 1
     noise_seeds: Annotated[int, Field(ge=2, le=10_000)] = 20
-    timing: TimingTable
+    timing: rig_tables.TimingTable
     given_loops: LoopsTable | None = Field(alias="loops", default=None)
     irons: list[IronEntry] = Field(alias="iron", default_factory=list)
     magnets: list[MagnetEntry] = Field(alias="magnet", default_factory=list)
-    stacks: list[StackTable] = Field(alias="stack", default_factory=list)
-    amplifiers: Annotated[list[AmplifierEntry], Field(alias="amplifier", min_length=1)]
-    bodies: list[BodyEntry] = Field(alias="body", default_factory=list)
-    sensors: Annotated[list[SensorEntry], Field(alias="sensor", min_length=1)]
-    given_load: LoadTable | None = Field(alias="load", default=None)
-    frame: FrameTable = Field(default_factory=FrameTable)
-    control: ControlEntry
+    stacks: list[rig_tables.StackTable] = Field(alias="stack", default_factory=list)
+    amplifiers: Annotated[list[rig_tables.AmplifierEntry], Field(alias="amplifier", min_length=1)]
+    bodies: list[rig_tables.BodyEntry] = Field(alias="body", default_factory=list)
+    sensors: Annotated[list[sensor_table.SensorEntry], Field(alias="sensor", min_length=1)]
+    given_load: rig_tables.LoadTable | None = Field(alias="load", default=None)
+    frame: rig_tables.FrameTable = Field(default_factory=rig_tables.FrameTable)
+    control: rig_tables.ControlEntry
     given_measurement: CampaignTable | None = Field(alias="measurement", default=None)
     excite: ExciteTable = Field(default_factory=ExciteTable)
-    cases: Annotated[list[CaseEntry], Field(alias="case", min_length=1)]
-    spread: SpreadTable = Field(default_factory=SpreadTable)
+    cases: Annotated[list[case_table.CaseEntry], Field(alias="case", min_length=1)]
+    spread: rig_tables.SpreadTable = Field(default_factory=rig_tables.SpreadTable)
 
     magnet: ClassVar = The("magnets", MagnetTable)  # the one that others are like
     opposite: ClassVar = Maybe("magnets", LikeTable)  # the magnet on the other side of the body
     solenoid: ClassVar = Maybe("magnets", SolenoidTable)
-    stack: ClassVar = The("stacks", StackTable)
-    amplifier: ClassVar = The("amplifiers", AmplifierTable)  # of each coil
-    stack_amplifier: ClassVar = The("amplifiers", StackAmplifierTable)
-    body: ClassVar = The("bodies", BodyTable)
-    flexure: ClassVar = The("bodies", FlexureTable)  # a body that a stack pushes
-    gap_sensor: ClassVar = The("sensors", GapSensorTable)
-    current_sensor: ClassVar = The("sensors", CurrentSensorTable)  # of each coil
-    force_sensor: ClassVar = The("sensors", ForceSensorTable)  # measures the loops
-    hall_probe: ClassVar = Maybe("sensors", FluxSensorTable)
-    position_sensor: ClassVar = The("sensors", PositionSensorTable)  # place of the body in space
-    step: ClassVar = The("cases", StepCase)
-    load_case: ClassVar = Maybe("cases", LoadCase)
-    scan: ClassVar = The("cases", ScanCase)
-    loss: ClassVar = Maybe("cases", LossCase)
-    held: ClassVar = The("cases", HeldCase)
-    moving: ClassVar = The("cases", MovingCase)
-    moved: ClassVar = The("cases", DisplacementCase)
+    stack: ClassVar = The("stacks", rig_tables.StackTable)
+    amplifier: ClassVar = The("amplifiers", rig_tables.AmplifierTable)  # of each coil
+    stack_amplifier: ClassVar = The("amplifiers", rig_tables.StackAmplifierTable)
+    body: ClassVar = The("bodies", rig_tables.BodyTable)
+    flexure: ClassVar = The("bodies", rig_tables.FlexureTable)  # a body that a stack pushes
+    gap_sensor: ClassVar = The("sensors", sensor_table.GapSensorTable)
+    current_sensor: ClassVar = The("sensors", sensor_table.CurrentSensorTable)  # of each coil
+    force_sensor: ClassVar = The("sensors", sensor_table.ForceSensorTable)  # measures the loops
+    hall_probe: ClassVar = Maybe("sensors", sensor_table.FluxSensorTable)
+    position_sensor: ClassVar = The("sensors", sensor_table.PositionSensorTable)  # place in space
+    step: ClassVar = The("cases", case_table.StepCase)
+    load_case: ClassVar = Maybe("cases", case_table.LoadCase)
+    scan: ClassVar = The("cases", case_table.ScanCase)
+    loss: ClassVar = Maybe("cases", case_table.LossCase)
+    held: ClassVar = The("cases", case_table.HeldCase)
+    moving: ClassVar = The("cases", case_table.MovingCase)
+    moved: ClassVar = The("cases", case_table.DisplacementCase)
+    # everything that pulls at the body, what its pose is found from, and what is followed
+    placed: ClassVar = All[MagnetTable | LikeTable]("magnets", MagnetTable, LikeTable)
+    position_sensors: ClassVar = All("sensors", sensor_table.PositionSensorTable)
+    trajectories: ClassVar = All("cases", case_table.TrajectoryCase)
+    force_triangles: ClassVar = All("cases", case_table.ForceCase)
     loops: ClassVar = The("given_loops", LoopsTable)  # all that a controller may know
     measurement: ClassVar = The("given_measurement", CampaignTable)
-    levitation: ClassVar = The("control", LevitationTable)
-    tracking: ClassVar = The("control", TrackingTable)
-    force: ClassVar = The("control", ForceTable)
-    displacement: ClassVar = The("control", DisplacementTable)
+    levitation: ClassVar = The("control", rig_tables.LevitationTable)
+    tracking: ClassVar = The("control", rig_tables.TrackingTable)
+    force: ClassVar = The("control", rig_tables.ForceTable)
+    displacement: ClassVar = The("control", rig_tables.DisplacementTable)
 
     @property
     def kind(self) -> FileKind:
@@ -163,16 +141,6 @@ class RigFile(Table):
         return None if self.opposite is None else self.gap_m + self.opposite.gap_m
 
     @property
-    def placed(self) -> list[MagnetTable | LikeTable]:
-        """Everything that pulls at the body, as listed."""
-        return [magnet for magnet in self.magnets if isinstance(magnet, MagnetTable | LikeTable)]
-
-    @property
-    def position_sensors(self) -> list[PositionSensorTable]:
-        """What the pose of the body is found from."""
-        return [sensor for sensor in self.sensors if isinstance(sensor, PositionSensorTable)]
-
-    @property
     def heads_stand(self) -> bool:
         """Whether the position sensors stand on the ground and not on the body."""
         return any(sensor.stands for sensor in self.position_sensors)
@@ -188,9 +156,9 @@ class RigFile(Table):
         return getattr(self.control, "calibration", None)
 
     @property
-    def load(self) -> LoadTable:
+    def load(self) -> rig_tables.LoadTable:
         """What pulls at the body."""
-        return self.given_load or NO_LOAD
+        return self.given_load or rig_tables.NO_LOAD
 
     @property
     def load_steps_N(self) -> list[float]:  # noqa: N802 - as in the file
@@ -201,16 +169,6 @@ class RigFile(Table):
     def step_gaps_m(self) -> list[float]:
         """Gaps around which steps go."""
         return [self.gap_m, *self.step.also_gaps_m]
-
-    @property
-    def trajectories(self) -> list[TrajectoryCase]:
-        """References that move all the time."""
-        return [case for case in self.cases if isinstance(case, TrajectoryCase)]
-
-    @property
-    def force_triangles(self) -> list[ForceCase]:
-        """The forces that are demanded."""
-        return [case for case in self.cases if isinstance(case, ForceCase)]
 
     def tables(self) -> Iterator[tuple[KeyPath, Table]]:
         """Yield the tables of all lists, each with its place in the file."""
@@ -261,13 +219,9 @@ class RigFile(Table):
 
 
 _FIELDS = {
-    "iron": "irons",
-    "magnet": "magnets",
-    "stack": "stacks",
-    "amplifier": "amplifiers",
-    "body": "bodies",
-    "sensor": "sensors",
-    "case": "cases",
+    str(field.alias): name
+    for name, field in RigFile.model_fields.items()
+    if field.alias and not name.startswith("given_")
 }
 """Attributes of what is a list of tables, by their keys in the file."""
 

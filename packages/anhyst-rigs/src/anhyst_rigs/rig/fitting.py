@@ -17,13 +17,13 @@ from anhyst.data import Loops
 from anhyst.data.speeds import slow_loops
 from anhyst.identification.run import IdentifyTable
 from anhyst.model.actuator import Model
-from anhyst.model.parameters import Parameter
 from anhyst.model.schema import LawName
 from anhyst.support.errors import CreepWarning
 from anhyst.support.kinds import PROBED, MethodName, NumberFormat
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.distance import PlantCheck, along, distance, follower, model_distance
-from anhyst_rigs.rig.drift import Drift, drifted_law
+from anhyst_rigs.rig.distance import PlantCheck, along, follower
+from anhyst_rigs.rig.drift import Drift, drifted_law, each_value
+from anhyst_rigs.rig.from_loops import check_fitted
 from anhyst_rigs.rig.measurement_table import identify_loops, misclosures
 
 
@@ -121,7 +121,10 @@ def calibrated(
     ]
     model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
     parameters, valid = model.parameters, model.valid
-    moved = {"c_H": _times(parameters["c_H"], more), "in_0": _times(parameters["in_0"], 1.0 / more)}
+    moved = {
+        "c_H": each_value(parameters["c_H"], lambda value: more * value),
+        "in_0": each_value(parameters["in_0"], lambda value: 1.0 / more * value),
+    }
     if valid is not None and valid.schedule is not None:
         (low, high), (near, far) = valid.input, valid.schedule
         ends = near + zero - over, far + zero + over
@@ -129,14 +132,6 @@ def calibrated(
     nodes = tuple(node + zero for node in model.nodes)
     model = replace(model, nodes=nodes, parameters={**parameters, **moved}, valid=valid)
     return IdentifiedMagnet(replace(known, loops=tuple(loops)), model, wider)
-
-
-def _times(value: Parameter, factor: float) -> Parameter:
-    return (
-        tuple(factor * coefficient for coefficient in value)
-        if isinstance(value, tuple)
-        else factor * value
-    )
 
 
 def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
@@ -170,14 +165,12 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
 
 def check_plant(rig: BodyRig, knowledge: IdentifiedMagnet) -> PlantCheck:
     """Hold the plant of a rig, and what its controller knows, against the loops, of the slow ones."""
-    fitted, loops = rig.fitted, slow_loops(knowledge.loops)
-    zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
-    return PlantCheck(
-        plant=distance(loops, lambda loop: along(follower(rig.magnet), loop, zeros[0]) + zeros[1]),
-        model=model_distance(loops, knowledge.model),
+    return check_fitted(
+        rig.fitted,
+        slow_loops(knowledge.loops),
+        knowledge.model,
+        lambda loop, zero: along(follower(rig.magnet), loop, zero),
         same=rig.law is not None and _same(rig.law, knowledge.model),
-        fitted=fitted is not None,
-        guessed=() if fitted is None else fitted.guessed,
     )
 
 

@@ -10,7 +10,7 @@ Expectations of ordinary magnets, wide ones, decide there.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
@@ -18,14 +18,23 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from anhyst._core import Magnet
-from anhyst.data import Loops
+from anhyst.data import Loop, Loops
 from anhyst.data.speeds import slow_loops, speeds_of
 from anhyst.data.verdict import largest_output
+from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
 from anhyst.support.kept import kept
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
-from anhyst_rigs.rig.distance import along, along_in_time, follower, thinned
+from anhyst_rigs.rig.distance import (
+    PlantCheck,
+    along,
+    along_in_time,
+    distance,
+    follower,
+    model_distance,
+    thinned,
+)
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.magnet_table import FROM_LOOPS, POLES, MagnetTable, SolidTable
 from anhyst_rigs.rig.parts.iron import NamedCells
@@ -89,26 +98,41 @@ class FittedPlant:
         return {**poles, "solid": self.solid}
 
 
+def check_fitted(
+    fitted: FittedPlant | None,
+    loops: Loops,
+    model: Model,
+    force: Callable[[Loop, float], FloatArray],
+    same: bool = False,
+) -> PlantCheck:
+    """Hold a plant, by its force along a loop from a zero of the current, and a model against loops."""
+    zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
+    return PlantCheck(
+        plant=distance(loops, lambda loop: force(loop, zeros[0]) + zeros[1]),
+        model=model_distance(loops, model),
+        same=same,
+        fitted=fitted is not None,
+        guessed=() if fitted is None else fitted.guessed,
+    )
+
+
 def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
     """Fit what a rig file leaves out of its magnet; solid iron to loops of several speeds."""
     return kept("plants", lambda: _fit(loops, table), loops, table)
 
 
 def _fit(loops: Loops, table: MagnetTable) -> FittedPlant:
-    fitted = _fit_at_rest(slow_loops(loops), table)
-    return replace(fitted, solid=table.solid and _fit_solid(loops, fitted, table.solid))
-
-
-def _fit_at_rest(loops: Loops, table: MagnetTable) -> FittedPlant:
-    fit = _AtRest(thinned(loops, COARSE), table)
+    slow = slow_loops(loops)
+    fit = _AtRest(thinned(slow, COARSE), table)
     best = min((fit.run(fit.start(pinning)) for pinning in STARTS), key=lambda trial: trial[0])
-    fit = _AtRest(thinned(loops, FINE), table)
+    fit = _AtRest(thinned(slow, FINE), table)
     _, at = fit.run(best[1])
     turns = round(fit.turns(at))
     if table.turns is None:
         fit = _AtRest(fit.loops, table.model_copy(update={"turns": turns}))
         _, at = fit.run(fit.start(0.0))
-    return fit.fitted(at, table)
+    fitted = fit.fitted(at, table)
+    return replace(fitted, solid=table.solid and _fit_solid(loops, fitted, table.solid))
 
 
 class RigWithMagnet(Protocol):
@@ -160,13 +184,9 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
     weight = 1.0 / (WEIGHT * top * math.sqrt(sum(loop.n for loop in fast.loops)))
 
     def table(at: FloatArray) -> SolidTable:
-        conductivity, path = STEEL * math.exp(at[0]), fitted.poles.iron_length * _share(at[1])
-        return given.model_copy(
-            update={
-                "conductivity_S_per_m": given.conductivity_S_per_m or conductivity,
-                "path_m": given.path_m or path,
-            }
-        )
+        conductivity = given.conductivity_S_per_m or STEEL * math.exp(at[0])
+        path = given.path_m or fitted.poles.iron_length * _share(at[1])
+        return given.model_copy(update={"conductivity_S_per_m": conductivity, "path_m": path})
 
     def misses(at: FloatArray) -> FloatArray:
         solid = table(at).solid(fitted.poles.iron_length)

@@ -3,44 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import rig_kinds
 from anhyst.support.toml_file import FileFault, Table, faults_error, read_toml
 from anhyst.support.toml_text import Path as KeyPath
-from anhyst_rigs.rig.case_table import (
-    DisplacementCase,
-    ForceCase,
-    HeldCase,
-    LoadCase,
-    LossCase,
-    MovingCase,
-    ScanCase,
-    StepCase,
-    TrajectoryCase,
-)
+from anhyst_rigs.rig import case_table, sensor_table, tables
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.magnet_table import FROM_LOOPS, LikeTable, MagnetTable, SolenoidTable
 from anhyst_rigs.rig.measurement_table import identify_faults
-from anhyst_rigs.rig.sensor_table import (
-    CurrentSensorTable,
-    FluxSensorTable,
-    ForceSensorTable,
-    GapSensorTable,
-    PositionSensorTable,
-)
-from anhyst_rigs.rig.tables import (
-    SPREADS,
-    AmplifierTable,
-    BodyTable,
-    FlexureTable,
-    StackAmplifierTable,
-    StackTable,
-    TimingTable,
-    TrackingTable,
-)
 
 KINDS = ("levitation", "tracking", "force", "displacement")
 """Columns of the grids below: the words of ``control.kind``."""
@@ -51,25 +24,29 @@ _TABLES: Mapping[type[Table], tuple[str, str, str]] = {
     MagnetTable: ("1 1 ? .", "magnet", "a [[magnet]] with winding and poles"),
     LikeTable: ("? + . .", "magnet", "a second [[magnet]], with like and direction"),
     SolenoidTable: (". . ? .", "magnet", 'a [[magnet]] of kind "solenoid"'),
-    StackTable: (". . . 1", "stack", "a [[stack]]"),
-    AmplifierTable: ("1 1 1 .", "amplifier", 'an [[amplifier]] with mode "current" or "voltage"'),
-    StackAmplifierTable: (". . . 1", "amplifier", 'an [[amplifier]] with mode "stack"'),
-    BodyTable: ("1 1 . .", "body", "a [[body]] with mass_kg and stops"),
-    FlexureTable: (". . . 1", "body", "a [[body]] with resonance_Hz"),
-    GapSensorTable: ("1 1 1 .", "sensor", 'a [[sensor]] of = "gap"'),
-    CurrentSensorTable: ("1 1 1 .", "sensor", 'a [[sensor]] of = "current"'),
-    ForceSensorTable: ("1 1 1 .", "sensor", 'a [[sensor]] of = "force"'),
-    FluxSensorTable: ("? ? . .", "sensor", 'a [[sensor]] of = "flux"'),
-    PositionSensorTable: (". + . 1", "sensor", 'a [[sensor]] of = "position"'),
-    StepCase: ("1 . . .", "case", 'a [[case]] of kind "step"'),
-    LoadCase: ("? . . .", "case", 'a [[case]] of kind "load"'),
-    TrajectoryCase: ("* . . .", "case", 'a [[case]] of kind "triangle" or "sine"'),
-    ScanCase: (". 1 . .", "case", 'a [[case]] of kind "scan"'),
-    LossCase: (". ? . .", "case", 'a [[case]] of kind "loss"'),
-    ForceCase: (". . + .", "case", 'a [[case]] of kind "force"'),
-    HeldCase: (". . 1 .", "case", 'a [[case]] of kind "held"'),
-    MovingCase: (". . 1 .", "case", 'a [[case]] of kind "moving"'),
-    DisplacementCase: (". . . 1", "case", 'a [[case]] of kind "displacement"'),
+    tables.StackTable: (". . . 1", "stack", "a [[stack]]"),
+    tables.AmplifierTable: (
+        "1 1 1 .",
+        "amplifier",
+        'an [[amplifier]] with mode "current" or "voltage"',
+    ),
+    tables.StackAmplifierTable: (". . . 1", "amplifier", 'an [[amplifier]] with mode "stack"'),
+    tables.BodyTable: ("1 1 . .", "body", "a [[body]] with mass_kg and stops"),
+    tables.FlexureTable: (". . . 1", "body", "a [[body]] with resonance_Hz"),
+    sensor_table.GapSensorTable: ("1 1 1 .", "sensor", 'a [[sensor]] of = "gap"'),
+    sensor_table.CurrentSensorTable: ("1 1 1 .", "sensor", 'a [[sensor]] of = "current"'),
+    sensor_table.ForceSensorTable: ("1 1 1 .", "sensor", 'a [[sensor]] of = "force"'),
+    sensor_table.FluxSensorTable: ("? ? . .", "sensor", 'a [[sensor]] of = "flux"'),
+    sensor_table.PositionSensorTable: (". + . 1", "sensor", 'a [[sensor]] of = "position"'),
+    case_table.StepCase: ("1 . . .", "case", 'a [[case]] of kind "step"'),
+    case_table.LoadCase: ("? . . .", "case", 'a [[case]] of kind "load"'),
+    case_table.TrajectoryCase: ("* . . .", "case", 'a [[case]] of kind "triangle" or "sine"'),
+    case_table.ScanCase: (". 1 . .", "case", 'a [[case]] of kind "scan"'),
+    case_table.LossCase: (". ? . .", "case", 'a [[case]] of kind "loss"'),
+    case_table.ForceCase: (". . + .", "case", 'a [[case]] of kind "force"'),
+    case_table.HeldCase: (". . 1 .", "case", 'a [[case]] of kind "held"'),
+    case_table.MovingCase: (". . 1 .", "case", 'a [[case]] of kind "moving"'),
+    case_table.DisplacementCase: (". . . 1", "case", 'a [[case]] of kind "displacement"'),
 }
 """How many tables of each type a kind of rig has; the key of their list, and their name in messages."""
 
@@ -86,7 +63,7 @@ _SINGLE = {
 """Other tables and keys of the file: whether a kind of rig must, may or must not have them."""
 
 _KEYS: Mapping[type[Table], Mapping[str, str]] = {
-    TimingTable: dict.fromkeys(("substeps", "delay_ticks"), "? ? . ."),
+    tables.TimingTable: dict.fromkeys(("substeps", "delay_ticks"), "? ? . ."),
     MagnetTable: {
         "gap_m": "1 1 . .",
         "direction": "? ? . .",
@@ -94,31 +71,28 @@ _KEYS: Mapping[type[Table], Mapping[str, str]] = {
         **dict.fromkeys(("eddy_time_s", "model", "flux_table"), "? ? . ."),
     },
     LikeTable: {"position_m": ". ? . ."},
-    AmplifierTable: {
+    tables.AmplifierTable: {
         "supply_V": "1 1 . .",
         "slew_A_per_s": ". . 1 .",
         **dict.fromkeys(("mode", "current_low_A", "delay_s"), "? ? . ."),
     },
-    BodyTable: {
+    tables.BodyTable: {
         "free": ". ? . .",
         **dict.fromkeys(("centre_m", "inertia_kg_m2", "tilt_rad"), ". ? . ."),
         **dict.fromkeys(("cable_N_per_m", "cable_N_s_per_m", "cable_m"), ". ? . ."),
     },
-    GapSensorTable: dict.fromkeys(("delay_s", "gain_error", "offset_m"), "? ? . ."),
-    CurrentSensorTable: {"offset_A": ". . ? .", "gain_error": "? ? . ."},
-    PositionSensorTable: {
+    sensor_table.GapSensorTable: dict.fromkeys(("delay_s", "gain_error", "offset_m"), "? ? . ."),
+    sensor_table.CurrentSensorTable: {"offset_A": ". . ? .", "gain_error": "? ? . ."},
+    sensor_table.PositionSensorTable: {
         "step_m": ". . . 1",
         **dict.fromkeys(("direction", "position_m"), ". ? . ."),
         **dict.fromkeys(("stands", "dead_path_m", "refraction_ppm"), ". ? . ."),
     },
-    ScanCase: {"direction": ". ? . ."},
-    TrackingTable: dict.fromkeys(
-        (
-            *("force_min_N", "lost_A", "lost_s", "head_m_per_s", "head_s"),
-            *("land_m_per_s", "lift_m_per_s"),
-        ),
-        ". ? . .",
-    ),
+    case_table.ScanCase: {"direction": ". ? . ."},
+    tables.TrackingTable: {
+        **dict.fromkeys(("force_min_N", "lost_A", "lost_s"), ". ? . ."),
+        **dict.fromkeys(("head_m_per_s", "head_s", "land_m_per_s", "lift_m_per_s"), ". ? . ."),
+    },
 }
 """Keys of a table that a kind of rig must have, or has no use for; it may have all others."""
 
@@ -131,11 +105,6 @@ def _number(file: RigFile, row: str) -> tuple[float, float]:
 def takes_key(file: RigFile, key: str) -> bool:
     """Whether a file of its kind may have a table or key that stands alone."""
     return _number(file, _SINGLE[key])[1] > 0
-
-
-def spread_keys(file: RigFile) -> Sequence[str]:
-    """Return the keys of ``[spread]`` that plants of a file are drawn from."""
-    return SPREADS[file.control.kind].keys
 
 
 def _count_faults(file: RigFile) -> Iterator[FileFault]:
@@ -153,27 +122,21 @@ def _count_faults(file: RigFile) -> Iterator[FileFault]:
         yield FileFault(("magnet",), text, code="one-of-two")
 
 
-def _single_faults(file: RigFile) -> Iterator[FileFault]:
+def _key_faults(file: RigFile) -> Iterator[FileFault]:
     for key, row in _SINGLE.items():
         is_given = bool({key, f"given_{key}"} & file.model_fields_set)
         yield from _presence_fault(file, (key,), row, is_given, "needs it; add it")
-
-
-def _key_faults(file: RigFile) -> Iterator[FileFault]:
     single: list[tuple[Any, Table]] = [(("timing",), file.timing), (("control",), file.control)]
-    own = [(path, table) for path, table in file.tables() if _is_of_kind(file, table)]
-    for path, table in [*own, *single]:
+    for path, table in [*file.tables(), *single]:
+        grid = _TABLES.get(type(table))
+        if grid is not None and not _number(file, grid[0])[1]:
+            continue  # it is not of this kind of rig at all
         for key, row in _KEYS.get(type(table), {}).items():
             is_given = key in table.model_fields_set
             yield from _presence_fault(file, (*path, key), row, is_given, "")
-    for key in sorted(file.spread.model_fields_set.difference(spread_keys(file))):
+    spread = tables.SPREADS[file.control.kind]
+    for key in sorted(file.spread.model_fields_set.difference(spread.keys)):
         yield from _presence_fault(file, ("spread", key), ". . . .", True, "")
-
-
-def _is_of_kind(file: RigFile, table: Table) -> bool:
-    """Whether a kind may have such a table in one of its lists."""
-    row = _TABLES.get(type(table))
-    return row is None or _number(file, row[0])[1] > 0
 
 
 def _presence_fault(
@@ -191,9 +154,7 @@ def _presence_fault(
 
 def _name_faults(file: RigFile) -> Iterator[FileFault]:
     names = [iron.name for iron in file.irons]
-    named = {
-        magnet_table.iron for magnet_table in file.magnets if isinstance(magnet_table, MagnetTable)
-    }
+    named = {one.iron for one in file.magnets if isinstance(one, MagnetTable)}
     named -= {None, FROM_LOOPS}
     for number, name in enumerate(names):
         if name == FROM_LOOPS or name in names[:number]:
@@ -203,27 +164,27 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
             text = f"no magnet is made of '{name}'; remove it, or name it in one"
             yield FileFault(("iron", number), text, code="not-used")
     called = [magnet.name for magnet in file.magnets]
+    first = next((one for one in file.magnets if isinstance(one, MagnetTable)), None)
     for number, name in enumerate(called):
         if name in called[:number]:
             text = f"'{name}' is taken; choose another name"
             yield FileFault(("magnet", number, "name"), text, code="name-taken")
     for path, magnet in file.tables():
-        if isinstance(magnet, LossCase) and not set(magnet.magnets or []) <= {*called}:
+        if isinstance(magnet, case_table.LossCase) and not set(magnet.magnets or []) <= {*called}:
             text = f"there is no such [[magnet]]; name one or more of {', '.join(called)}"
             yield FileFault((*path, "magnets"), text, code="unknown-name")
         if isinstance(magnet, MagnetTable) and magnet.iron not in (None, FROM_LOOPS, *names):
             text = f"there is no [[iron]] '{magnet.iron}'; correct it"
             yield FileFault((*path, "iron"), text, code="unknown-name")
-        if isinstance(magnet, LikeTable):
-            yield from _like_faults(file, path, magnet)
-    yield from _pair_faults(file)
+        if isinstance(magnet, LikeTable) and first is not None and magnet.like != first.name:
+            text = f"names no magnet; write '{first.name}'"
+            yield FileFault((*path, "like"), text, code="unknown-name")
+    if hasattr(file.control, "bias_N"):
+        yield from _pair_faults(file, first)
 
 
-def _pair_faults(file: RigFile) -> Iterator[FileFault]:
-    first = next((magnet for magnet in file.magnets if isinstance(magnet, MagnetTable)), None)
+def _pair_faults(file: RigFile, first: MagnetTable | None) -> Iterator[FileFault]:
     pushes = first is not None and first.both_ways
-    if not hasattr(file.control, "bias_N"):
-        return
     needs_opposite = _number(file, _TABLES[LikeTable][0])[0] > 0
     pairs = not pushes and (file.opposite is not None or needs_opposite)
     if pairs != (file.bias_N is not None):
@@ -249,17 +210,10 @@ def _push_faults(file: RigFile, first: MagnetTable) -> Iterator[FileFault]:
             yield FileFault(file.place(magnet, "gap_m"), text, code="option-differs")
 
 
-def _like_faults(file: RigFile, path: Any, magnet: LikeTable) -> Iterator[FileFault]:
-    first = next((table for table in file.magnets if isinstance(table, MagnetTable)), None)
-    if first is not None and magnet.like != first.name:
-        text = f"names no magnet; write '{first.name}'"
-        yield FileFault((*path, "like"), text, code="unknown-name")
-
-
 def read_rig_file(path: PathLike, word: str) -> RigFile:
     """Read the rig file of one kind of rig, named by its ``control.kind``."""
     file = read_toml(path, RigFile, kinds=[rig_kinds()[word]])
-    faults = [*_count_faults(file), *_single_faults(file), *_key_faults(file), *_name_faults(file)]
+    faults = [*_count_faults(file), *_key_faults(file), *_name_faults(file)]
     if file.given_loops is not None:
         faults += identify_faults(file.loops)
     if faults:

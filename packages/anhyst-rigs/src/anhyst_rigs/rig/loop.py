@@ -67,11 +67,8 @@ class Scenario:
 
     def __post_init__(self) -> None:
         n = len(self.target)
-        for name, shape in (
-            ("load", n),
-            ("inject", self.target.shape),
-            ("feed", self.target.shape),
-        ):
+        shapes = {"load": n, "inject": self.target.shape, "feed": self.target.shape}
+        for name, shape in shapes.items():
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, np.zeros(shape))
         if not len(self.command):

@@ -97,10 +97,8 @@ class MagnetTable(Table):
         if self.kind == LAW and self.model is None:
             raise InputError('a magnet of kind "law" needs model; add it', code="missing")
         if self.kind != LAW and (self.model or self.flux_table):
-            raise InputError(
-                'model and flux_table belong to kind "law"; write that, or remove them',
-                code="not-for-this-kind",
-            )
+            text = 'model and flux_table belong to kind "law"; write that, or remove them'
+            raise InputError(text, code="not-for-this-kind")
         if self.iron is None and (self.kind != LAW or self.flux_table is None):
             raise InputError(
                 f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing"
@@ -109,14 +107,18 @@ class MagnetTable(Table):
             raise InputError(
                 'solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind"
             )
-        self._check_numbers()
+        known = {} if self.kind == LAW else ACTUATORS[self.kind].numbers
+        for key in sorted(known.keys() - self.numbers):
+            text = f"needs numbers.{key}, {known[key]}; add it"
+            raise InputError(text, code="missing")
+        for key in sorted(self.numbers.keys() - known):
+            text = f'numbers.{key} is none of kind "{self.kind}"; remove it'
+            raise InputError(text, code="not-for-this-kind")
         if self.from_loops:
             return self
         if self.solid is not None and self.solid.conductivity_S_per_m is None:
-            raise InputError(
-                f'needs solid.conductivity_S_per_m; add it, or write iron = "{FROM_LOOPS}"',
-                code="missing",
-            )
+            text = f'needs solid.conductivity_S_per_m; add it, or write iron = "{FROM_LOOPS}"'
+            raise InputError(text, code="missing")
         for name, key in POLES.items():
             if name != "joints" and getattr(self, key) is None:
                 raise InputError(
@@ -140,15 +142,6 @@ class MagnetTable(Table):
         late = poles.turns**2 / poles.outer / poles.resistance if poles.outer > 0.0 else math.inf
         known = math.isfinite(poles.bias) and math.isfinite(poles.spring)
         return known and 0.0 < late <= SLOWEST_S and self.both_ways == (poles.bias != 0.0)
-
-    def _check_numbers(self) -> None:
-        known = {} if self.kind == LAW else ACTUATORS[self.kind].numbers
-        for key in sorted(known.keys() - self.numbers):
-            text = f"needs numbers.{key}, {known[key]}; add it"
-            raise InputError(text, code="missing")
-        for key in sorted(self.numbers.keys() - known):
-            text = f'numbers.{key} is none of kind "{self.kind}"; remove it'
-            raise InputError(text, code="not-for-this-kind")
 
     @property
     def output(self) -> str:

@@ -106,10 +106,8 @@ class ExciteTable(Table):
     @model_validator(mode="after")
     def _both(self) -> Self:
         if (self.continuous_A is None) != (self.thermal_s is None):
-            raise InputError(
-                "continuous_A and thermal_s belong together; give both or none",
-                code="belong-together",
-            )
+            text = "continuous_A and thermal_s belong together; give both or none"
+            raise InputError(text, code="belong-together")
         return self
 
 
@@ -157,20 +155,18 @@ class Measured:
         loops = self.options.reading(self.rig.parent).read(self.places)
         if not is_actuator(loops) or loops.schedule is None or loops.output.name != self.output:
             column = f"{QUANTITIES[self.output].symbol}_N"
-            raise InputError(
-                f"{self.text}: this rig needs columns I_A, {column} and gap_m",
-                code="columns-missing",
-            )
+            text = f"{self.text}: this rig needs columns I_A, {column} and gap_m"
+            raise InputError(text, code="columns-missing")
         return loops
 
 
-def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[FileFault]:
+def identify_faults(options: IdentifyTable) -> list[FileFault]:
     """Find what a rig file wants of its identification and cannot have."""
     if options.gap_map == "free":
         text = "'free' holds at the measured gaps alone, and the armature moves; choose another"
         return [FileFault(("loops", "gap_map"), text, code="choice-not-for-this")]
     try:
-        check_wanted(options.law, options.gap_map or gap_map, options.search)
+        check_wanted(options.law, options.gap_map or "circuit", options.search)
     except InputError as error:
         return [FileFault(("loops",), str(error), code=error.code)]
     return []

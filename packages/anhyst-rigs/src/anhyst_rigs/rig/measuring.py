@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 from typing import Protocol
 
@@ -84,27 +83,6 @@ def read_stack(rig: PiezoRig, voltage: FloatArray, sample: float, seed: Seed) ->
     return np.asarray(np.round(read / sensor.step_m) * sensor.step_m if sensor.step_m else read)
 
 
-def measure_path(
-    magnet: Pull,
-    sensors: Sensors,
-    gap: float,
-    path: FloatArray,
-    name: str,
-    past: Sequence[float],
-    seconds: float = math.inf,
-) -> Loop:
-    """Measure one record of a magnet that was conditioned."""
-    current, force = take(magnet, sensors, gap, path, seconds)
-    short, whole = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
-    return Loop(
-        label=f"{(short if float(short) == float(whole) else whole)}mm-{name}",
-        input=current,
-        output=force,
-        schedule=np.full(path.size, gap),
-        history=History("conditioned", (0.0, *past)),
-    )
-
-
 FAST_SAMPLES, FAST_CYCLES = 200, 2
 """Of a fast cycle, and how many of them are recorded."""
 
@@ -127,6 +105,7 @@ def measure_place(
         for record in campaign.records
     ]
     cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
+    short, whole = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
     runs += [
         (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * FAST_SAMPLES)) for speed in fast
     ]
@@ -136,10 +115,16 @@ def measure_place(
         for turn in past:
             specimen.hold(turn, gap)
         path, sensors = straight(turns, speed * sample), held.sensors([index, number], sample)
-        seconds = sample if fast else math.inf
-        loop = measure_path(specimen, sensors, gap, path, name, past, seconds)
-        time = np.arange(path.size, dtype=np.float64) * sample
-        loops.append(replace(loop, time=time) if fast else loop)
+        current, force = take(specimen, sensors, gap, path, sample if fast else math.inf)
+        loop = Loop(
+            label=f"{(short if float(short) == float(whole) else whole)}mm-{name}",
+            input=current,
+            output=force,
+            schedule=np.full(path.size, gap),
+            time=np.arange(path.size, dtype=np.float64) * sample if fast else None,
+            history=History("conditioned", (0.0, *past)),
+        )
+        loops.append(loop)
     return loops
 
 

@@ -201,15 +201,8 @@ def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
 def _bare(ends: tuple[float, float], noise: float) -> dict[str, float]:
     """Sensor without converter, lag and errors of gain or zero."""
     low, high = ends
-    zeros = {"step": 0.0, "offset": 0.0, "delay": 0}
-    return {
-        "low": low,
-        "high": high,
-        "noise": noise,
-        "gain": 1.0,
-        "share": passed(math.inf),
-        **zeros,
-    }
+    rest = {"gain": 1.0, "share": passed(math.inf), "step": 0.0, "offset": 0.0, "delay": 0}
+    return {"low": low, "high": high, "noise": noise, **rest}
 
 
 def _share(bandwidth: float, seconds: float) -> float:

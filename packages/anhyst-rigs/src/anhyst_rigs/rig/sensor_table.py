@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag, model_validator
 
 from anhyst._core import Sensor
 from anhyst.support.errors import InputError
@@ -24,8 +24,8 @@ from anhyst.support.toml_file import (
     Number,
     Positive,
     Table,
+    one_of,
     ordered,
-    tag_by,
 )
 from anhyst_rigs.rig.magnet_table import Direction, Place
 
@@ -182,12 +182,7 @@ SensorEntry = Annotated[
     | Annotated[ForceSensorTable, Tag(f"{BRANCH}force")]
     | Annotated[FluxSensorTable, Tag(f"{BRANCH}flux")]
     | Annotated[PositionSensorTable, Tag(f"{BRANCH}position")],
-    Discriminator(
-        tag_by("of"),
-        custom_error_type="unknown_choice",
-        custom_error_message='of must be "gap", "current", "force", "flux" or "position"; '
-        "correct it",
-    ),
+    one_of("of", "gap", "current", "force", "flux", "position"),
 ]
 
 

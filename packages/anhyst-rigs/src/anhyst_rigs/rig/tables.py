@@ -19,8 +19,8 @@ from anhyst.support.toml_file import (
     Number,
     Positive,
     Table,
+    one_of,
     ordered,
-    tag_by,
 )
 from anhyst_rigs.rig.magnet_table import ORIGIN, Place
 
@@ -94,11 +94,7 @@ class StackAmplifierTable(Table):
 AmplifierEntry = Annotated[
     Annotated[AmplifierTable, Tag(f"{BRANCH}current")]
     | Annotated[StackAmplifierTable, Tag(f"{BRANCH}stack")],
-    Discriminator(
-        tag_by("mode", default="current", voltage="current"),
-        custom_error_type="unknown_choice",
-        custom_error_message='mode must be "current", "voltage" or "stack"; correct it',
-    ),
+    one_of("mode", "current", "voltage", "stack", default="current", voltage="current"),
 ]
 
 
@@ -369,10 +365,5 @@ ControlEntry = Annotated[
     | Annotated[TrackingTable, Tag(f"{BRANCH}tracking")]
     | Annotated[ForceTable, Tag(f"{BRANCH}force")]
     | Annotated[DisplacementTable, Tag(f"{BRANCH}displacement")],
-    Discriminator(
-        tag_by("kind"),
-        custom_error_type="unknown_choice",
-        custom_error_message='kind must be "levitation", "tracking", "force" or "displacement"; '
-        "correct it",
-    ),
+    one_of("kind", "levitation", "tracking", "force", "displacement"),
 ]

@@ -98,7 +98,5 @@ def refuse(result: Calibration, _: Mapping[str, Any]) -> None:
     from anhyst.support.errors import NegativeResult
 
     if not result.learnt:
-        raise NegativeResult(
-            "nothing is taken: too little motion or force was asked for, or no law explains it",
-            code="nothing-learnt",
-        )
+        text = "nothing is taken: too little motion or force was asked for, or no law explains it"
+        raise NegativeResult(text, code="nothing-learnt")

@@ -103,11 +103,8 @@ def excite(
 
     if calibrate:
         if folder or xcp or port:
-            raise InputError(
-                "--calibrate: flies the virtual stage; leave --folder, --xcp and --port out",
-                code="option-not-for-this",
-                key="--calibrate",
-            )
+            text = "--calibrate: flies the virtual stage; leave --folder, --xcp and --port out"
+            raise InputError(text, code="option-not-for-this", key="--calibrate")
         return excite_to_calibrate(rig, out, plot=plot)
     check_path(rig, "excite: rig", "the path of a rig file")
     check_path(out, "excite: out")
@@ -115,11 +112,8 @@ def excite(
         check_picture(plot)
     url = address_of(xcp, port)
     if (url is None) is not (folder is None):
-        raise InputError(
-            "--folder: goes together with --xcp or --port, and they with it",
-            code="options-missing",
-            key="--folder",
-        )
+        text = "--folder: goes together with --xcp or --port, and they with it"
+        raise InputError(text, code="options-missing", key="--folder")
     how = None if folder is None or url is None else through(folder, url)
     excitation = work(rig, out, progress, how)
     if plot is not None:

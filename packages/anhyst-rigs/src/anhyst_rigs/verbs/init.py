@@ -87,24 +87,16 @@ def init(
     check_path(out, "init: out")
     wanted, options = Wanted(mass, load, gap), options_of("init", **reading)
     if force_control and wanted != Wanted():
-        raise InputError(
-            "--mass, --load and --gap belong to a bearing; leave out --force-control",
-            code="option-not-for-this",
-            key="--mass",
-        )
+        text = "--mass, --load and --gap belong to a bearing; leave out --force-control"
+        raise InputError(text, code="option-not-for-this", key="--mass")
     if stage and (force_control or load is not None):
-        raise InputError(
-            "--stage: takes --mass and --gap alone; leave out --force-control and --load",
-            code="option-not-for-this",
-            key="--stage",
-        )
+        text = "--stage: takes --mass and --gap alone; leave out --force-control and --load"
+        raise InputError(text, code="option-not-for-this", key="--stage")
     if loops is not None and is_frame(loops):
         raise wrong_type("init: loops", "a file, a folder or a list of files", loops)
     if loops is None or (isinstance(loops, Sequence) and not loops):
-        raise InputError(
-            "nothing to begin with: name files with loops; anhyst example copies some",
-            code="no-loops",
-        )
+        text = "nothing to begin with: name files with loops; anhyst example copies some"
+        raise InputError(text, code="no-loops")
     check_source(loops, "init: loops", "a file, a folder or a list of files")
     paths = [loops] if isinstance(loops, str | os.PathLike) else list(loops)
     if force_control or stage:

@@ -84,11 +84,8 @@ def live(
 
     for name in PACKAGES:
         if find_spec(name) is None:
-            raise InputError(
-                f"live: {name} is not installed: pip install 'anhyst-rigs[live]'",
-                code="not-installed",
-                key=name,
-            )
+            text = f"live: {name} is not installed: pip install 'anhyst-rigs[live]'"
+            raise InputError(text, code="not-installed", key=name)
     from anhyst_rigs.dashboard.verb import live as work
 
     return work(

@@ -142,11 +142,8 @@ def simulate(
     switches = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
     chosen = [name for name, value in switches.items() if value]
     if len(chosen) > 1:
-        raise InputError(
-            f"{' and '.join(chosen)} do not go together; give one of them",
-            code="options-together",
-            key=chosen[0],
-        )
+        text = f"{' and '.join(chosen)} do not go together; give one of them"
+        raise InputError(text, code="options-together", key=chosen[0])
     kind = take_rig(rig, "simulate")
     kind.refuse_options("simulate", {"--controller": controller, "--board": board})
     if out is None and chosen:

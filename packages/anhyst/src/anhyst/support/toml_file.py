@@ -10,7 +10,15 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, Tag, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    Tag,
+    ValidationError,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import core_schema
 
@@ -215,7 +223,7 @@ def ordered(low_key: str, low: float, high_key: str, high: float) -> None:
         raise InputError(f"{low_key} must be below {high_key}; correct them", code="range-reversed")
 
 
-def tag_by(key: str, default: str = "", **same: str) -> Callable[[Any], str]:
+def one_of(key: str, *words: str, default: str = "", **same: str) -> Discriminator:
     """Return what tells tables of a list apart by a key: its value, or that of a like one."""
 
     def tag(value: Any) -> str:
@@ -223,7 +231,9 @@ def tag_by(key: str, default: str = "", **same: str) -> Callable[[Any], str]:
         word = default if named is None else str(named)
         return f"{BRANCH}{same.get(word, word)}"
 
-    return tag
+    *others, last = (f'"{word}"' for word in words)
+    text = f"{key} must be {', '.join(others)} or {last}; correct it"
+    return Discriminator(tag, custom_error_type="unknown_choice", custom_error_message=text)
 
 
 def faults_error(path: PathLike, faults: Iterable[FileFault]) -> TomlFileError:

@@ -31,7 +31,14 @@ from anhyst_rigs.link.virtual_boards import (
 from anhyst_rigs.link.wire import LinkPort
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
-from anhyst_rigs.rig.bench.protocol import Aim, Knobs, Parameter, Signal, currents_of
+from anhyst_rigs.rig.bench.protocol import (
+    BEARING_COMMANDS,
+    Aim,
+    Knobs,
+    Parameter,
+    Signal,
+    currents_of,
+)
 from anhyst_rigs.rig.bench.settings import (
     ControllerSettings,
     check_values,
@@ -58,26 +65,15 @@ class LoadDrive:
         stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
         most = rig.settings.timing.rate_Hz / 4.0
         force = max(abs(load.force_N), mass * 9.81)
+        renders, about = "damping that the load drive renders", "stiffness that it renders about "
+        about += "the operating gap"
+        of_sine = "amplitude of a sine on its force"
         self._knobs = Knobs(
+            Parameter("load_damping", "N s/m", -damping, damping, renders, load.damping_N_s_per_m),
             Parameter(
-                "load_damping",
-                "N s/m",
-                -damping,
-                damping,
-                "damping that the load drive renders",
-                load.damping_N_s_per_m,
+                "load_stiffness", "N/m", -stiffness, stiffness, about, load.stiffness_N_per_m
             ),
-            Parameter(
-                "load_stiffness",
-                "N/m",
-                -stiffness,
-                stiffness,
-                "stiffness that it renders about the operating gap",
-                load.stiffness_N_per_m,
-            ),
-            Parameter(
-                "disturbance_force", "N", 0.0, force, "amplitude of a sine on its force", 0.0
-            ),
+            Parameter("disturbance_force", "N", 0.0, force, of_sine, 0.0),
             Parameter("disturbance_frequency", "Hz", 0.0, most, "of this sine", 10.0),
         )
         self.parameters = self._knobs.parameters
@@ -125,17 +121,6 @@ _OF_FIRMWARE = (
     Signal("flags", "", "what was in the way: Flag"),
 )
 """Signals that the controller alone knows."""
-BEARING_COMMANDS = (
-    Command.CONDITION,
-    Command.DEMAGNETISED,
-    Command.LIFT,
-    Command.LAND,
-    Command.STOP,
-    Command.CLEAR,
-    Command.IDLE,
-    Command.ARM,
-)
-"""Of a controller of position."""
 _FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_full", "flux_full")
 _STATE = 1 + len(_OF_PLANT) + [signal.name for signal in _OF_FIRMWARE].index("state")
 """In rows of a bench; the fault stands two places behind the state."""
@@ -182,7 +167,7 @@ class _Unplugged:
         raise NotImplementedError
 
 
-class BearingBench(LockStepBench[BusController]):
+class BearingBench(LockStepBench):
     """A bearing and the firmware that levitates it, in lock-step.
 
     The firmware runs in this process, or behind a tap on one of
@@ -191,22 +176,18 @@ class BearingBench(LockStepBench[BusController]):
 
     signals = (*_OF_PLANT.values(), *_OF_FIRMWARE)
     commands = BEARING_COMMANDS
+    _bus: BusController
     state, fault = State.INIT, Fault.NONE  # of the controller after the last tick
     gap = math.nan  # m, at the last tick
     beats = True  # whether its operator says that he is there
 
     def __init__(
-        self,
-        setup: BearingSetup,
-        firmware: Path,
-        seed: int = 0,
-        board: str = "",
-        bearing: Plant | None = None,
+        self, setup: BearingSetup, firmware: Path, board: str = "", bearing: Plant | None = None
     ) -> None:
         rig = setup.rig
         self.rate = float(rig.settings.timing.rate_Hz)
         self._scales = setup.position_control.settings("fixed")
-        self.bearing = bearing or make_plant(rig, seed)
+        self.bearing = bearing or make_plant(rig, 0)
         self.load_drive = LoadDrive(rig, self.bearing)
         limits, gap = setup.controller.limits, rig.settings.gap_m
         self.aim = Aim("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)

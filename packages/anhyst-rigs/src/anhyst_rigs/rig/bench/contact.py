@@ -5,7 +5,8 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from operator import attrgetter
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,10 @@ from anhyst.support.block_layout import PLACES
 from anhyst.support.block_words import CRC_AT
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.states import Command, Fault, State
-from anhyst_rigs.link.frames import Body, Setting
+from anhyst.support.states import Fault, State
+from anhyst_rigs.link.frames import Body
 from anhyst_rigs.link.virtual_boards import Q30, Q31
+from anhyst_rigs.link.xcp import XcpMaster
 from anhyst_rigs.rig.bench.protocol import Aim, Signal
 from anhyst_rigs.rig.bench.settings import (
     ControllerSettings,
@@ -48,7 +50,6 @@ class BoardColumns:
         columns = _force_columns(manifest) if force else _position_columns(manifest)
         known = [one for one in columns if one.source in sources]
         self._code: float
-        self._zero: float
         self.signals = tuple(one.signal for one in known)
         self._from = [1 + sources.index(one.source) for one in known]
         self._slopes = np.array([one.slope for one in known])
@@ -58,13 +59,13 @@ class BoardColumns:
             demand = signals["demand"]["scale"]
             low, high = manifest["limits"]["demand"]
             self._aim = Aim("force", "demand", "N", low, high, 0.0)
-            self._code, self._zero = float(Q31 / demand), 0.0
+            self._code, self._zero = Q31 / demand, 0.0
             own = force_settings(demand, signals["current"]["scale"], rate)
         else:
             position = manifest["controller"]["signals"]["position"]
             low, high = position["low_gap"], position["high_gap"]
             self._aim = Aim("gap", "reference", "m", low, high, 0.0)
-            self._code, self._zero = float(-Q31 / position["scale"]), position["zero_gap"]
+            self._code, self._zero = -Q31 / position["scale"], position["zero_gap"]
             own = position_settings(tuple(manifest["controller"]["gains"].values()))
         self.settings: tuple[KnownSetting, ...] = (*own, heartbeat_setting(rate))
 
@@ -132,53 +133,7 @@ def _of_any(force: float) -> tuple[_Column, ...]:
     )
 
 
-class BoardLine(Protocol):
-    """An open line to a controller."""
-
-    url: str  # for messages
-    name: str  # what the controller is called
-    body: Body  # what the controller controls
-    signals: tuple[str, ...]  # signals of ``contract/signals.toml`` that :meth:`take` returns
-    every: int  # ticks from one sample to the next
-
-    def take(self, tick: int) -> NDArray[np.int64]:
-        """Wait for the last sample up to a tick, and return all that came: tick, codes."""
-
-    def beat(self) -> None:
-        """Say that the operator is there."""
-
-    def clock(self) -> int:
-        """Return the number of the last tick, modulo 2^32."""
-
-    def goal(self) -> int:
-        """Return what is demanded, q31 of full scale."""
-
-    def aim(self, code: int) -> None:
-        """Demand a force or a position, q31 of full scale."""
-
-    def command(self, command: Command) -> State:
-        """Change the state, and return the one it is in then."""
-
-    def read_words(self, first: int, count: int) -> list[int]:
-        """Return words of the parameter block in force."""
-
-    def read_block(self) -> list[int]:
-        """Return the parameter block in force."""
-
-    def swap_block(self, words: Sequence[int]) -> None:
-        """Download another parameter block and put it in force between two ticks."""
-
-    def read_setting(self, setting: Setting) -> int:
-        """Ask for a setting."""
-
-    def write_setting(self, setting: Setting, value: int) -> int:
-        """Set a setting from the next tick on."""
-
-    def close(self) -> None:
-        """Hang up."""
-
-
-Reach = Callable[[], BoardLine]
+Reach = Callable[[], XcpMaster]
 """Opens a line; an InputError where nobody answers."""
 
 
@@ -189,7 +144,7 @@ class OtherFirmware(InputError):  # noqa: N818 - it answers well, and is not the
 class Contact:
     """A controller that answers, and what it said at first. Nothing is commanded."""
 
-    def __init__(self, line: BoardLine, manifest: Mapping[str, Any]) -> None:
+    def __init__(self, line: XcpMaster, manifest: Mapping[str, Any]) -> None:
         _check(line, manifest)
         self.line = line
         self.columns = BoardColumns(line.body, line.signals, manifest)
@@ -215,12 +170,8 @@ class Contact:
     def check_same(self, before: Contact) -> None:
         """Refuse another controller than that of a contact before."""
         mine, other = self.line, before.line
-        if (mine.name, mine.body, mine.signals, mine.every) != (
-            other.name,
-            other.body,
-            other.signals,
-            other.every,
-        ):
+        facts = attrgetter("name", "body", "signals", "every")
+        if facts(mine) != facts(other):
             raise OtherFirmware(
                 f"{mine.url}: '{mine.name}' answers with {len(mine.signals)} signals instead of "
                 f"'{other.name}' with {len(other.signals)}; it is another firmware, start again "
@@ -244,12 +195,12 @@ def open_contact(
     return found
 
 
-def block_in_force(line: BoardLine) -> list[int]:
+def block_in_force(line: XcpMaster) -> list[int]:
     """Return the checksum of the parameter block in force, which tells one from another."""
     return line.read_words(CRC_AT, 2)
 
 
-def _check(line: BoardLine, manifest: Mapping[str, Any]) -> None:
+def _check(line: XcpMaster, manifest: Mapping[str, Any]) -> None:
     """Refuse a folder whose numbers would be wrong for the signals of this controller."""
     signals = manifest["signals"]
     if (manifest["controller"] is None) is not (line.body is Body.FORCE):

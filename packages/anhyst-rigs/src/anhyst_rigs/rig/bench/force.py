@@ -19,19 +19,14 @@ from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, PlantBus, Reading
 from anhyst_rigs.link.wire import Status
 from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
-from anhyst_rigs.rig.bench.protocol import Aim, Knobs, Parameter, Signal
+from anhyst_rigs.rig.bench.protocol import FORCE_COMMANDS, Aim, Knobs, Parameter, Signal
 from anhyst_rigs.rig.bench.settings import (
     ControllerSettings,
     check_values,
     expect_amplifier,
     force_settings,
 )
-from anhyst_rigs.rig.force.bench import (
-    ActuatorStand,
-    Demand,
-    StandTick,
-    bench_recording,
-)
+from anhyst_rigs.rig.force.bench import ActuatorStand, Demand, StandTick, bench_recording
 from anhyst_rigs.rig.force.file import Rig
 from anhyst_rigs.rig.force.programs import ONE, Program, Session
 from anhyst_rigs.rig.recording import Recording
@@ -82,17 +77,6 @@ _SIGNALS = (
     Signal("flags", "", "what was in the way: Flag"),
 )
 
-FORCE_COMMANDS = (
-    Command.CONDITION,
-    Command.DEMAGNETISED,
-    Command.RUN,
-    Command.STOP,
-    Command.CLEAR,
-    Command.IDLE,
-    Command.ARM,
-)
-"""Of a controller of force."""
-
 
 class GivenMotion(Knobs):
     """Leads the armature from gap to gap, m, once it may begin."""
@@ -140,21 +124,18 @@ class StandPlant:
         )
 
 
-class ForceBench(LockStepBench[PlantBus]):
+class ForceBench(LockStepBench):
     """An actuator whose armature is moved from outside, and the firmware that controls its force.
 
     Virtual time passes in :meth:`advance` alone. The motion of the armature is among the parameters.
     """
 
+    _bus: PlantBus
     signals = _SIGNALS
     commands = FORCE_COMMANDS
 
     def __init__(
-        self,
-        rig: Rig,
-        program: Program,
-        plant: StandPlant | None = None,
-        board: str = "library",
+        self, rig: Rig, program: Program, plant: StandPlant | None = None, board: str = "library"
     ) -> None:
         self.rate = float(rig.settings.timing.rate_Hz)
         self._program, self._scales = program, program.scales
@@ -222,11 +203,8 @@ class ForceBench(LockStepBench[PlantBus]):
     def load(self, force: float) -> None:
         """Refuse: the armature is held."""
         del force
-        raise InputError(
-            "load: a force rig has no load drive; move the armature by its gap",
-            code="no-load-drive",
-            key="load",
-        )
+        text = "load: a force rig has no load drive; move the armature by its gap"
+        raise InputError(text, code="no-load-drive", key="load")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the motion of the armature and the settings of the controller."""
@@ -290,11 +268,10 @@ def run_firmware(
             raise NegativeResult(text, code="wrong-state")
     run = np.concatenate(rows)
     everything = np.concatenate([start_up, run])
+    drive = _columns(everything, "command")[:, 0]
     return bench_recording(_columns(run, *_RECORDED), rig.dt), Session(
         program.gap_codes(_columns(everything, "gap_read")[:, 0]),
-        np.rint(_columns(everything, "command")[:, 0] / program.scales.current * ONE).astype(
-            np.int64
-        ),
+        np.rint(drive / program.scales.current * ONE).astype(np.int64),
         np.array([program.demand_code(force) for force in demand.force.tolist()]),
         len(start_up),
         demagnetised,

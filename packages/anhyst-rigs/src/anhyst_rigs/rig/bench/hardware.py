@@ -14,17 +14,16 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.frames import Body
-from anhyst_rigs.rig.bench.bearing import BEARING_COMMANDS
+from anhyst_rigs.link.xcp import XcpMaster
 from anhyst_rigs.rig.bench.contact import (
-    BoardLine,
     Contact,
     OtherFirmware,
     Reach,
     block_in_force,
     open_contact,
 )
-from anhyst_rigs.rig.bench.force import FORCE_COMMANDS, check_demand
-from anhyst_rigs.rig.bench.protocol import Bench, Parameter
+from anhyst_rigs.rig.bench.force import check_demand
+from anhyst_rigs.rig.bench.protocol import BEARING_COMMANDS, FORCE_COMMANDS, Bench, Parameter
 from anhyst_rigs.rig.bench.settings import check_values
 
 _BEAT_S = 0.02
@@ -128,9 +127,8 @@ class HardwareBench(Bench):
         newest = int(found.rows[-1, 0])
         away = found.at - self._seen
         ahead = (newest - (self.tick - self._offset)) % _ROUND
-        goes_on = (
-            _SLOW * away - _SPARE_S <= ahead / self.rate <= _FAST * away + _SPARE_S  # its count
-        )
+        counted = ahead / self.rate
+        goes_on = _SLOW * away - _SPARE_S <= counted <= _FAST * away + _SPARE_S
         passed = ahead if goes_on else max(1, round(away * self.rate))
         ticks = "its ticks went on" if goes_on else f"it began anew and is at its tick {newest}"
         parts = [f"back after {away:.1f} s, {_standing(found)}", ticks]
@@ -151,7 +149,7 @@ class HardwareBench(Bench):
         news, self._news = self._news, []
         return news
 
-    def _reached(self) -> BoardLine:
+    def _reached(self) -> XcpMaster:
         if self._search is not None:
             raise InputError(
                 f"{self.lost}; it is looked for, wait until it is back", code="port-gone"

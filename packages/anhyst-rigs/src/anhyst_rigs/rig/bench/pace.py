@@ -3,8 +3,6 @@
 The pacer alone touches the bench, in a thread of its own. Ticks become due by the clock; those of
 about 10 ms are run together once the last of them is due, and handed on as one chunk. What is to be
 done to the bench is done between two chunks, so that all of it acts on one tick.
-
-What virtual benches have in common: a firmware in lock-step with its plant.
 """
 
 from __future__ import annotations
@@ -19,10 +17,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import TypeVar
 
+from anhyst._core import BusController
 from anhyst.support.errors import InputError
 from anhyst_rigs.link.client import ControllerLink
+from anhyst_rigs.link.virtual_boards import PlantBus
 from anhyst_rigs.rig.bench.protocol import Bench, Subscription
 
 SLOWEST, FASTEST = 0.01, 1.0
@@ -137,12 +137,15 @@ class PacedBench:
     def pace(self) -> Pacing:
         """Say how it keeps up with the clock."""
         with self._wake:
-            late = [one[2] for one in self._window]
+            late, factor = [one[2] for one in self._window], 0.0
+            if len(late) > 1:
+                (begin, first, _), (end, last, _) = self._window[0], self._window[-1]
+                factor = (last - first) / self._bench.rate / (end - begin)
             return Pacing(
                 tick=self._tick,
                 paused=self._paused,
                 speed=self._speed,
-                factor=self._factor(),
+                factor=factor,
                 late=sum(late) / len(late) if late else 0.0,
                 late_most=max(late, default=0.0),
                 slips=self._slips,
@@ -156,12 +159,6 @@ class PacedBench:
             self._closing = True
             self._wake.notify_all()
         self._thread.join()
-
-    def _factor(self) -> float:
-        if len(self._window) < 2:
-            return 0.0
-        (begin, first, _), (end, last, _) = self._window[0], self._window[-1]
-        return (last - first) / self._bench.rate / (end - begin)
 
     def _begin(self) -> None:
         """Count time from here; under the lock."""
@@ -278,11 +275,8 @@ def going_first(order: int = 1) -> Iterator[bool]:
 
 def _checked(speed: float) -> float:
     if not SLOWEST <= speed <= FASTEST:
-        raise InputError(
-            f"speed {speed:g}: choose one from {SLOWEST:g} to {FASTEST:g}",
-            code="out-of-range",
-            key="speed",
-        )
+        text = f"speed {speed:g}: choose one from {SLOWEST:g} to {FASTEST:g}"
+        raise InputError(text, code="out-of-range", key="speed")
     return speed
 
 
@@ -312,15 +306,7 @@ class Heartbeat:
         self._silent = 0
 
 
-class _Bus(Protocol):
-    @property
-    def tick(self) -> int: ...
-
-
-_BusT = TypeVar("_BusT", bound=_Bus)
-
-
-class LockStepBench(Bench, Generic[_BusT]):
+class LockStepBench(Bench):
     """Virtual time passes while a bench advances, and stands still for the firmware too otherwise.
 
     Holds a parameter block (:class:`anhyst_rigs.dashboard.improver.BlockHolder`); what a bench is made
@@ -328,7 +314,7 @@ class LockStepBench(Bench, Generic[_BusT]):
     """
 
     _open: ExitStack
-    _bus: _BusT
+    _bus: BusController | PlantBus
     link: ControllerLink  # its session; all its commands go over it
     _heartbeat: Heartbeat
 

@@ -17,11 +17,11 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, sine
 from anhyst.support.states import Command, Fault, State
+from anhyst_rigs.rig.bench.laps import LapBench
 from anhyst_rigs.rig.bench.protocol import (
     LAP_COMMANDS,
     STAGE_OWN,
     Aim,
-    Bench,
     Knobs,
     Parameter,
     Signal,
@@ -39,9 +39,6 @@ from anhyst_rigs.rig.piezo import (
     triangle,
 )
 
-PIECE_S = 0.01
-"""After so long at most it is seen whether the loop was lost, s."""
-
 _READ = (
     Signal("reference", "m", "position wanted: the triangle and the target beside it"),
     Signal("expected", "m", "what of the reference should show by now"),
@@ -54,22 +51,19 @@ _READ = (
 )
 
 
-class PiezoBench(Bench):
+class PiezoBench(LapBench):
     """A piezo stage that follows its triangle over and over.
 
     The inverses are the one without memory and the compensator, which the parameter
     ``compensation`` chooses by 0 and 1.
     """
 
-    tick = 0
     signals = (*_READ, *STAGE_OWN)
     commands = LAP_COMMANDS
 
-    def __init__(
-        self, rig: PiezoRig, inverses: Sequence[ForceController], seed: int = SEED
-    ) -> None:
+    def __init__(self, rig: PiezoRig, inverses: Sequence[ForceController]) -> None:
         moved, rate = rig.settings.moved, float(rig.settings.timing.rate_Hz)
-        self.rig, self.rate, self._seed = rig, rate, seed
+        self.rig, self.rate = rig, rate
         self._inverses = tuple(inverses)
         self._reach = inverses[0].scales.demand  # largest displacement of the measured loops
         self.aim = Aim("position", "reference", "m", -moved.low_m, self._reach - moved.low_m, 0.0)
@@ -87,7 +81,7 @@ class PiezoBench(Bench):
             Parameter("disturbance_frequency", "Hz", 0.0, rate / 4.0, "of this sine", 10.0),
         )
         self._disturbed = 0  # tick of its phase zero
-        self._state, self._fault, self._laps = State.READY, Fault.NONE, 0
+        self._laps = 0
         self._offset, self._above = 0.0, 0.0  # m: the target; the triangle over its low end
         # ticks since the path began, whole periods since then, and at which part of one it began
         self._since, self._whole, self._begun = 0, 0, 0.0
@@ -96,7 +90,7 @@ class PiezoBench(Bench):
     def _renew(self) -> None:
         """Put the plant in force, at long rest at 0 V."""
         settings, number = self.rig.settings, int(self._values["plant"])
-        drift, noise = NO_DRIFT, self._seed
+        drift, noise = NO_DRIFT, SEED
         if number:
             drift, noise = draw_plant(settings, settings.seed, number - 1)
         self._rng = np.random.default_rng(noise)
@@ -120,22 +114,7 @@ class PiezoBench(Bench):
         drive = self._drives[which]
         self._loop.control(drive.native, **controller_numbers(rig, drive), change=change)
 
-    def advance(self, ticks: int) -> FloatArray:
-        """Compute some ticks, one after the other."""
-        parts = []
-        piece = max(1, round(PIECE_S * self.rate))
-        while ticks > 0:
-            if self._state is State.FAULT:
-                rows = self._lie(ticks)
-            else:
-                self._turn()
-                rows = self._run(min(ticks, piece))
-            parts.append(rows)
-            ticks -= len(rows)
-        return np.concatenate(parts)
-
     def _turn(self) -> None:
-        """Put in force what was staged where a period begins, or while the stage is held."""
         if self._state is State.RUN and self._since:
             if self._turns(1).size:
                 return
@@ -177,7 +156,9 @@ class PiezoBench(Bench):
         expected = np.interp(time[self._late :] - rig.lateness, time, wanted)
         wanted = wanted[self._late :]
         noise = settings.position_sensor.noise_m * self._rng.standard_normal(n)
-        load = self._loads(n)
+        ticks = np.arange(n) + (self.tick + 1 - self._disturbed)
+        wave = sine(self._knobs["disturbance_frequency"] * rig.dt * ticks)
+        load = self._knobs["disturbance_stroke"] * wave + 0.0  # no minus zero where there is none
         table = self._loop.run(wanted, expected, noise, load)
         position, read, demand, voltage = table.T.copy()
         error = position - expected
@@ -194,11 +175,6 @@ class PiezoBench(Bench):
             self._state, self._fault = State.FAULT, Fault.POSITION_RANGE
         return rows
 
-    def _loads(self, n: int) -> FloatArray:
-        numbers = np.arange(n) + (self.tick + 1 - self._disturbed)
-        wave = sine(self._knobs["disturbance_frequency"] * self.rig.dt * numbers)
-        return self._knobs["disturbance_stroke"] * wave + 0.0  # no minus zero where there is none
-
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
         lap = self._laps if self._state is State.RUN else 0
@@ -206,8 +182,7 @@ class PiezoBench(Bench):
         self.tick += n
         return np.column_stack([numbers, *of_loop, *own])
 
-    def _lie(self, n: int) -> FloatArray:
-        """Let a stage that was lost be at 0 V: it is not simulated."""
+    def _lie(self, n: int) -> FloatArray:  # at 0 V
         return self._rows(n, *np.zeros((len(_READ), n)))
 
     def command(self, command: Command) -> None:
@@ -259,10 +234,7 @@ class PiezoBench(Bench):
             ("frequency", "Hz", 0.05 * slow, fast, "of the triangle"),
             ("plant", "", 0.0, float(PLANTS), "0: as the file says; n: as drawn n-th of [spread]"),
         )
-        return (
-            *(Parameter(*one, values[one[0]]) for one in known),
-            *self._knobs.parameters(),
-        )
+        return (*(Parameter(*one, values[one[0]]) for one in known), *self._knobs.parameters())
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force as the next period begins; a disturbance on the next tick."""
@@ -284,6 +256,3 @@ class PiezoBench(Bench):
             return self.tick + 1
         period = self.rate / self._values["frequency"]
         return self.tick + 1 + self._turns(math.ceil(period) + 1).size
-
-    def close(self) -> None:
-        """Nothing runs beside it."""

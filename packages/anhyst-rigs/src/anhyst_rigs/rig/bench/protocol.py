@@ -52,6 +52,12 @@ STAGE_OWN = (
     Signal("lap", "", "number of the set-point that is followed; 0 while none is"),
 )
 
+_BEFORE = (Command.CONDITION, Command.DEMAGNETISED)
+_AFTER = (Command.STOP, Command.CLEAR, Command.IDLE, Command.ARM)
+FORCE_COMMANDS = (*_BEFORE, Command.RUN, *_AFTER)
+"""Of a controller of force."""
+BEARING_COMMANDS = (*_BEFORE, Command.LIFT, Command.LAND, *_AFTER)
+"""Of a controller of position."""
 LAP_COMMANDS = (Command.RUN, Command.STOP, Command.CLEAR)
 """Of what follows a set-point over and over."""
 STAGE_COMMANDS = (*LAP_COMMANDS[:2], Command.LIFT, Command.LAND, Command.IDLE, Command.CLEAR)
@@ -197,38 +203,33 @@ class Subscription:
         self.name = name
         self.complete = complete
         self.missed = 0
+        self.ended = False  # nothing comes any more
         self._most = most
         self._chunks: deque[FloatArray] = deque()
         self._changed = threading.Condition()
-        self._ended = False
 
     def get(self, timeout: float | None = None) -> FloatArray | None:
         """Take the next chunk: a row a tick, as :meth:`Bench.advance` gives them."""
         with self._changed:
-            if not self._changed.wait_for(lambda: self._chunks or self._ended, timeout):
+            if not self._changed.wait_for(lambda: self._chunks or self.ended, timeout):
                 raise TimeoutError(f"{self.name}: no chunk in {timeout:g} s")
             return self._chunks.popleft() if self._chunks else None
 
     def close(self) -> None:
         """Take no more; what has come can still be taken."""
         with self._changed:
-            self._ended = True
+            self.ended = True
             self._changed.notify_all()
-
-    @property
-    def ended(self) -> bool:
-        """Whether nothing comes any more."""
-        return self._ended
 
     def is_waited_for(self) -> bool:
         """Whether the bench has to wait, because every tick is wanted and there is no room."""
         with self._changed:
-            return self.complete and not self._ended and len(self._chunks) >= self._most
+            return self.complete and not self.ended and len(self._chunks) >= self._most
 
     def give(self, chunk: FloatArray) -> None:
         """Hand on a chunk; where there is no room, the oldest ones are lost if not all are wanted."""
         with self._changed:
-            if self._ended:
+            if self.ended:
                 return
             while not self.complete and len(self._chunks) >= self._most:
                 self.missed += len(self._chunks.popleft())
@@ -297,10 +298,8 @@ def refusal(command: Command, now: Standing) -> str:
 
 def permit_stage(command: Command, commands: Sequence[Command], state: State) -> None:
     """Refuse a command that a stage in a state does not take."""
-    name, why = (
-        command.name.lower(),
-        refusal(command, Standing(state, False, True, False, True, True)),
-    )
+    still = Standing(state, False, True, False, True, True)
+    name, why = command.name.lower(), refusal(command, still)
     if command not in commands:
         why = "a stage has no such command"
     if why:
@@ -316,7 +315,11 @@ def next_step(commands: Sequence[Command], now: Standing) -> str:
         commands = [command for command in commands if command is not Command.LIFT]
     known = [[command for command in step if command in commands] for step in _WAY]
     path = [step for step in known if step]
-    begins = [n for n, step in enumerate(path) if any(_may(command, now) for command in step)]
+    begins = [
+        n
+        for n, step in enumerate(path)
+        if any(now.name in _states_for(command, now.levitates) for command in step)
+    ]
     begin = begins[-1] if begins else 1 + now.conditioning
     steps = ", then ".join(_words(step) for step in path[begin:])
     why = refusal(path[begin][0], now) if begins else f"after {now.name}"
@@ -326,10 +329,6 @@ def next_step(commands: Sequence[Command], now: Standing) -> str:
 def _words(step: Sequence[Command]) -> str:
     first, *others = (command.name.lower() for command in step)
     return f"{first} (or {others[0]}, if the iron is)" if others else first
-
-
-def _may(command: Command, now: Standing) -> bool:
-    return now.name in _states_for(command, now.levitates)
 
 
 def _states_for(command: Command, levitates: bool) -> list[str]:

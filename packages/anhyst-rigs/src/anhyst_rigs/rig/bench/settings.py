@@ -52,11 +52,8 @@ class KnownSetting(NamedTuple):
     def coded(self, value: float) -> int:
         """Return the code of a value."""
         if self.code == 1.0 and value != round(value):
-            raise InputError(
-                f"{self.name}: is {value:g}; choose {self.low:g} or {self.high:g}",
-                code="out-of-range",
-                key=self.name,
-            )
+            text = f"{self.name}: is {value:g}; choose {self.low:g} or {self.high:g}"
+            raise InputError(text, code="out-of-range", key=self.name)
         most = SETTINGS[self.setting]
         return min(max(round(value / self.code), most.low), most.high)
 
@@ -106,25 +103,15 @@ class ControllerSettings:
             self._line.write_setting(Setting.GAINS, 1)  # the shares that stand there now
 
 
-_COMPENSATION = KnownSetting(
-    "compensation",
-    Setting.COMPENSATION,
-    "",
-    0.0,
-    1.0,
-    1.0,
-    "1: the compensator; 0: the constant ratio",
-)
+_EITHER = "1: the compensator; 0: the constant ratio"
+_COMPENSATION = KnownSetting("compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, _EITHER)
 
 
 def force_settings(demand: float, current: float, rate: float) -> tuple[KnownSetting, ...]:
     """Return the settings of a controller of force."""
     most, ratio = demand * rate, current / demand
-    slew, follow = (
-        "largest slope of the demand",
-        "0: the memory follows the current driven; 1: measured",
-    )
-    of_ratio = "constant ratio of current to force"
+    slew, of_ratio = "largest slope of the demand", "constant ratio of current to force"
+    follow = "0: the memory follows the current driven; 1: measured"
     return (
         KnownSetting("demand_slew", Setting.DEMAND_SLEW, "N/s", most / Q31, most, most / Q31, slew),
         _COMPENSATION,
@@ -182,11 +169,8 @@ def check_values(
     known = {parameter.name: parameter for parameter in parameters}
     for name, value in values.items():
         if name not in known:
-            raise InputError(
-                f"{name}: is no parameter of this bench; it has {', '.join(known)}",
-                code="unknown-parameter",
-                key=name,
-            )
+            text = f"{name}: is no parameter of this bench; it has {', '.join(known)}"
+            raise InputError(text, code="unknown-parameter", key=name)
         parameter = known[name]
         if not parameter.low <= value <= parameter.high:
             raise InputError(

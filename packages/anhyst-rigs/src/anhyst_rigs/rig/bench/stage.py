@@ -20,12 +20,12 @@ from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, Phase, State
 from anhyst_rigs.rig.bench.body import layout_of, lying, pulls
+from anhyst_rigs.rig.bench.laps import LapBench
 from anhyst_rigs.rig.bench.protocol import (
     ALONG,
     STAGE_COMMANDS,
     STAGE_OWN,
     Aim,
-    Bench,
     Parameter,
     Signal,
     of_axes_and_magnets,
@@ -33,11 +33,10 @@ from anhyst_rigs.rig.bench.protocol import (
 )
 from anhyst_rigs.rig.bench.settings import check_values, stage_parameters
 from anhyst_rigs.rig.drift import NO_DRIFT, draw_plant, drifted_plant
-from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.loop import ClosedLoop
 from anhyst_rigs.rig.plant import current_loops
 from anhyst_rigs.rig.recording import CURRENTS, Loss, Recording, column, of_magnets, peak
-from anhyst_rigs.rig.stage.drives import largest_push, pushed_with
+from anhyst_rigs.rig.stage.drives import largest_push
 from anhyst_rigs.rig.stage.geometry import along_scan, scan_direction
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, fed_wrench, pid, scenario_along
 from anhyst_rigs.rig.stage.recording import WRENCH, demand_columns, of_axes, recorded, stage_loss
@@ -51,8 +50,6 @@ from anhyst_rigs.rig.stage.setpoint import (
     strayed,
 )
 
-PIECE_S = 0.01
-"""After so long at most it is seen whether the loop was lost, s."""
 CARRIED_S = 1e-3
 """Over which the force of the integral is taken that another controller goes on with, s."""
 REMEMBERED = 4
@@ -89,14 +86,7 @@ class StageLap(NamedTuple):
         return self.setup.method
 
 
-def _signals(file: RigFile) -> tuple[Signal, ...]:
-    """Return what is measured of the body and of each magnet."""
-    each = of_axes_and_magnets(file.body.free, [magnet.name for magnet in file.placed])
-    flight = Signal("flight", "", "what its controller does: Phase of anhyst.support.states")
-    return (*ALONG, *each, flight, *STAGE_OWN)
-
-
-class StageBench(Bench):
+class StageBench(LapBench):
     """A stage that follows its set-point over and over.
 
     The setups are the one without memory and the compensator, which its parameter
@@ -105,7 +95,6 @@ class StageBench(Bench):
     controller lifts the body and sets it down: idle it lies without a current, ready it is held.
     """
 
-    tick = 0
     lifted = 0  # tick on which it was lifted last from a rest without current
     _between = False  # whether it is lifted or set down
     _order = Command.NONE  # to the controller, at the next tick
@@ -115,18 +104,19 @@ class StageBench(Bench):
         self,
         setups: Sequence[StageSetup],
         gains: Sequence[Feedforward] = (Feedforward(), Feedforward()),
-        seed: int = 0,
     ) -> None:
         rig = setups[0].rig
         self.rig, self.rate = rig, 1.0 / rig.dt
         file, self._magnets = rig.settings, len(rig.settings.magnets)
-        self.signals = _signals(file)
+        each = of_axes_and_magnets(file.body.free, [magnet.name for magnet in file.placed])
+        flight = Signal("flight", "", "what its controller does: Phase of anhyst.support.states")
+        self.signals = (*ALONG, *each, flight, *STAGE_OWN)
         self.laps: deque[StageLap] = deque(maxlen=LAPS)
         self._peak = max(file.scan.test_m_per_s2)
         left = largest_push(file, along_scan(file)) - file.body.mass_kg * self._peak
         self.load_most = LOAD * max(left, 0.0)
-        most_pushed = zip(file.body.free, pushed_with(file), strict=True)
-        self._push_most = {f"push_{axis}": LOAD * force for axis, force in most_pushed}
+        ways = zip(file.body.free, np.eye(len(file.body.free)), strict=True)
+        self._push_most = {f"push_{axis}": LOAD * largest_push(file, way) for axis, way in ways}
         self._push = dict.fromkeys(self._push_most, 0.0)  # in force
         # a step of the target by so much asks for the largest force at once
         most = file.tracking.force_max_N / pid(rig)["b0"]
@@ -141,8 +131,7 @@ class StageBench(Bench):
         }
         self._staged: dict[str, float] = {}
         self._corrected: dict[int, StageSetup] = {}
-        self._seed = seed  # of the noise of the plant that the file describes
-        self._state, self._fault, self._laps, self._lap = State.READY, Fault.NONE, 0, 0
+        self._laps, self._lap = 0, 0
         self._offset, self._load, self._side = 0.0, 0.0, 1.0
         # what the controller did at the last ticks
         self._flights = np.zeros(0)
@@ -169,9 +158,9 @@ class StageBench(Bench):
         """Put the plant in force where it works, at rest, its iron demagnetised."""
         number = int(self._values["plant"])
         settings = self.rig.settings
-        drift, noise = (
-            draw_plant(settings, settings.seed, number - 1) if number else (NO_DRIFT, self._seed)
-        )
+        drift, noise = NO_DRIFT, 0
+        if number:
+            drift, noise = draw_plant(settings, settings.seed, number - 1)
         self._cable = drift.cable
         self._plant = drifted_plant(self.rig, drift, noise)
         along, stray = scan_direction(settings), float(self._strayed(1, 0.0)[0])
@@ -210,25 +199,10 @@ class StageBench(Bench):
             drive.follow(scale * path[:, magnet], path[:, self._magnets + magnet] - zero)
         return drive
 
-    def advance(self, ticks: int) -> FloatArray:
-        """Compute some ticks, one after the other."""
-        parts = []
-        piece = max(1, round(PIECE_S * self.rate))
-        while ticks > 0:
-            if self._state is State.FAULT:
-                rows = self._lie(ticks)
-            else:
-                if self._course is None or self._at == len(self._course):
-                    self._rest()
-                left = ticks if self._course is None else len(self._course) - self._at
-                rows = self._run(min(ticks, left, piece))
-            parts.append(rows)
-            ticks -= len(rows)
-        return np.concatenate(parts)
-
-    def _rest(self) -> None:
-        """At rest: put in force what was staged, and begin the next lap."""
+    def _turn(self) -> None:
         if self._course is not None:
+            if self._at < len(self._course):
+                return
             self._place += float(self._course.position[-1])
             if self._lap:
                 self._known = self.laps[-1].begin
@@ -290,6 +264,8 @@ class StageBench(Bench):
         return strayed(self.rig, late, self.rig.dt * ticks)
 
     def _run(self, n: int) -> FloatArray:
+        if self._course is not None:
+            n = min(n, len(self._course) - self._at)
         place, accelerations, forward = self._fed(n)
         past = np.concatenate([self._past, accelerations])
         stray = self._strayed(n + 1, past[: n + 1] / self._peak)
@@ -338,10 +314,7 @@ class StageBench(Bench):
         return of_loop, np.column_stack(flowed), loss
 
     def _beside(self, run: Recording) -> dict[str, FloatArray]:
-        """Return what is read beside what is recorded.
-
-        What each magnet pulls with, what all do along each coordinate, and the flight.
-        """
+        """Return the flight, what each magnet pulls with, and what all do along each coordinate."""
         settings = self.rig.settings
         free = settings.body.free
         wrench = [run[name] for name in of_axes("wrench", free, WRENCH)]
@@ -354,20 +327,15 @@ class StageBench(Bench):
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
-        states = [np.full(n, float(one)) for one in (self._fault, self._lap)]
+        own = [np.full(n, float(one)) for one in (self._fault, self._lap)]
+        state = np.full(n, float(self._state))
+        if self._state is not State.FAULT:
+            state[self._flights != Phase.HOVER] = State.RUN
+            state[self._flights == Phase.REST] = State.IDLE
         self.tick += n
-        return np.column_stack([numbers, *of_loop, self._states(n), *states])
+        return np.column_stack([numbers, *of_loop, state, *own])
 
-    def _states(self, n: int) -> FloatArray:
-        if self._state is State.FAULT:
-            return np.full(n, float(self._state))
-        states = np.full(n, float(State.RUN))
-        states[self._flights == Phase.REST] = State.IDLE
-        states[self._flights == Phase.HOVER] = self._state
-        return states
-
-    def _lie(self, n: int) -> FloatArray:
-        """Let the body lie on a stop without a current: a stage that was lost is not simulated."""
+    def _lie(self, n: int) -> FloatArray:  # on a stop without a current
         values = lying(self.rig.settings, self._place)
         return self._rows(n, *(np.full(n, values.get(one.name, 0.0)) for one in self._of_loop))
 
@@ -467,6 +435,3 @@ class StageBench(Bench):
     def _due(self) -> int:
         left = 0 if self._course is None else len(self._course) - self._at
         return self.tick + left + 1
-
-    def close(self) -> None:
-        """Nothing runs beside it."""

@@ -2,8 +2,6 @@
 
 At tick n the sensors are read; the current that a controller then asks for begins to flow at tick
 n + 1. The armature is moved from outside, so the gap of every tick is given.
-
-Beside it the demands of a force, and the motion of an armature.
 """
 
 from __future__ import annotations

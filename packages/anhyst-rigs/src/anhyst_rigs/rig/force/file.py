@@ -20,16 +20,9 @@ from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
 from anhyst.support.numeric import FloatArray, passed
 from anhyst.support.toml_file import BRANCH, FileFault, Table, faults_error, read_toml
-from anhyst_rigs.rig.distance import (
-    PlantCheck,
-    along,
-    along_in_time,
-    distance,
-    follower,
-    model_distance,
-)
+from anhyst_rigs.rig.distance import PlantCheck, along, along_in_time, follower
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.from_loops import FittedPlant
+from anhyst_rigs.rig.from_loops import FittedPlant, check_fitted
 from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.measurement_table import Measured, MeasurementTable
 from anhyst_rigs.rig.parts.iron import BY_FAMILY, CellSteel, DuhemSteel, PreisachSteel
@@ -106,22 +99,14 @@ class Rig:
 
     def check(self, loops: Loops, model: Model) -> PlantCheck:
         """Hold its actuator and a model against loops, of thin iron against the slow ones."""
-        fitted = self.fitted
-        zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
         timed = self.solid and all(loop.time is not None for loop in loops.loops)
-        loops = loops if timed else slow_loops(loops)
 
-        def force(loop: Loop) -> FloatArray:
+        def force(loop: Loop, zero: float) -> FloatArray:
             if timed:
-                return along_in_time(self._magnet, loop, zeros[0]) + zeros[1]
-            return along(follower(self._magnet), loop, zeros[0]) + zeros[1]
+                return along_in_time(self._magnet, loop, zero)
+            return along(follower(self._magnet), loop, zero)
 
-        return PlantCheck(
-            plant=distance(loops, force),
-            model=model_distance(loops, model),
-            fitted=fitted is not None,
-            guessed=() if fitted is None else fitted.guessed,
-        )
+        return check_fitted(self.fitted, loops if timed else slow_loops(loops), model, force)
 
     @property
     def actuator_text(self) -> tuple[str, float]:

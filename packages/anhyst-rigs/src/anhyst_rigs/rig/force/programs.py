@@ -19,6 +19,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
+from anhyst_rigs.rig.drift import each_value
 from anhyst_rigs.rig.force.file import Rig
 from anhyst_rigs.rig.measurement_table import identify_loops
 
@@ -100,11 +101,8 @@ def loops_of_rig(rig: Rig) -> Loops:
     end = rig.settings.force.end_m
     if not any(_near(loop.schedule_value, end) for loop in loops.loops):
         gaps = ", ".join(f"{float(gap or 0.0):g}" for gap in loops.by_schedule())
-        raise InputError(
-            f"{rig.path}: control.end_m: no loops at {end:g} m; there are some at {gaps} m",
-            code="no-such-loop",
-            key="control.end_m",
-        )
+        text = f"{rig.path}: control.end_m: no loops at {end:g} m; there are some at {gaps} m"
+        raise InputError(text, code="no-such-loop", key="control.end_m")
     return loops
 
 
@@ -143,12 +141,7 @@ def _spanning(model: Model, least: float) -> Model:
     """Return a model whose dead band, if its law has one, is at least so wide, A/m."""
     wide: dict[str, Parameter] = {}
     for spec in model.operator_law.with_role("dead band"):
-        values = model.parameters[spec.name]
-        wide[spec.name] = (
-            tuple(max(value, least) for value in values)
-            if isinstance(values, tuple)
-            else max(values, least)
-        )
+        wide[spec.name] = each_value(model.parameters[spec.name], lambda value: max(value, least))
     return replace(model, parameters={**model.parameters, **wide}) if wide else model
 
 

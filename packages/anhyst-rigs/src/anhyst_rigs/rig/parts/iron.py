@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from functools import lru_cache
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import Field, Tag, field_validator, model_validator
 
 from anhyst._core import Steel, exp, log
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, power
-from anhyst.support.toml_file import BRANCH, Name, NotNegative, Positive, Share, Table, tag_by
+from anhyst.support.toml_file import BRANCH, Name, NotNegative, Positive, Share, Table, one_of
 
 CURVE = {
     "sharp": "saturation_sharp_T",
@@ -42,6 +42,9 @@ class AnySteel(Table):
     knee_sharp_A_per_m: Positive
     saturation_slow_T: Positive
     knee_slow_A_per_m: Positive
+    told: ClassVar[tuple[str, ...]]  # what a diagram says of it
+    pinned: ClassVar[str]  # key of what its pinning goes with
+    saturated: ClassVar[tuple[str, ...]] = ("saturation_sharp_T", "saturation_slow_T")
 
     @model_validator(mode="after")
     def _makes_an_iron(self) -> Self:
@@ -60,17 +63,15 @@ class AnySteel(Table):
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, the same steel without what makes its loops wide."""
 
-    @abstractmethod
     def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
         """Return the keys of an iron that has drifted, by parts of each quantity."""
+        del reversible  # of cells alone
+        keys = {key: getattr(self, key) * (1.0 + saturation) for key in self.saturated}
+        return {self.pinned: getattr(self, self.pinned) * (1.0 + pinning), **keys}
 
-    @abstractmethod
     def lines(self) -> list[str]:
         """Return what a diagram says of it."""
-
-    def _saturated(self, factor: float) -> dict[str, float]:
-        keys = ("saturation_sharp_T", "saturation_slow_T")
-        return {key: getattr(self, key) * factor for key in keys}
+        return [line.format(self) for line in self.told]
 
 
 class CellSteel(AnySteel):
@@ -81,6 +82,12 @@ class CellSteel(AnySteel):
     thresholds are quantiles of a Weibull distribution; cells without one are the reversible part.
     """
 
+    told = (
+        "iron of {0.cells} pinned cells",
+        "reversible fraction {0.reversible_fraction:.3g}",
+        "pinning {0.pinning_scale_A_per_m:.3g} A/m",
+    )
+    pinned = "pinning_scale_A_per_m"
     family: Literal["cells"] = "cells"
     cells: Annotated[int, Field(ge=1, le=1000)]  # pinned ones, of equal weights
     reversible_fraction: Share  # weight of the iron that nothing pins
@@ -119,19 +126,9 @@ class CellSteel(AnySteel):
 
     def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
         """Return its keys after a drift."""
-        return {
-            "pinning_scale_A_per_m": self.pinning_scale_A_per_m * (1.0 + pinning),
-            "reversible_fraction": min(self.reversible_fraction * (1.0 + reversible), 1.0),
-            **self._saturated(1.0 + saturation),
-        }
-
-    def lines(self) -> list[str]:
-        """Return what a diagram says of it."""
-        return [
-            f"iron of {self.cells} pinned cells",
-            f"reversible fraction {self.reversible_fraction:.3g}",
-            f"pinning {self.pinning_scale_A_per_m:.3g} A/m",
-        ]
+        fraction = min(self.reversible_fraction * (1.0 + reversible), 1.0)
+        own = super().drifted(pinning, reversible, saturation)
+        return {"reversible_fraction": fraction, **own}
 
 
 _FIELDS = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 2000)))
@@ -145,6 +142,8 @@ class DuhemSteel(AnySteel):
     wipes smaller ones out only as fast as it forgets all else.
     """
 
+    told = ("Duhem iron", "coercivity {0.coercivity_A_per_m:.3g} A/m")
+    pinned = "coercivity_A_per_m"
     family: Literal["duhem"]
     coercivity_A_per_m: Positive  # half the width of a wide loop about zero
     turning_T: Positive  # way on which this part turns round after a reversal, by a factor e
@@ -168,18 +167,6 @@ class DuhemSteel(AnySteel):
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""
         return self.model_copy(update={"coercivity_A_per_m": 0.0}).plant()
-
-    def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
-        """Return its keys after a drift."""
-        del reversible
-        return {
-            "coercivity_A_per_m": self.coercivity_A_per_m * (1.0 + pinning),
-            **self._saturated(1.0 + saturation),
-        }
-
-    def lines(self) -> list[str]:
-        """Return what a diagram says of it."""
-        return ["Duhem iron", f"coercivity {self.coercivity_A_per_m:.3g} A/m"]
 
     def curve(self, field: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return polarisation, T, of the curve at fields, A/m, and its slope."""
@@ -226,6 +213,9 @@ class PreisachSteel(AnySteel):
     share of the polarisation.
     """
 
+    told = ("Preisach iron", "pinning {0.pinning_A_per_m:.3g} A/m")
+    pinned = "pinning_A_per_m"
+    saturated = ("saturation_T", *AnySteel.saturated)
     family: Literal["preisach"]
     saturation_T: Positive  # of the relays, ``mu0*M``
     pinning_A_per_m: Positive  # median
@@ -269,19 +259,6 @@ class PreisachSteel(AnySteel):
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel of relays with the same biases, unpinned."""
         return _plant(self, False)
-
-    def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
-        """Return its keys after a drift."""
-        del reversible
-        return {
-            "pinning_A_per_m": self.pinning_A_per_m * (1.0 + pinning),
-            "saturation_T": self.saturation_T * (1.0 + saturation),
-            **self._saturated(1.0 + saturation),
-        }
-
-    def lines(self) -> list[str]:
-        """Return what a diagram says of it."""
-        return ["Preisach iron", f"pinning {self.pinning_A_per_m:.3g} A/m"]
 
 
 def nodes(steel: PreisachSteel) -> FloatArray:
@@ -368,11 +345,7 @@ class NamedDuhem(DuhemSteel):
 
 
 NamedIron = NamedCells | NamedPreisach | NamedDuhem
-BY_FAMILY = Discriminator(
-    tag_by("family", default="cells"),
-    custom_error_type="unknown_choice",
-    custom_error_message='family must be "cells", "preisach" or "duhem"; correct it',
-)
+BY_FAMILY = one_of("family", "cells", "preisach", "duhem", default="cells")
 """By it an iron of a file is read as the table of its family."""
 IronEntry = Annotated[
     Annotated[NamedCells, Tag(f"{BRANCH}cells")]

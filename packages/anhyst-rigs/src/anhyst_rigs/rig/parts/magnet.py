@@ -172,11 +172,8 @@ def read_flux_table(path: PathLike) -> FluxTable:
     gaps, row = np.unique(gap, return_inverse=True)
     for name, values in (("current", currents), ("gap", gaps)):
         if values.size < 2:
-            raise InputError(
-                f"{table.path}: has a single {name}; measure at least two",
-                code="too-few-values",
-                key=name,
-            )
+            text = f"{table.path}: has a single {name}; measure at least two"
+            raise InputError(text, code="too-few-values", key=name)
     if currents[0] != 0.0:
         text = f"currents begin at {currents[0]:g} A; begin at 0, the flux is taken as odd in it"
         raise InputError(
@@ -268,11 +265,8 @@ def law_magnet(
 ) -> Magnet:
     """Return a magnet whose pull an identified law makes and whose flux linkage a table."""
     if not isinstance(iron, AnyIron):
-        raise InputError(
-            "model: the core does not have its law, and a virtual magnet runs there",
-            code="law-not-in-core",
-            key="model",
-        )
+        text = "model: the core does not have its law, and a virtual magnet runs there"
+        raise InputError(text, code="law-not-in-core", key="model")
     numbers = {
         "eddy": eddy,
         "current_high": float(table.current[-1]),
@@ -281,17 +275,13 @@ def law_magnet(
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
-    gap = np.linspace(float(table.gap[0]), float(table.gap[-1]), len(rows))
-    rows = np.column_stack([rows, poles.density(rows[:, 2], gap)])
-    return Magnet(numbers, iron, rows, _even(table))
-
-
-def _even(table: FluxTable) -> FloatArray:
-    """Return a table on a fine grid of equal steps, by monotone cubics; it rises where the given does."""
-    current = np.linspace(0.0, float(table.current[-1]), _CURRENTS)
-    gap = np.linspace(float(table.gap[0]), float(table.gap[-1]), _GAPS)
-    rows = PchipInterpolator(table.current, table.psi, axis=1)(current)
-    return np.ascontiguousarray(PchipInterpolator(table.gap, rows, axis=0)(gap))
+    ends = numbers["gap_low"], numbers["gap_high"]
+    rows = np.column_stack([rows, poles.density(rows[:, 2], np.linspace(*ends, len(rows)))])
+    # The table on a fine grid of equal steps, by monotone cubics: it rises where the given does.
+    current, gap = np.linspace(0.0, numbers["current_high"], _CURRENTS), np.linspace(*ends, _GAPS)
+    psi = PchipInterpolator(table.current, table.psi, axis=1)(current)
+    psi = np.ascontiguousarray(PchipInterpolator(table.gap, psi, axis=0)(gap))
+    return Magnet(numbers, iron, rows, psi)
 
 
 class FluxPath(Table):

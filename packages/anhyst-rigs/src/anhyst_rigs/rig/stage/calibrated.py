@@ -44,10 +44,7 @@ def correction(learnt: CalibratedMethod, compensator: ForceController, rig: Body
 
 
 def per_root(compensator: ForceController, rig: BodyRig) -> float:
-    """Return the current over the root of the force, A/N^(1/2), at half of the largest force.
-
-    It is held until eddy currents have died away.
-    """
+    """Return the current over the root of the force, A/N^(1/2), at half of the largest force."""
     force, held = 0.5 * rig.settings.tracking.force_max_N, compensator.fresh()
     for _ in range(round(HELD_S / rig.dt)):
         held.commit(held.solve(force, rig.gap), rig.gap)

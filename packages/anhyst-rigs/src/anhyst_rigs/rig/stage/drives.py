@@ -39,11 +39,6 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
     )
 
 
-def pushed_with(file: RigFile) -> list[float]:
-    """Return what all magnets can push with along each coordinate, either way, beside the weight."""
-    return [largest_push(file, way) for way in np.eye(len(file.body.free))]
-
-
 def largest_push(file: RigFile, way: FloatArray) -> float:
     """Return how many times such a wrench all magnets can make, either way, beside the weight."""
     layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
@@ -133,6 +128,7 @@ def watch_settings(rig: BodyRig) -> dict[str, float]:
     """Return by what a controller finds what is lost, and how it lands."""
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
     late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
+    others = without(rig.settings)
     down = LANDED * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
     return {
         "follow": 1.0 - math.exp(-rig.dt / late),
@@ -144,7 +140,5 @@ def watch_settings(rig: BodyRig) -> dict[str, float]:
         "jump": (table.head_m_per_s or 0.0) * rig.dt,
         "doubt": AXES_ODD * max(1, round(table.head_s / rig.dt)),
         "noisy": int(all(one.noise_m > one.step_m for one in rig.settings.position_sensors)),
-        "spare_heads": sum(
-            1 << one for one, rows in enumerate(without(rig.settings)) if rows.any()
-        ),
+        "spare_heads": sum(1 << one for one, rows in enumerate(others) if rows.any()),
     }

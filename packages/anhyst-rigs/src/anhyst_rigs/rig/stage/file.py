@@ -49,12 +49,11 @@ class StageRig(BodyRig):
         """
         file, body = self.settings, self.settings.body
         lines = [(one.position_m, one.direction, one.gap_m or file.gap_m) for one in file.placed]
+        ends = zip(axes_of(file), stops_of(file), strict=True)
+        heads = zip(heads_of(file), file.position_sensors, strict=True)
         along = file.scan.direction
         return BodyLines(
-            coordinates=[
-                Coordinate(axis, -end, end, 0.0)
-                for axis, end in zip(axes_of(file), stops_of(file), strict=True)
-            ],
+            coordinates=[Coordinate(axis, -end, end, 0.0) for axis, end in ends],
             magnets=[({"r": place, "d": way}, gap) for place, way, gap in lines],
             gap_sensors=[
                 ({"r": place, "d": [-one for one in way]}, gap) for place, way, gap in lines
@@ -63,12 +62,7 @@ class StageRig(BodyRig):
             force_along=along,
             load={"r": ORIGIN, "d": along},
             load_rest=0.0,
-            heads=[
-                ({"r": place, "d": direction}, sensor)
-                for (place, direction), sensor in zip(
-                    heads_of(file), file.position_sensors, strict=True
-                )
-            ],
+            heads=[({"r": place, "d": way}, sensor) for (place, way), sensor in heads],
         )
 
 

@@ -112,13 +112,8 @@ def pid(rig: BodyRig) -> dict[str, float]:
 
     numerator, denominator = bilinear(up), bilinear(down)
     b0, b1, b2 = (gain * one / denominator[0] for one in numerator)
-    return {
-        "b0": b0,
-        "b1": b1,
-        "b2": b2,
-        "a1": denominator[1] / denominator[0],
-        "a2": denominator[2] / denominator[0],
-    }
+    a1, a2 = (one / denominator[0] for one in denominator[1:])
+    return {"b0": b0, "b1": b1, "b2": b2, "a1": a1, "a2": a2}
 
 
 def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
@@ -226,10 +221,7 @@ def axes_controller(
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
     made = TrackingAxesF32 if setup.law == "f32" else TrackingAxes
     controller = made(
-        magnets,
-        wrench_layout(setup.rig.settings, kind, idle),
-        axes_rows(setup),
-        settings,
+        magnets, wrench_layout(setup.rig.settings, kind, idle), axes_rows(setup), settings
     )
     if setup.correction is not None:
         controller.correct(setup.correction)

@@ -33,15 +33,19 @@ WRENCH = ("N", "N_m")
 
 
 def recorded(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
-    """Return the columns of a recording, of the loop's own record.
-
-    They say what happened along the set-point, of every coordinate and of every magnet.
-    """
+    """Return the columns of a recording: along the set-point, of all coordinates and magnets."""
     file, n = rig.settings, len(run)
     reference, along, free = scenario.target[:n], scan_direction(file), file.body.free
     poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + scenario.frame[:n]
     errors = reference - poses
-    demand = np.column_stack([run[name] for name in of_axes("demand", free, WRENCH)]) @ along
+    wrench = of_axes("demand", free, WRENCH)
+    demand = np.column_stack([run[name] for name in wrench]) @ along
+    ticks, late = np.arange(n, dtype=float), rig.settings.timing.delay_ticks + 0.5
+    count = len(file.placed)
+    behind = range(count + 1, count + len(file.position_sensors) + 1)
+    heads = np.column_stack([run[column("gap_read", "m", number)] for number in behind])
+    read = seen_from(file, heads @ np.linalg.pinv(head_rows(file)).T, reference)
+    signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
     return {
         "t_s": run["t_s"],
         "reference_m": reference @ along,
@@ -49,28 +53,13 @@ def recorded(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, Floa
         "error_m": errors @ along,
         "demand_N": demand,
         "force_N": run["force_N"],
-        "force_error_N": _force_error(rig, run, demand),
+        # the force less what was demanded a delay earlier
+        "force_error_N": np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand)),
         **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
-        **{name: run[name] for name in of_magnets([("gap", "m"), *CURRENTS], 1, len(file.placed))},
-        **_axes_read(rig, run, reference),
-    }
-
-
-def _axes_read(rig: BodyRig, run: Recording, target: FloatArray) -> dict[str, FloatArray]:
-    """Return what the controller was given and asked for."""
-    file, count = rig.settings, len(rig.settings.placed)
-    signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
-    behind = range(count + 1, count + len(file.position_sensors) + 1)
-    heads = np.column_stack([run[column("gap_read", "m", number)] for number in behind])
-    poses = seen_from(file, heads @ np.linalg.pinv(head_rows(file)).T, target)
-    free = file.body.free
-    return {
+        **{name: run[name] for name in of_magnets([("gap", "m"), *CURRENTS], 1, count)},
         **{name: run[name] for name in of_magnets(signals, 1, count)},
-        **dict(zip(pose_columns(free), poses.T, strict=True)),
-        **{
-            name: run[own]
-            for name, own in zip(demand_columns(free), of_axes("demand", free, WRENCH), strict=True)
-        },
+        **dict(zip(pose_columns(free), read.T, strict=True)),
+        **{name: run[own] for name, own in zip(demand_columns(free), wrench, strict=True)},
     }
 
 
@@ -100,10 +89,3 @@ def pose_columns(free: Sequence[str]) -> list[str]:
 def demand_columns(free: Sequence[str], signal: str = "demand") -> list[str]:
     """Return the columns of a recording that hold the wrench that was demanded, or another one."""
     return [f"{signal}_{axis}_{WRENCH[unit_of(axis) == 'rad']}" for axis in free]
-
-
-def _force_error(rig: BodyRig, run: Recording, demand: FloatArray) -> FloatArray:
-    """Return the force less what was demanded a delay earlier, N."""
-    ticks = np.arange(len(run), dtype=float)
-    late = rig.settings.timing.delay_ticks + 0.5
-    return np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand))

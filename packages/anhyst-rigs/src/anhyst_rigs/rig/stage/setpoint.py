@@ -73,13 +73,11 @@ class SetPoint:
         corners = ((0.0, 1.0), (snap, -1.0), (jerk - snap, -1.0), (jerk, 1.0))
         power = order + 1
         whole = np.prod(np.arange(1, power + 1)) if power else 1.0
-        return np.asarray(
-            sum(
-                sign / snap * np.where(time >= at, np.maximum(time - at, 0.0) ** power, 0.0)
-                for at, sign in corners
-            )
-            / whole
+        parts = (
+            sign / snap * np.where(time >= at, np.maximum(time - at, 0.0) ** power, 0.0)
+            for at, sign in corners
         )
+        return np.asarray(sum(parts) / whole)
 
 
 def motion_of(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
@@ -109,9 +107,8 @@ class Course:
     def motion_at(self, tick: int, dt: float) -> tuple[float, float]:
         """Return speed, m/s, and acceleration, m/s2, at a tick of it."""
         around = self.position[max(tick - 1, 0) : tick + 2]
-        return float((around[-1] - around[0]) / ((around.size - 1) * dt)), float(
-            self.acceleration[tick]
-        )
+        speed = (around[-1] - around[0]) / ((around.size - 1) * dt)
+        return float(speed), float(self.acceleration[tick])
 
 
 def course_of(motion: SetPoint, dt: float, ahead: float) -> Course:

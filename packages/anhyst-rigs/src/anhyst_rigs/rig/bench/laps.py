@@ -1,0 +1,49 @@
+"""What benches of stages have in common: a set-point is followed over and over, in process."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+
+from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Fault, State
+from anhyst_rigs.rig.bench.protocol import Bench
+
+PIECE_S = 0.01
+"""After so long at most it is seen whether the loop was lost, s."""
+
+
+class LapBench(Bench):
+    """A stage that follows its set-point over and over."""
+
+    tick = 0
+    _state, _fault = State.READY, Fault.NONE
+
+    def advance(self, ticks: int) -> FloatArray:
+        """Compute some ticks, one after the other."""
+        parts, piece = [], max(1, round(PIECE_S * self.rate))
+        while ticks > 0:
+            if self._state is State.FAULT:
+                rows = self._lie(ticks)
+            else:
+                self._turn()
+                rows = self._run(min(ticks, piece))
+            parts.append(rows)
+            ticks -= len(rows)
+        return np.concatenate(parts)
+
+    @abstractmethod
+    def _lie(self, n: int) -> FloatArray:
+        """Return the rows of a stage that was lost: it is not simulated."""
+
+    @abstractmethod
+    def _turn(self) -> None:
+        """Put in force what was staged, if a lap is over or none is under way."""
+
+    @abstractmethod
+    def _run(self, n: int) -> FloatArray:
+        """Return the rows of at most so many ticks."""
+
+    def close(self) -> None:
+        """Nothing runs beside it."""
