@@ -58,11 +58,10 @@ class CellWeights:
 
     def __post_init__(self) -> None:
         for name in ("thresholds", "widths", "weights", "centres"):
-            if getattr(self, name) is None:
-                continue
-            values = np.ascontiguousarray(getattr(self, name), dtype=np.float64).copy()
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
+            if (given := getattr(self, name)) is not None:
+                values = np.ascontiguousarray(given, dtype=np.float64).copy()
+                values.flags.writeable = False
+                object.__setattr__(self, name, values)
         problem = self._misshapen() or self._out_of_range()
         if problem:
             raise ValueError(problem)
@@ -131,13 +130,9 @@ class CellWeights:
         self, plays: FloatArray, of: Callable[[Shape, FloatArray], FloatArray]
     ) -> FloatArray:
         """Return each curve at places of each cell, or its slope over place/width; (n + 1, J, m)."""
-        halves = [
-            of(
-                self.shape,
-                (plays[:, None, :] + side * self.middles[:, None]) / self.widths[:, None],
-            )
-            for side in ((-1.0, 1.0) if self.middles.any() else (1.0,))
-        ]
+        places, middles, widths = plays[:, None, :], self.middles[:, None], self.widths[:, None]
+        sides = (-1.0, 1.0) if self.middles.any() else (1.0,)
+        halves = [of(self.shape, (places + side * middles) / widths) for side in sides]
         return np.asarray(sum(halves) / len(halves))
 
     @property
@@ -189,14 +184,11 @@ def populations(
         if not all(np.isfinite(population)) or min(population) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
     cut = _cut(tuple(counting))
-    levels = cut.levels
-    magnetisation, width = reversible
-    weights = np.zeros((levels.size, 1 + len(counting)))
-    weights[0, 0] = magnetisation
-    for column, (population, shares) in enumerate(zip(counting, cut.shares, strict=True), start=1):
-        weights[1:, column] = population.magnetisation * shares
+    weights = np.zeros((cut.levels.size, 1 + len(counting)))
+    weights[0, 0], width = reversible
+    weights[1:, 1:] = (np.array([cell.magnetisation for cell in counting])[:, None] * cut.shares).T
     widths = np.array([width, *(cell.width for cell in counting)])
-    return CellWeights(levels, widths, weights, shape)
+    return CellWeights(cut.levels, widths, weights, shape)
 
 
 class Tangents(NamedTuple):
