@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from anhyst.data import Loops
+from anhyst.identification.bare import is_over_gap
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel
 from anhyst.identification.cross_validation import (
     AS_GOOD,
@@ -49,6 +50,11 @@ class ModelCandidate:
     cells: CellKernel | None = None  # play cells, in how many populations; None: the law of the run
     polished: bool = False  # whether every weight of the cells has moved by itself at the end
 
+    @property
+    def written_map(self) -> str:
+        """Gap map that a candidate has in a model file."""
+        return WRITTEN.get(self.gap_map, self.gap_map)
+
     def title(self, law: str) -> str:
         """Return the name for a report, with the gap map, in a run with this law."""
         if self.cells is None:
@@ -73,11 +79,11 @@ class ModelCandidate:
 def titles(candidates: Sequence[ModelCandidate], law: str) -> list[str]:
     """Return a name for each candidate, under its gap map; no two are the same."""
     names = [candidate.title(law) for candidate in candidates]
-    maps = [WRITTEN.get(candidate.gap_map, candidate.gap_map) for candidate in candidates]
-    alike = Counter(zip(names, maps, strict=True))
+    keys = [(name, each.written_map) for name, each in zip(names, candidates, strict=True)]
+    alike = Counter(keys)
     return [
-        ", ".join([name, *(candidate.details() if alike[name, gap_map] > 1 else ())])
-        for name, gap_map, candidate in zip(names, maps, candidates, strict=True)
+        ", ".join([key[0], *(candidate.details() if alike[key] > 1 else ())])
+        for key, candidate in zip(keys, candidates, strict=True)
     ]
 
 
@@ -133,11 +139,6 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
         candidates.append(ModelCandidate("reluctance", held))
         candidates += [ModelCandidate("leakage", held, rank=1)] if gaps >= 3 else []
     return candidates
-
-
-def is_over_gap(loopset: Loops) -> bool:
-    """Whether the loops are scheduled over a gap, which moves and does not change the iron."""
-    return loopset.schedule is not None and loopset.schedule.name == "gap"
 
 
 def cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandidate:
@@ -249,7 +250,9 @@ class Contest:
         tried = [entrant for entrant in self.entrants if self.is_tried(entrant, besides)]
         missed = {entrant: self.misses(entrant, besides) for entrant in tried}
         if not any(missed.values()):
-            simplest = min(self._simplest(), key=lambda entrant: self._cost(entrant, besides))
+            simplest = min(
+                self.entrants, key=lambda entrant: (entrant.rank, self._cost(entrant, besides))
+            )
             return self._replaced(simplest, self.entrants, besides)
         best = None
         for rank in sorted({entrant.rank for entrant in tried}):
@@ -271,12 +274,20 @@ class Contest:
         return best
 
     def _is_better(self, other: ModelCandidate, simple: ModelCandidate, besides: Fold) -> bool:
-        """Whether a candidate predicts better than a simpler one, by more than the scatter."""
+        """Whether a candidate predicts better than a simpler one, by more than the scatter.
+
+        Of blocks, also whether it is much better on both fitted and left-out data.
+        """
         pair = [simple, other]
         blocks = self.by == "block"
         certain = _CERTAIN if blocks and simple.cells else 1.0
         own, others = (_compared(self.misses(each, besides), pair) for each in pair)
-        return better(own, others, certain) or (blocks and self._plainly(simple, other, besides))
+        is_better = better(own, others, certain)
+        if is_better or not blocks:
+            return is_better
+        squares = [mean_square_of(self.misses(each, besides)) for each in pair]
+        costs = [self._cost(each, besides) for each in pair]
+        return bool(squares[0] > _PLAIN * squares[1] and costs[0] > _PLAIN * costs[1])
 
     def _should_replace(self, best: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
         """Whether another candidate fits several times better and predicts as well."""
@@ -299,16 +310,6 @@ class Contest:
         cost = self._cost(entrant, besides)
         return max(cost - self.noise, _LEAST_EXCESS * cost, EXACT**2)
 
-    def _plainly(self, entrant: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
-        """Whether another candidate is much better on both fitted and left-out data."""
-        squares = [mean_square_of(self.misses(each, besides)) for each in (entrant, other)]
-        costs = [self._cost(each, besides) for each in (entrant, other)]
-        return bool(squares[0] > _PLAIN * squares[1] and costs[0] > _PLAIN * costs[1])
-
-    def _simplest(self) -> list[ModelCandidate]:
-        least = min(entrant.rank for entrant in self.entrants)
-        return [entrant for entrant in self.entrants if entrant.rank == least]
-
     def _cost(self, entrant: ModelCandidate, besides: Fold) -> float:
         return self.refits[besides][entrant].cost if besides else self.fits[entrant].lean.cost
 
@@ -327,7 +328,7 @@ class Contest:
         for entrant in self.entrants if self.left_out else ():
             if (entrant.cells, entrant.polished) == (alike.cells, alike.polished):
                 error = mean_of(self.misses(entrant))
-                name = WRITTEN.get(entrant.gap_map, entrant.gap_map)
+                name = entrant.written_map
                 errors[name] = min(error, errors.get(name, np.inf))
         return errors
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -119,25 +118,18 @@ def block_places(records: FitRecords) -> tuple[int, ...]:
     return tuple(range(len(records.loops) * blocks_of(records)))
 
 
-def folds(indices: Sequence[int], together: int = 1) -> list[Fold]:
-    """Name what is left out in turn: each place or, to nest a choice, each pair of them."""
-    return [frozenset(some) for some in combinations(indices, together)]
-
-
 def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> Refit:
     """Fit without some gaps or loops, offsets and all, and predict them."""
     whole = wide.on(wide.space.records.thinned(FOLDED)).space
     groups = list(loopset.by_schedule().values())
-    blocks = blocks_of(whole.records)
+    blocks, kept = blocks_of(whole.records), np.arange(whole.size)
     if by == "gap":
         space, kept = whole.without(fold)
     elif by == "block":
-        records = whole.records.without_blocks(fold, blocks)
-        space, kept = replace(whole, records=records), np.arange(whole.size)
+        space = replace(whole, records=whole.records.without_blocks(fold, blocks))
     else:
         groups = [[loop] for group in groups for loop in group]
         space = replace(whole, records=whole.records.without_loops(fold))
-        kept = np.arange(whole.size)
     tolerance, most = (_TOLERANCE, _MOST) if whole.form.cells is None else (_ROUGH, _FEW)
     try:
         followed = follow(space, wide.theta[kept], tolerance, most, wide.tie)
@@ -157,11 +149,8 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
             for index in fold
         }
     except (InputError, NegativeResult):
-        nothing = {
-            left_out: Miss(np.inf, (np.inf,) * (1 if by == "block" else len(groups[left_out])))
-            for left_out in fold
-        }
-        return Refit(float("inf"), nothing)
+        sizes = {index: 1 if by == "block" else len(groups[index]) for index in fold}
+        return Refit(np.inf, {index: Miss(np.inf, (np.inf,) * n) for index, n in sizes.items()})
     return Refit(followed.cost, missed)
 
 
@@ -217,9 +206,7 @@ def better(simple: Sequence[Miss], complex_: Sequence[Miss], errors: float = 1.0
         return not np.isfinite(mean_of(simple)) and np.isfinite(mean_of(complex_))
     scatter = float(np.std(every, ddof=1)) / math.sqrt(every.size)
     if len(pairs) > 1:
-        gaps = [
-            float(np.mean([*mine, *theirs])) for mine, theirs in zip(left_out, outer, strict=True)
-        ]
+        gaps = [np.mean([*mine, *theirs]) for mine, theirs in zip(left_out, outer, strict=True)]
         scatter = max(scatter, float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)))
     least = (AS_GOOD - 1.0) * mean_square_of(complex_)
     everywhere = every.size >= _EVERYWHERE and bool(np.all(every > 0.0))
@@ -254,11 +241,6 @@ def noise_at(loopset: Loops) -> list[float]:
     ]
 
 
-def _without_noise(error: float, of_it: float) -> float:
-    """Take the noise of the sensor off a mean deviation; what is mostly noise says no more."""
-    return max(math.sqrt(max(error**2 - of_it**2, 0.0)), _LEAST * error)
-
-
 def promise(
     errors: Sequence[float], noises: Sequence[float], by: Literal["gap", "block"] = "gap"
 ) -> CrossValidation | None:
@@ -266,21 +248,22 @@ def promise(
 
     Or of one a block of samples, the error to expect at other samples of such loops.
     """
-    plain = [_without_noise(error, of_it) for error, of_it in zip(errors, noises, strict=True)]
-    left_out = np.asarray(plain, dtype=np.float64)
+    left_out = np.array(  # what is mostly noise says no more
+        [
+            max(math.sqrt(max(error**2 - of_it**2, 0.0)), _LEAST * error)
+            for error, of_it in zip(errors, noises, strict=True)
+        ]
+    )
     if not left_out.size or not np.isfinite(left_out).all() or left_out.min() <= 0.0:
         return None
     logs = np.log(left_out)
     freedom = _SEEN + left_out.size - 1.0
     variance = (_SEEN * SCATTER**2 + float(np.sum((logs - logs.mean()) ** 2))) / freedom
     reach = _student(freedom) * np.sqrt(variance * (1.0 + 1.0 / left_out.size))
-    middle = float(logs.mean())
+    low, high = np.exp(logs.mean() - reach), np.exp(logs.mean() + reach)
     return CrossValidation(
         error=float(left_out.mean()),
-        interval=(
-            float(np.exp(middle - reach) / (_DENSER if by == "gap" else 1.0)),
-            float(np.exp(middle + reach)),
-        ),
+        interval=(float(low / (_DENSER if by == "gap" else 1.0)), float(high)),
         folds=tuple(left_out.tolist()),
         left_out=by,
     )
