@@ -16,12 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from anhyst._core import Operator
 from anhyst.data.output_map import output_map
-from anhyst.identification.fit_records import FitRecord, FitRecords
+from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.response import Local, Responder, ResponseForm
 from anhyst.identification.screening import OMEGA_JUMP, follow_sets
 from anhyst.support.errors import NoResponseError
@@ -92,9 +93,16 @@ class Variables:
 
     def outward(self, theta: FloatArray) -> dict[str, FloatArray]:
         """Return the parameters at coordinates of shape (..., n): one array of shape (...) each."""
-        return {
-            name: _outward(name, theta[..., n], self.spans) for n, name in enumerate(self.names)
-        }
+        values = {}
+        for n, name in enumerate(self.names):
+            coordinate = theta[..., n]
+            if name in POSITIVE:
+                values[name] = np.exp(coordinate)
+            elif name == "alpha":
+                values[name] = _ALPHA * np.sinh(coordinate)
+            else:
+                values[name] = coordinate * self.spans[name]
+        return values
 
 
 def _inward(name: str, value: float, spans: Mapping[str, float]) -> float:
@@ -103,19 +111,13 @@ def _inward(name: str, value: float, spans: Mapping[str, float]) -> float:
     return float(np.arcsinh(value / _ALPHA)) if name == "alpha" else value / spans[name]
 
 
-def _outward(name: str, coordinate: FloatArray, spans: Mapping[str, float]) -> FloatArray:
-    if name in POSITIVE:
-        return np.exp(coordinate)
-    return _ALPHA * np.sinh(coordinate) if name == "alpha" else coordinate * spans[name]
-
-
 def variables_of(
     records: FitRecords, drive: Quantity, answer: Quantity, held: frozenset[str]
 ) -> tuple[Variables, Values]:
     """Choose what a search may vary, between which bounds, and what is known beforehand."""
     spans = {"c": 1.0, "in_0": records.input_span, "out_0": records.output_span}
     known = dict.fromkeys(held & set(OFFSETS), 0.0)
-    field, shape, pinning, saturation = _FIELD, _SHAPE, _PINNING, _SATURATION
+    shape, pinning, saturation = _SHAPE, _PINNING, _SATURATION
     if drive.name == "field":
         known["c_H"] = 1.0
         shape = pinning = (1e-3 * records.input_span, 3.0 * records.input_span)
@@ -129,7 +131,7 @@ def variables_of(
         "k": pinning,
         "alpha": _ALPHAS,
         "c": _REVERSIBLE,
-        "c_H": (field[0] / records.input_span, field[1] / records.input_span),
+        "c_H": (_FIELD[0] / records.input_span, _FIELD[1] / records.input_span),
         "c_out": (
             _REACHED[0] * records.output_span / (MU_0 * saturation[1]) ** power,
             _REACHED[1] * records.output_span / (MU_0 * saturation[0]) ** power,
@@ -138,9 +140,8 @@ def variables_of(
         "out_0": (-_OFFSET * records.output_span, _OFFSET * records.output_span),
     }
     names = tuple(name for name in (*SEVEN, *OFFSETS) if name not in known)
-    low = np.array([_inward(name, bounds[name][0], spans) for name in names])
-    high = np.array([_inward(name, bounds[name][1], spans) for name in names])
-    return Variables(names, low, high, spans), known
+    ends = [[_inward(name, end, spans) for end in bounds[name]] for name in names]
+    return Variables(names, *np.array(ends).T, spans), known
 
 
 def gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, FloatArray]:
@@ -240,9 +241,9 @@ class Criterion:
             key = (local.kappa, local.c, local.omega if self._form.kernel.coupled else 0.0)
             if self._built is None or self._built[0] != key:
                 self._built = (key, self._form.operator(local))
-            operator = self._built[1]
+            output = partial(self._responder.output, self._form, local, self._built[1])
             return sum(
-                share * self._off(local, operator, record)
+                share * float(np.abs(output(record) - record.output).sum())
                 for share, record in zip(self._shares, self._loops, strict=True)
             )
         except NoResponseError:
@@ -270,10 +271,6 @@ class Criterion:
         costs[sane] = criteria
         return costs
 
-    def _off(self, local: Local, operator: Operator, record: FitRecord) -> float:
-        output = self._responder.output(self._form, local, operator, record)
-        return float(np.abs(output - record.output).sum())
-
 
 def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
     """Criterion of eq. 16 for outputs that are known already."""
@@ -283,17 +280,13 @@ def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
 
 
 def simplex(
-    cost: Callable[[FloatArray], float],
-    variables: Variables,
-    start: FloatArray,
-    most: int,
-    step: float = 0.05,
+    cost: Callable[[FloatArray], float], variables: Variables, start: FloatArray, most: int
 ) -> tuple[FloatArray, float]:
     """Nelder and Mead's simplex, begun again at its end until that gains nothing more."""
     # Only here: importing it takes longer than the default search, which does without.
     from scipy.optimize import minimize
 
-    best, lowest = start, cost(start)
+    best, lowest, step = start, cost(start), 0.05
     span = variables.high - variables.low
     while most > variables.size + 1:
         corners = np.tile(best, (variables.size + 1, 1))
