@@ -141,7 +141,8 @@ def variables_of(
     }
     names = tuple(name for name in (*SEVEN, *OFFSETS) if name not in known)
     ends = [[_inward(name, end, spans) for end in bounds[name]] for name in names]
-    return Variables(names, *np.array(ends).T, spans), known
+    low, high = np.array(ends).T
+    return Variables(names, low, high, spans), known
 
 
 def gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, FloatArray]:
