@@ -30,11 +30,8 @@ from anhyst.model.schema import Uncertainty
 from anhyst.support.errors import InputError, NegativeResult, NowhereNearError
 from anhyst.support.numeric import FloatArray
 
-_OFFSET = 0.1
-"""Largest offset, in parts of the span."""
-
-_GAIN = 1e3
-"""How far the gain may go from that of the best straight line, either way."""
+_OFFSET = 0.1  # largest offset, in parts of the span
+_GAIN = 1e3  # how far the gain may go from that of the best straight line, either way
 
 
 @dataclass(frozen=True, slots=True)

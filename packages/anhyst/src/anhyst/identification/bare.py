@@ -39,11 +39,8 @@ from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, Quantity
 
-SATURATION = 1e6
-"""M_s where the data do not determine it, A/m."""
-
-AIR_CORE = 1e-3
-"""h where the data do not determine it: a/(M_s*(1 - alpha))."""
+SATURATION = 1e6  # M_s where the data do not determine it, A/m
+AIR_CORE = 1e-3  # h where the data do not determine it: a/(M_s*(1 - alpha))
 
 _ROUNDING = 1e-12
 """What rho keeps at the closed gap, so that rounding cannot make it negative there."""
@@ -132,8 +129,7 @@ def _at_one_gap(
     }
 
 
-_BETWEEN = 4
-"""Pieces between two gaps in which the curves of a model with leakage are drawn."""
+_BETWEEN = 4  # pieces between two gaps in which the curves of a model with leakage are drawn
 
 
 def model_of(fit: FoundModel, loopset: Loops) -> Model:
@@ -211,11 +207,8 @@ def valid_range(loopset: Loops) -> ValidRange:
 PARTS = (0.35, 0.2, 0.1, 0.05, 0.02)
 """Half-widths that are tried, in parts of the pinning k, the widest first."""
 
-COST = 1.03
-"""Factor by which the deviation from the loops may grow."""
-
-_TOLERANCE, _MOST = 1e-8, 40
-"""Of the fit with a dead band: it starts near its end."""
+COST = 1.03  # factor by which the deviation from the loops may grow
+_TOLERANCE, _MOST = 1e-8, 40  # of the fit with a dead band: it starts near its end
 
 
 def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:

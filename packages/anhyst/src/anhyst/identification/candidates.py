@@ -31,8 +31,7 @@ from anhyst.laws.cells import Shape
 from anhyst.model.left_over import EXACT
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 
-POPULATIONS = 3
-"""Of play cells that are tried, at most."""
+POPULATIONS = 3  # of play cells that are tried, at most
 
 _STEP = 10
 
@@ -192,8 +191,7 @@ _SEVERAL = 2.5
 """Rms deviation of a fit over that of another, both above the noise, from which on the other law is
 taken if it predicts what was withheld as well: a law that cannot follow the loops is the wrong one."""
 
-_LEAST_EXCESS = 0.1
-"""Part of a cost that is not taken for noise, however noisy the output is."""
+_LEAST_EXCESS = 0.1  # part of a cost that is not taken for noise, however noisy the output is
 
 FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
 """Errors of a fit that end a candidate, not the search."""

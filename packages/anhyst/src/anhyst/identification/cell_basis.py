@@ -16,22 +16,19 @@ from numpy.typing import NDArray
 from anhyst.laws.cells import CellWeights
 from anhyst.support.numeric import FloatArray
 
-PLAYS = 12
-"""Cells with a threshold: as many as a compiled compensator takes."""
+PLAYS = 12  # cells with a threshold: as many as a compiled compensator takes
 
 FINEST = 0.04
 """First threshold, in parts of the range of the input; the last is half of it. A finer one does what
 a lag does, and lets the inverse jump where the drive turns."""
 
-WIDTHS = (0.5, 1.0, 2.0, 8.0)
-"""Of the curves, in ranges of the input; the last is all but straight."""
+WIDTHS = (0.5, 1.0, 2.0, 8.0)  # of the curves, in ranges of the input; the last is all but straight
 
 SMOOTH = 1e-3
 """Weight of the second differences over the thresholds, in parts of the size of a column; neighbours
 that no sample distinguishes share what they have."""
 
-LEVELS = 20
-"""Thresholds of the grid, and its curves over the range of the input."""
+LEVELS = 20  # thresholds of the grid, and its curves over the range of the input
 
 OVERLAP = 0.7
 """Half-width of a curve on the grid, in steps. Equal weights then add up to a straight line."""
@@ -39,8 +36,7 @@ OVERLAP = 0.7
 GRID_SMOOTH = (1e-3, 1e-2, 5e-2)
 """Weights of the second differences on the grid; the error at withheld samples selects one."""
 
-FAR = 19.0
-"""Widths from the middle of a curve on, from which on it is 1 to the last digit."""
+FAR = 19.0  # widths from the middle of a curve on, from which on it is 1 to the last digit
 
 MIN_MOTION = 0.5
 """Least change of a curve, in parts of the largest change, from which on the loops move it. The tail

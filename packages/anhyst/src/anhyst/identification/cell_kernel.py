@@ -29,8 +29,7 @@ from anhyst.laws.law import FitNumber
 from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 
-EXACT = 1e-12
-"""Error of tables that a model is computed with, in parts of the saturation."""
+EXACT = 1e-12  # error of tables that a model is computed with, in parts of the saturation
 
 
 _STEEPER = 1.03
@@ -38,8 +37,7 @@ _STEEPER = 1.03
 with exact ones."""
 
 
-_AT_ONCE = np.zeros(1, dtype=np.int64)
-"""Where drives begin, of a single one."""
+_AT_ONCE = np.zeros(1, dtype=np.int64)  # where drives begin, of a single one
 
 
 class CellPath(NamedTuple):
@@ -118,11 +116,8 @@ def require_answer(status: int) -> None:
         raise NoResponseError(status_text(status))
 
 
-MOST_WIDTHS = 6
-"""With more, what the weights cost grows faster than what they gain."""
-
-SCALES = ("M_1", "a_1")
-"""Parameters of the first population, which weights and fields are taken in."""
+MOST_WIDTHS = 6  # with more, what the weights cost grows faster than what they gain
+SCALES = ("M_1", "a_1")  # parameters of the first population, which weights and fields are taken in
 
 LAW_OF: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
 """Law of play cells that follow a curve."""
@@ -130,8 +125,7 @@ LAW_OF: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-lan
 BESIDE, BEYOND = (0.6, 1.8), 2.0
 """Further widths of cells by their weights: over that of the first population, and of the others."""
 
-_LOOSE = 0.02
-"""Spread of a weight around that of the populations, in parts of all of them."""
+_LOOSE = 0.02  # spread of a weight around that of the populations, in parts of all of them
 
 _REVERSIBLE = (
     FitNumber("share_0", "M_0/M_1", 1e-4, 1e2, "log", usual=0.2),

@@ -24,20 +24,14 @@ from anhyst.support.units import MU_0
 MIDDLES = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 """Of the curves, in ranges of the input above its lowest value."""
 
-LAGS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
-"""In samples."""
+LAGS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # in samples
 
 LONGEST_AT_ONE_RATE = 1.0
 """Of these, where all loops run at about one rate: there a lag and a wider loop are all but the same."""
 
-RATES_APART = 3.0
-"""Fastest loop over slowest one from which on a lag is told from a wider loop."""
-
-CREEP = (1 / 200, 1 / 10, 2.0)
-"""Time constants, in parts of the longest record."""
-
-SLOWEST_SAMPLE = 3.0
-"""A time constant is this many samples at least."""
+RATES_APART = 3.0  # fastest loop over slowest one from which on a lag is told from a wider loop
+CREEP = (1 / 200, 1 / 10, 2.0)  # time constants, in parts of the longest record
+SLOWEST_SAMPLE = 3.0  # a time constant is this many samples at least
 
 STRAIGHT = 0.02
 """Share of the straight part in the mean slope. The model must have one; what is straight beyond is a
@@ -47,17 +41,10 @@ STRAY = 10.0
 """Deviation, in parts of the usual one, from which on a sample shows no loop but a spike, or that the
 amplifier was switched on."""
 
-REACHED = 0.98
-"""Of the way to the far end."""
-
-MOST_UNKNOWN = 0.3
-"""Of a record, that may be left out as its first rise."""
-
-FEW = 0.02
-"""Most samples that may be left out as such."""
-
-MOST_SAMPLES = 20_000
-"""That are fitted."""
+REACHED = 0.98  # of the way to the far end
+MOST_UNKNOWN = 0.3  # of a record, that may be left out as its first rise
+FEW = 0.02  # most samples that may be left out as such
+MOST_SAMPLES = 20_000  # that are fitted
 
 NOISE = 1.1
 """Deviation, in parts of the noise, up to which the noise explains it and no grid is tried."""
@@ -69,11 +56,8 @@ BLOCKS = 20
 """Blocks of a record that are withheld together. With fewer, a fold lacks whole branches; a grid then
 has to extrapolate, and its error says nothing about other records."""
 
-MIN_LOOPS = 3
-"""Loops from which on whole loops are withheld."""
-
-CENTRED = 0.1
-"""Middle of the range of the input, in parts of it, up to which an even grid is tried."""
+MIN_LOOPS = 3  # loops from which on whole loops are withheld
+CENTRED = 0.1  # middle of the range of the input, in parts of it, up to which an even grid is tried
 
 LAW = "play-cells"
 

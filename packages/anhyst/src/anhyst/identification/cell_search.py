@@ -32,20 +32,11 @@ _ROUGH, COARSE, FINE = 16, 40, 100
 """Samples of a loop on which starts are compared, on which they descend, and on which the last ones
 come to their end, at most."""
 
-_NEAR = 1e-8
-"""Error of the tables that fits are compared with, in parts of the saturation."""
-
-_DRAWN = 48
-"""Starts drawn at a time."""
-
-_ROUNDS = 2
-"""Times that starts are drawn, at most."""
-
-_TRIED, _FOLLOWED, _ENDED = 12, 4, 2
-"""Starts that descend a little, further, and to their end."""
-
-_POLISHED = 8
-"""Steps in which every weight moves by itself, at most."""
+_NEAR = 1e-8  # error of the tables that fits are compared with, in parts of the saturation
+_DRAWN = 48  # starts drawn at a time
+_ROUNDS = 2  # times that starts are drawn, at most
+_TRIED, _FOLLOWED, _ENDED = 12, 4, 2  # starts that descend a little, further, and to their end
+_POLISHED = 8  # steps in which every weight moves by itself, at most
 
 _END = (1e-5, 60)
 """Gain of a step, in parts of the cost, with which a descent has come to its end, and steps at most."""
@@ -56,17 +47,13 @@ _PACE, _PATIENT = ((6, 20), _END), ((15, 40), (1e-7, 200))
 _FEW = 2
 """Loops that are few: what they leave open is long flat valleys, where descents seem to have ended."""
 
-_FURTHER = 0.8
-"""Cost over that of ends that agree, from which on those were none."""
-
-_AGREE = 1.1
-"""Cost over the least one up to which an end agrees with the best."""
+_FURTHER = 0.8  # cost over that of ends that agree, from which on those were none
+_AGREE = 1.1  # cost over the least one up to which an end agrees with the best
 
 _SAME = 0.02
 """Distance of two ends, in any coordinate, from which on they are not on their way to the same."""
 
-_FAR = 2.0
-"""Cost over the least one so far that a further descent must be able to come below."""
+_FAR = 2.0  # cost over the least one so far that a further descent must be able to come below
 
 _PINNINGS = (1.0, 0.4)
 """Thresholds over the pinning ``k`` of a law of Jiles and Atherton."""
@@ -99,8 +86,7 @@ _WIDTHS, _PINNED = (0.3, 0.6, 1.0, 2.0, 5.0), (0.1, 0.3, 1.0, 3.0)
 _SMALL, _SHARES = 0.03, (0.05, 1.0)
 """Share of a further population by which its effect is computed; and with which it starts."""
 
-_SUGGESTED = 8
-"""Further populations that are tried after one fit."""
+_SUGGESTED = 8  # further populations that are tried after one fit
 
 _SPLIT = (0.6, 1.0)
 """Widths of a population that splits off another: nothing is gained to first order, so the residual

@@ -23,17 +23,10 @@ from anhyst.identification.run import Outcome
 from anhyst.model.actuator import Model
 from anhyst.model.schema import CandidateFit, Uncertainty
 
-WORTH = 0.98
-"""Deviation, in parts of that without, from which on lag or creep say nothing."""
-
-ALIKE = 0.995
-"""The same of a shorter lag: of lags that do as well, the shortest."""
-
-ROUNDS = 3
-"""Creep follows what the last round found."""
-
-HOLDS = 1.5
-"""Deviation, in parts of that of the slowest loops, up to which a model holds at a rate."""
+WORTH = 0.98  # deviation, in parts of that without, from which on lag or creep say nothing
+ALIKE = 0.995  # the same of a shorter lag: of lags that do as well, the shortest
+ROUNDS = 3  # creep follows what the last round found
+HOLDS = 1.5  # deviation, in parts of that of the slowest loops, up to which a model holds at a rate
 
 GRID_WORTH = 0.7
 """Error at withheld samples, in parts of that of few curves, up to which the grid is kept. Few curves

@@ -26,8 +26,7 @@ from anhyst.model.schema import CrossValidation
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
 
-Fold = frozenset[int]
-"""Places of the gaps, loops, or blocks of samples that are left out together."""
+Fold = frozenset[int]  # places of the gaps, loops, or blocks of samples that are left out together
 
 LeftOut = Literal["gap", "loop", "block"]
 
@@ -37,20 +36,14 @@ _BLOCKS = {1: 6, 2: 4}
 _THIRD = 1.0 / 9.0
 """Mean square over another's, from which on what is better everywhere needs no small scatter."""
 
-_EVERYWHERE = 4
-"""Places at least that count as everywhere."""
-
-AS_GOOD = 1.02
-"""A cross-validation error within this factor of the least counts as equal to it."""
+_EVERYWHERE = 4  # places at least that count as everywhere
+AS_GOOD = 1.02  # a cross-validation error within this factor of the least counts as equal to it
 
 _NO_WORSE = 1.05
 """Factor within which a cross-validation error may rise where the loops as a whole fall."""
 
-_UNSEEN = 1e-8
-"""Mean square, in parts of the largest output squared, that no sensor sees."""
-
-FOLDED = 160
-"""Samples of a loop that a fit without some of the gaps looks at, at most."""
+_UNSEEN = 1e-8  # mean square, in parts of the largest output squared, that no sensor sees
+FOLDED = 160  # samples of a loop that a fit without some of the gaps looks at, at most
 
 _TOLERANCE, _MOST = 1e-5, 25
 _ROUGH, _FEW = 1e-4, 8
@@ -66,8 +59,7 @@ _DENSER = 1.5
 """How much less than foreseen the deviation may be beside: a gap is left out among neighbours twice
 as far apart as those it is predicted from in use."""
 
-_LEAST = 0.3
-"""Part of a mean deviation that is not taken for noise, however noisy the output is."""
+_LEAST = 0.3  # part of a mean deviation that is not taken for noise, however noisy the output is
 
 
 @dataclass(frozen=True, slots=True)

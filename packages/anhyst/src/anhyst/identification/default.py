@@ -24,8 +24,7 @@ from anhyst.identification.screening import cost_at_gap, scan_gap, starts
 from anhyst.identification.space import CoordinateSpace
 from anhyst.support.numeric import FloatArray
 
-_PATIENT = 5
-"""Steps after which the pace of a descent says how far it comes."""
+_PATIENT = 5  # steps after which the pace of a descent says how far it comes
 
 
 def _step(linear: Linear, free: NDArray[np.bool_], damping: float) -> FloatArray:
@@ -104,17 +103,10 @@ KEPT = 3
 TIED = frozenset({"circuit", "free"})
 """Maps with more to each gap than its loops determine, so that neighbouring gaps are tied."""
 
-TIE = 3e-3
-"""Weight of the ties of such a map, relative to the cost of the fit without them."""
-
-COMPARED = (1e-7, 200)
-"""Tolerance and evaluations, at most, of a fit that is compared with others."""
-
-TO_END = (1e-8, 50)
-"""The same of the one that is chosen."""
-
-_SHORT = 6
-"""Evaluations of a first descent: enough to distinguish a good valley from a bad one."""
+TIE = 3e-3  # weight of the ties of such a map, relative to the cost of the fit without them
+COMPARED = (1e-7, 200)  # tolerance and evaluations, at most, of a fit that is compared with others
+TO_END = (1e-8, 50)  # the same of the one that is chosen
+_SHORT = 6  # evaluations of a first descent: enough to distinguish a good valley from a bad one
 
 
 @dataclass(frozen=True, eq=False)

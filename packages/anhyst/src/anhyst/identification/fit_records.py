@@ -17,23 +17,18 @@ from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-AT_REST = 0.01
-"""A smallest input below this share of the largest counts as zero."""
+AT_REST = 0.01  # a smallest input below this share of the largest counts as zero
 
 _SAME = 1e-3
 """Readings this near to each other, in parts of the largest, were taken at the same rest; an
 offset smaller than this is none."""
 
 _REST_BAND = 0.005
-_MIN_REST_SHARE = 0.08
-"""A drive rests if this share of its samples is within a band of the lowest."""
+_MIN_REST_SHARE = 0.08  # a drive rests if this share of its samples is within a band of the lowest
 _ROUND = 1.2
 """A reversal is round if one curve across it has at most this part of the misfit of two."""
-_TIP_SHARE = 12
-"""The curves beside a reversal are fitted over this part of a branch."""
-
-_SURE = 3.0
-"""An offset is taken from this many standard errors on."""
+_TIP_SHARE = 12  # the curves beside a reversal are fitted over this part of a branch
+_SURE = 3.0  # an offset is taken from this many standard errors on
 
 
 @dataclass(frozen=True, slots=True)

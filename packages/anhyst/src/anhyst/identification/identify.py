@@ -44,8 +44,7 @@ from anhyst.support.wording import worded
 
 SEARCHES = ("default", "paper")
 
-AUTO = "auto"
-"""Of laws and gap maps: which one, is found out."""
+AUTO = "auto"  # of laws and gap maps: which one, is found out
 
 
 def identify(

@@ -164,8 +164,7 @@ _PIECE = 20_000
 """Samples of which derivatives are held at once: a long record must not cost memory by its length
 times its numbers. A law of Jiles and Atherton, with few numbers, needs its cycle whole to close it."""
 
-IMPOSSIBLE = 10.0
-"""Deviation, in units of the largest output, where the law has no answer."""
+IMPOSSIBLE = 10.0  # deviation, in units of the largest output, where the law has no answer
 
 
 @dataclass(frozen=True, eq=False)

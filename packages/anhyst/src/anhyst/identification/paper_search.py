@@ -40,14 +40,9 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 PARENTS = 15
-CHILDREN = 105
-"""Seven children for a parent, Schwefel's advice for self-adaptation."""
-
-_FIRST_STEP = 0.2
-"""First step size, in parts of the range of a variable."""
-
-_LEAST_STEP = 1e-9
-"""Smallest step size, in parts of the range: below it nothing moves any more."""
+CHILDREN = 105  # seven children for a parent, Schwefel's advice for self-adaptation
+_FIRST_STEP = 0.2  # first step size, in parts of the range of a variable
+_LEAST_STEP = 1e-9  # smallest step size, in parts of the range: below it nothing moves any more
 
 
 def reflected(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:

@@ -166,8 +166,7 @@ def _spread(name: str, values: Sequence[float]) -> float:
 LAST = {"auto": None, "scaling": "c_H", "reluctance": "alpha"}
 """Which parameter a wanted gap map keeps to the last; ``free`` makes no reduction."""
 
-_ALIKE = 1.01
-"""Rise of the cost up to which a model in another form counts as the same."""
+_ALIKE = 1.01  # rise of the cost up to which a model in another form counts as the same
 
 
 def search_paper(

@@ -36,23 +36,12 @@ SEVEN = ("M_s", "a", "alpha", "k", "c", "c_H", "c_out")
 POSITIVE = frozenset({"M_s", "a", "k", "c_H", "c_out"})
 OFFSETS = ("in_0", "out_0")
 
-_ALPHA = 1e-3
-"""Size at which the coordinate of alpha turns from linear to logarithmic."""
-
-_SATURATION = (2e5, 2e6)
-"""M_s from ferrite to cobalt iron, A/m."""
-
-_SHAPE = (1.0, 3e4)
-"""a from soft iron to an iron that looks sheared by its gap, A/m."""
-
-_PINNING = (0.05, 3e4)
-"""k likewise, from loops that are hardly open, A/m."""
-
-_FIELD = (30.0, 3e5)
-"""Largest field c_H may make of the largest input, A/m."""
-
-_REACHED = (1.0, 100.0)
-"""Output at saturation in parts of the largest output measured."""
+_ALPHA = 1e-3  # size at which the coordinate of alpha turns from linear to logarithmic
+_SATURATION = (2e5, 2e6)  # M_s from ferrite to cobalt iron, A/m
+_SHAPE = (1.0, 3e4)  # a from soft iron to an iron that looks sheared by its gap, A/m
+_PINNING = (0.05, 3e4)  # k likewise, from loops that are hardly open, A/m
+_FIELD = (30.0, 3e5)  # largest field c_H may make of the largest input, A/m
+_REACHED = (1.0, 100.0)  # output at saturation in parts of the largest output measured
 
 _ALPHAS = (-0.5, 0.05)
 """From the demagnetising share of a wide gap to the interaction where jumps begin."""
@@ -214,11 +203,8 @@ def in_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) ->
     return moved
 
 
-IMPOSSIBLE = 10.0
-"""Cost where the law has no answer."""
-
-_KAPPA = (2e-3, 5e2)
-"""Pinning over shape that the tables of the core are made for."""
+IMPOSSIBLE = 10.0  # cost where the law has no answer
+_KAPPA = (2e-3, 5e2)  # pinning over shape that the tables of the core are made for
 
 
 class Criterion:

@@ -23,14 +23,12 @@ from anhyst.model.predict import as_history, initial_state
 from anhyst.model.schema import Uncertainty
 from anhyst.support.numeric import FloatArray
 
-COUNTS = (1, 2, 3, 4)
-"""Layers that are tried; 1 is a lag of the flux."""
+COUNTS = (1, 2, 3, 4)  # layers that are tried; 1 is a lag of the flux
 
 WORTH = 0.9
 """What is missed, in parts of that without rate or with fewer layers, from which on these are taken."""
 
-SAMPLES = 120
-"""Of a loop, that are fitted, at most."""
+SAMPLES = 120  # of a loop, that are fitted, at most
 
 SETTLED, MOST_CYCLES = 1e-6, 40
 """A cycle is closed for a fit when its state returns this well, in parts of the law's scale."""
@@ -39,8 +37,7 @@ TRIED = np.geomspace(0.003, 3.0, 8)
 """Values of ``gamma`` that a fit may start from, in parts of the one whose field, at the rate of the
 fastest loops, is as large as the drive."""
 
-SHEETS = 0.2
-"""Share of the path in sheets that a fit starts from."""
+SHEETS = 0.2  # share of the path in sheets that a fit starts from
 
 PEELED = 0.3
 """Root mean square of what rate does to the slow loops, in parts of what the static model leaves of

@@ -32,28 +32,19 @@ from anhyst.laws.cells import Shape
 from anhyst.support.errors import InputError, NowhereNearError
 from anhyst.support.numeric import FloatArray
 
-VARIABLE = "ANHYST_DISPATCH"
-"""Environment variable that forces an instruction set on the batch."""
-
-OMEGA_JUMP = 3.0
-"""At omega = -3 the law may begin to jump; the batch does not follow it there."""
+VARIABLE = "ANHYST_DISPATCH"  # environment variable that forces an instruction set on the batch
+OMEGA_JUMP = 3.0  # at omega = -3 the law may begin to jump; the batch does not follow it there
 
 _ALMOST_JUMPING = -2.95
 
-_SCAN = 32
-"""Values tried for a parameter at one gap."""
-
-_WARM_UP = 2
-"""Repetitions before a settled cycle is compared; enough to rank sets."""
-
-_BIAS = 1.5
-"""Largest offset of the input that is drawn, in parts of the largest input."""
+_SCAN = 32  # values tried for a parameter at one gap
+_WARM_UP = 2  # repetitions before a settled cycle is compared; enough to rank sets
+_BIAS = 1.5  # largest offset of the input that is drawn, in parts of the largest input
 
 _BOTH_SIDES = 0.3
 """How far the other way an input goes at least, in parts of the way that it goes further."""
 
-_THIN = 64
-"""Samples a loop at the screening, at most."""
+_THIN = 64  # samples a loop at the screening, at most
 
 
 def batch_level() -> str:
@@ -250,12 +241,10 @@ SLOPES: dict[Shape, float] = {"tanh": 1.0, "langevin": 1.0 / 3.0}
 _REACH = (0.4, 8.0)
 """Largest effective field, in widths of the first population that the slope at its middle gives."""
 
-_PINNED = (0.02, 1.0)
-"""Pinning of a population, in parts of the largest effective field."""
+_PINNED = (0.02, 1.0)  # pinning of a population, in parts of the largest effective field
 
 _SPREAD = (0.7, 5.0)
-_REVERSIBLE = (0.02, 1.5)
-"""Share of the reversible part, of the first population."""
+_REVERSIBLE = (0.02, 1.5)  # share of the reversible part, of the first population
 
 _REVERSIBLE_WIDTH = (0.3, 6.0)
 _SHARE = (0.1, 1.5)
@@ -266,8 +255,7 @@ _BEHIND_GAP, _CLOSED = (0.02, 0.9), (0.3, 4.0)
 """Part of the drive that the iron takes behind a gap; and without one, where interaction of the iron
 may add to the drive."""
 
-_BEFORE_JUMPS = 0.8
-"""Interaction, in parts of that at which the magnetisation would jump, at most."""
+_BEFORE_JUMPS = 0.8  # interaction, in parts of that at which the magnetisation would jump, at most
 
 _CURVE = 200
 

@@ -55,8 +55,7 @@ LEAKAGE = FitNumber(
 
 _LEAST_OMEGA = 1e-6
 
-LEAST_GAP_FLUX = 0.05
-"""Part of the iron's flux that passes the gap, at least."""
+LEAST_GAP_FLUX = 0.05  # part of the iron's flux that passes the gap, at least
 
 AROUND = (
     FitNumber("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),

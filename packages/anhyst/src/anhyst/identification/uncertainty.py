@@ -31,14 +31,12 @@ from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.units import MU_0
 
-_LOOSE = 0.2
-"""Relative standard deviation above which a number is called loose."""
+_LOOSE = 0.2  # relative standard deviation above which a number is called loose
 
 _NAMED = 6
 """Loose numbers that are named one by one, at most: of many only all together mean something."""
 
-_TIED = 0.95
-"""Correlation above which two numbers are determined only together."""
+_TIED = 0.95  # correlation above which two numbers are determined only together
 
 
 def memory(deviations: FloatArray) -> float:
@@ -177,8 +175,7 @@ OFFSETS = frozenset({"in_0", "out_0"})
 USUAL = 0.01
 """Standard deviation of the offsets that sensors have, in parts of the range: seldom more."""
 
-AT_REST = 5e-4
-"""Least uncertainty of a reading at rest, in parts of the range."""
+AT_REST = 5e-4  # least uncertainty of a reading at rest, in parts of the range
 
 _UNBELIEVED = 25.0
 """What an unusual offset costs at most, and what contradicting a reading at rest costs, in twice

@@ -26,14 +26,12 @@ Shape = Literal["tanh", "langevin"]
 
 SHAPES: tuple[Shape, ...] = ("tanh", "langevin")
 
-PINNED = 12
-"""Cells with a threshold that populations are cut into."""
+PINNED = 12  # cells with a threshold that populations are cut into
 
 LEAST_THRESHOLD, LARGEST_THRESHOLD = 0.2, 2.0
 """First and last threshold, in parts of the smallest and of the largest pinning scale."""
 
-MOST_CELLS = 64
-"""As many as the core takes, the one without threshold included."""
+MOST_CELLS = 64  # as many as the core takes, the one without threshold included
 
 
 class Population(NamedTuple):
@@ -227,8 +225,7 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     return Tangents(weights, widths, thresholds)
 
 
-PLACES = 2001
-"""Fields at which the steepest path is looked for."""
+PLACES = 2001  # fields at which the steepest path is looked for
 
 
 def curve_value(shape: Shape, part: FloatArray) -> FloatArray:

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 POPULATIONS = 3
 
-STATES = 13
-"""Numbers of the state: the effective field and the places of the pinned cells, A/m."""
+STATES = 13  # numbers of the state: the effective field and the places of the pinned cells, A/m
 
 
 _OF_POPULATION: tuple[tuple[str, str, str, float, tuple[float, float], Role], ...] = (
