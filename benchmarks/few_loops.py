@@ -12,7 +12,8 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
@@ -26,7 +27,7 @@ from anhyst.data import Loop, Loops
 from anhyst.data.verdict import largest_output
 from anhyst.identification import candidates, choice, identify
 from anhyst.identification.bare import model_of
-from anhyst.identification.candidates import Contest, ModelCandidate
+from anhyst.identification.candidates import ModelCandidate
 from anhyst.support.errors import InputError, NegativeResult
 from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
 from drawn_irons import answers
@@ -56,8 +57,8 @@ class Tried:
 
 
 class _Compared(Exception):  # noqa: N818  # no error: all that is wanted is there
-    def __init__(self, all_of_it: Contest, loops: Loops) -> None:
-        self.contest, self.loops = all_of_it, loops
+    def __init__(self, made: choice.Choice) -> None:
+        self.made = made
 
 
 def draws(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
@@ -110,24 +111,24 @@ def _without(loop: Loop, place: int) -> Loop:
 
 def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
     """Compare all laws; None where the first leaves only noise."""
-    compare: Callable[..., ModelCandidate] = choice._compare_cells
+    compare = choice.Choice.compare_cells
 
-    def stop(run: Any, some: Loops, all_of_it: Contest, *others: Any) -> None:
-        compare(run, some, all_of_it, *others)
-        raise _Compared(all_of_it, some)
+    def stop(made: choice.Choice, base: ModelCandidate) -> None:
+        compare(made, base)
+        raise _Compared(made)
 
     try:
-        with mock.patch.object(choice, "_compare_cells", stop):
+        with mock.patch.object(choice.Choice, "compare_cells", stop):
             identify(loops)
     except _Compared as end:
-        return _judged(end.contest, end.loops, tests)
+        return _judged(end.made, tests)
     except (InputError, NegativeResult):
         pass
     return None
 
 
-def _judged(all_of_it: Contest, loops: Loops, tests: Sequence[drawn.Test]) -> Tried:
-    missed = {}
+def _judged(made: choice.Choice, tests: Sequence[drawn.Test]) -> Tried:
+    missed, all_of_it, loops = {}, made.contest, made.loopset
     for one in all_of_it.entrants:
         model = model_of(all_of_it.fits[one].lean, loops)
         off = [deviation(model, test) for test in tests if test.kind in {"other", "unseen"}]
@@ -135,8 +136,9 @@ def _judged(all_of_it: Contest, loops: Loops, tests: Sequence[drawn.Test]) -> Tr
     chosen = {}
     for name, settings in RULES.items():
         with mock.patch.multiple(candidates, **settings):
-            again = replace(all_of_it, entrants=list(all_of_it.entrants))
-            chosen[name] = choice._accepted(again, loops)
+            again = copy(made)
+            again.contest = replace(all_of_it, entrants=list(all_of_it.entrants))
+            chosen[name] = again.accepted()
     return Tried(
         {name: f"{one.title('effective-field')}, {one.gap_map}" for name, one in chosen.items()},
         {name: missed[one] for name, one in chosen.items()},

@@ -170,7 +170,7 @@ def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray
                 break
             sets.append(there[0])
         else:
-            return space.pack([form.with_h(one) for one in sets])
+            return space.pack([form.local([*form.values(one).values()]) for one in sets])
     return None
 
 

@@ -78,7 +78,7 @@ def main(path: Path) -> None:
             theta[names[0]] = pinned
             theta[names[1]] += width - middle[1]
             held = _Held(space).pull_to(names, theta[names].tolist())
-            cost[i, j] = descend(held, theta, 1e-4, 12).cost
+            cost[i, j] = descend(held, theta, 1e-4, 12)[1]
     figure, axes = plt.subplots(figsize=(7.0, 4.6), layout="constrained")
     percent = 100.0 * np.sqrt(np.minimum(cost, 1.0))
     levels = np.geomspace(percent.min() * 1.001, 20.0, 24)

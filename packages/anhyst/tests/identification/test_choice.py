@@ -317,15 +317,16 @@ def bent_loops() -> Loops:
 def test_identify_drops_a_candidate_that_fails_and_names_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    fit = cell_search._fit
+    fit = cell_search.CellSearch._fit
 
-    def break_one(levels: cell_search._Levels, *others: Any) -> list[FoundModel]:
-        kernel = levels.fine.form.cells
-        if kernel is not None and kernel.shape == "tanh":
+    def break_one(
+        search: cell_search.CellSearch, levels: cell_search._Levels, *others: Any
+    ) -> list[FoundModel]:
+        if levels.kernel.shape == "tanh":
             raise NoResponseError("the magnetisation may jump")
-        return fit(levels, *others)
+        return fit(search, levels, *others)
 
-    monkeypatch.setattr(cell_search, "_fit", break_one)
+    monkeypatch.setattr(cell_search.CellSearch, "_fit", break_one)
     candidates = fit_of(identify(bent_loops())).candidates
     (failed,) = (one for one in candidates if one.note.startswith("dropped"))
     assert failed.law == "play-cells, 1 population"

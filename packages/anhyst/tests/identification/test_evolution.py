@@ -70,8 +70,8 @@ def test_asking_twice_gives_the_same_generation() -> None:
 
 
 def step_sizes(evolved: EvolutionStrategy) -> FloatArray:
-    """Geometric mean step size of the parents, in parts of the range."""
-    relative = evolved._parents_sigma / (evolved._high - evolved._low)
+    """Geometric mean step size of the children, in parts of the range."""
+    relative = evolved._sigma / (evolved._high - evolved._low)
     return np.asarray(np.exp(np.log(relative).mean(axis=0)))
 
 

@@ -10,7 +10,7 @@ import pytest
 from anhyst.data import Loop, Loops
 from anhyst.identification import identify
 from anhyst.identification.bare import form_of
-from anhyst.identification.default import Evaluation, follow
+from anhyst.identification.default import follow
 from anhyst.identification.fit_records import WEIGHTINGS, FitRecords, records_of
 from anhyst.identification.objective import Objective
 from anhyst.identification.response import LOCAL, Local
@@ -120,14 +120,13 @@ def test_the_law_of_1986_is_differentiated_numerically() -> None:
     truth = core("jiles-atherton-1986")
     space = space_of(truth, "none", loops_of(truth, "demagnetised", samples=40))
     objective = Objective(space)
-    evaluation = Evaluation(objective)
     theta = near(space, truth, seed=2)
     expected = central_differences(objective, theta, 3e-6)
-    found = evaluation.differences(theta)
+    found = objective.differences(theta)
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
     at_bound = theta.copy()
     at_bound[1] = space.bounds[0][1]
-    assert np.isfinite(evaluation.differences(at_bound)).all()
+    assert np.isfinite(objective.differences(at_bound)).all()
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -286,7 +285,7 @@ def test_the_screening_ranks_as_the_objective_does(biased: bool) -> None:
     objective = Objective(space)
     exact = []
     for kappa, c, omega, scale, in_0, size, lift in np.vstack([sets, gain, out_0]).T:
-        local = form.with_h(Local((kappa, c), omega, scale, size, in_0, lift, 0.0))
+        local = form.local([kappa, c, omega, scale, size, in_0, lift])
         off = (objective.outputs([local]) - objective.measured) * objective.weights
         exact.append(float(off @ off))
     usable = np.isfinite(cost)

@@ -228,7 +228,7 @@ def test_sheets_measured_at_three_speeds_get_no_layers() -> None:
     assert speeds is not None
     still = truth(gamma=0.0)
     end = fit_rate(still, loops, speeds)
-    assert not end.pays
+    assert not end.model.has_eddy_currents
     assert end.model is still
 
 
@@ -238,7 +238,7 @@ def test_layers_are_found_from_one_fast_speed_by_gaps_left_out() -> None:
     speeds = speeds_of(some)
     assert speeds is not None
     end = fit_rate(truth().at_rest, some, speeds)
-    assert end.pays
+    assert end.model.has_eddy_currents
     assert 0.0 < end.std < 0.2
     assert missed(end.model, 20.0, 3.9e-4) < 0.01
 
@@ -263,7 +263,7 @@ def test_a_coupling_that_jumps_alone_becomes_the_reluctance_that_is_the_same_at_
     speeds = speeds_of(loops)
     assert speeds is not None
     end = fit_rate(still, loops, speeds)
-    assert end.pays
+    assert end.model.has_eddy_currents
     assert end.model.parameters["alpha"] == 0.0
     assert end.model.parameters["rho"] == pytest.approx((2.7e-3, 4.4e-3))
     drive = triangle(100)

@@ -119,7 +119,7 @@ def check_same_outputs(
 ) -> Model:
     quantities = (QUANTITIES[names[0]], QUANTITIES[names[1]])
     space = space_of(form_of(*quantities, law), gap_map, len(sets))
-    sets = [space.form.with_h(one) for one in sets]
+    sets = [space.form.local([*space.form.values(one).values()]) for one in sets]
     assume(all(one.h * one.omega < 0.9 for one in sets))
     try:
         expected = fitted(space, sets)

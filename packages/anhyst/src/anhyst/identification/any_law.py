@@ -7,7 +7,7 @@ Along the redundancies of docs/theory.md ``c_H`` is 1 at the first gap, unless i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,7 +15,10 @@ import numpy as np
 
 from anhyst.data import Loops
 from anhyst.data.output_map import output_map
+from anhyst.identification.bare import is_over_gap
+from anhyst.identification.default import KEPT, SCREENED
 from anhyst.identification.fit_records import FitRecords
+from anhyst.identification.objective import IMPOSSIBLE
 from anhyst.identification.run import Outcome
 from anhyst.identification.screening import evenly
 from anhyst.identification.uncertainty import memory, statements
@@ -27,17 +30,8 @@ from anhyst.model.schema import Uncertainty
 from anhyst.support.errors import InputError, NegativeResult, NowhereNearError
 from anhyst.support.numeric import FloatArray
 
-SCREENED = 256
-KEPT = 3
-
-_IMPOSSIBLE = 10.0
-"""Deviation, in units of the largest output, where the law has no answer."""
-
-_OFFSET = 0.1
-"""Largest offset, in parts of the span."""
-
-_GAIN = 1e3
-"""How far the gain may go from that of the best straight line, either way."""
+_OFFSET = 0.1  # largest offset, in parts of the span
+_GAIN = 1e3  # how far the gain may go from that of the best straight line, either way
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,17 +82,16 @@ class _Problem:
             ranges["c_H"] = (10.0 / span, 1e5 / span)
         elif self.gap_map == "scaling":
             ranges["c_H"] = (0.1, 10.0)
+        varying: Collection[str] = MAY_VARY[self.gap_map] & {"rho", "c_H"}
+        if self.gap_map == "free":
+            varying = ranges
         moving = []
         for name, (low, high) in ranges.items():
-            nodes = range(self.records.gaps) if self._varies(name) else (None,)
+            is_varying = self.records.gaps > 1 and name in varying
+            nodes = range(self.records.gaps) if is_varying else (None,)
             moving += [_Entry(name, node, low, high) for node in nodes]
         gauge = _Entry("c_H", 0, 0.1, 10.0)
         return tuple(entry for entry in moving if entry != gauge)
-
-    def _varies(self, name: str) -> bool:
-        if self.records.gaps < 2:
-            return False
-        return self.gap_map == "free" or name in MAY_VARY[self.gap_map] & {"rho", "c_H"}
 
     def model(self, entries: tuple[_Entry, ...], theta: FloatArray) -> Model:
         """Return the model at a point of the cube of some entries."""
@@ -136,21 +129,16 @@ class _Problem:
             return None
         return np.concatenate(parts)
 
-    @cached_property
-    def measured(self) -> FloatArray:
-        return np.concatenate([record.output for record in self.records.loops])
-
-    @cached_property
-    def weights(self) -> FloatArray:
-        return np.concatenate(
-            [np.full(loop.output.size, loop.weight) for loop in self.records.loops]
-        )
+    def __post_init__(self) -> None:
+        loops = self.records.loops
+        self.measured = np.concatenate([loop.output for loop in loops])
+        self.weights = np.concatenate([np.full(loop.output.size, loop.weight) for loop in loops])
 
     def residuals(self, entries: tuple[_Entry, ...], theta: FloatArray) -> FloatArray:
         """Weighted deviations."""
         outputs = self.outputs(self.model(entries, theta))
         if outputs is None:
-            return _IMPOSSIBLE * self.records.output_span * self.weights
+            return IMPOSSIBLE * self.records.output_span * self.weights
         return np.asarray((outputs - self.measured) * self.weights)
 
     def straight(self, shape: FloatArray) -> tuple[float, float, float]:
@@ -164,13 +152,11 @@ class _Problem:
 
     def begins(self, seed: int) -> list[tuple[float, tuple[_Entry, ...], FloatArray]]:
         """Return the best sets of a spread: cost, and where a descent begins."""
-        free = [entry for entry in self.entries if not entry.node]  # all nodes alike
-        spread = evenly(len(free), SCREENED, seed).T
-        column_of = {entry.name: column for column, entry in enumerate(free)}
+        free = [entry.name for entry in self.entries if not entry.node]  # all nodes alike
         starts = []
-        for draw in spread:
-            theta = np.array([draw[column_of[entry.name]] if entry.name in column_of else 0.5
-                              for entry in self.entries])  # fmt: skip
+        for draw in evenly(len(free), SCREENED, seed).T:
+            drawn = dict(zip(free, draw, strict=True))
+            theta = np.array([drawn.get(entry.name, 0.5) for entry in self.entries])
             shape = self.outputs(self.model(self.entries, theta))
             if shape is None or not np.ptp(shape):
                 continue
@@ -201,12 +187,13 @@ def fit_any(
     loopset: Loops, records: FitRecords, law: str, gap_map: str, seed: int, offsets: bool
 ) -> Outcome:
     """Fit a law through its iron alone."""
-    over_gap = loopset.schedule is not None and loopset.schedule.name == "gap"
-    maps: tuple[GapMap, ...] = ("scaling", "reluctance") if over_gap else ("scaling",)
-    if gap_map != "auto":
-        maps = (gap_map,)  # type: ignore[assignment]  # the caller has checked it
+    maps: tuple[GapMap, ...] = ("scaling",)
     if records.gaps < 2:
         maps = ("none",)
+    elif gap_map != "auto":
+        maps = (gap_map,)  # type: ignore[assignment]  # the caller has checked it
+    elif is_over_gap(loopset):
+        maps = ("scaling", "reluctance")
     ends = [_descend(_Problem(LAWS[law], name, loopset, records, offsets), seed) for name in maps]
     _, best = min(ends, key=lambda end: end[0])
     return replace(best, evaluations=sum(outcome.evaluations for _, outcome in ends))
@@ -236,15 +223,11 @@ def _descend(problem: _Problem, seed: int) -> tuple[float, Outcome]:
     short = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in begins]
     end, entries = min(short, key=lambda attempt: float(attempt[0].cost))
     best = descend(entries, end.x, 1e-8, 60)
+    why = f"gap map '{problem.gap_map}' fits the loops best of those tried"
     model = problem.model(entries, best.x)
     uncertainty = _assess(problem, entries, best.x, best.fun, best.jac)
-    return 2.0 * float(best.cost), Outcome(
-        model,
-        uncertainty,
-        len(uncertainty.names),
-        problem.evaluations,
-        f"gap map '{model.gap_map}' fits the loops best of those tried",
-    )
+    outcome = Outcome(model, uncertainty, len(entries), problem.evaluations, why)
+    return 2.0 * float(best.cost), outcome
 
 
 def _assess(
@@ -260,7 +243,7 @@ def _assess(
     floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
     covariance = variance * memory(deviation) * np.linalg.inv(normal + floor * np.eye(theta.size))
     spread = np.sqrt(np.diag(covariance))
-    keys: Mapping[str, tuple[str, str]] = problem.model(entries, theta).keys
+    keys = problem.model(entries, theta).keys
     names = [keys[e.name][1] + ("" if e.node is None else f"[{e.node}]") for e in entries]
     values = [entry.value(part) for entry, part in zip(entries, theta.tolist(), strict=True)]
     stds = [

@@ -1,6 +1,4 @@
-"""From a fit to the model it stands for.
-
-From the gauge-free form to physical parameters, and what had to be fixed to get there.
+"""From a fit in the gauge-free form to the model it stands for.
 
 Outputs do not change along the redundancies of docs/theory.md, so values along them are
 chosen, and the choice is reported:
@@ -34,50 +32,45 @@ from anhyst.identification.cell_kernel import SCALES, WeightKernel
 from anhyst.identification.default import FoundModel, follow
 from anhyst.identification.fit_records import AT_REST
 from anhyst.identification.response import Local, ResponseForm
-from anhyst.identification.space import IN_SERIES, LEAST_GAP_FLUX, WRITTEN
+from anhyst.identification.space import IN_SERIES, LEAST_GAP_FLUX
 from anhyst.model.actuator import Model
-from anhyst.model.parameters import Curve
+from anhyst.model.parameters import Curve, GapMap, Parameter
 from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, Quantity
 
-SATURATION = 1e6
-"""M_s where the data do not determine it, A/m."""
-
-AIR_CORE = 1e-3
-"""h where the data do not determine it: a/(M_s*(1 - alpha))."""
+SATURATION = 1e6  # M_s where the data do not determine it, A/m
+AIR_CORE = 1e-3  # h where the data do not determine it: a/(M_s*(1 - alpha))
 
 _ROUNDING = 1e-12
 """What rho keeps at the closed gap, so that rounding cannot make it negative there."""
-
-Parameter = float | tuple[float, ...]
 
 
 def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> ResponseForm:
     """Choose the form of the equations for what was measured."""
     answer = output_map(output_quantity)
-    return ResponseForm(
-        power=answer.power,
-        law=law,
-        permeability=MU_0 if answer.absolute and input_quantity.name == "field" else 0.0,
-        h=AIR_CORE,
-    )
+    permeability = MU_0 if answer.absolute and input_quantity.name == "field" else 0.0
+    return ResponseForm(answer.power, law, permeability=permeability, h=AIR_CORE)
+
+
+def is_over_gap(loopset: Loops) -> bool:
+    """Whether the loops are scheduled over a gap, which moves and does not change the iron."""
+    return loopset.schedule is not None and loopset.schedule.name == "gap"
 
 
 def physical(
     form: ResponseForm,
     sets: Sequence[Local],
-    gap_map: str,
+    gap_map: GapMap,
     input_quantity: Quantity,
     output_quantity: Quantity,
-    gaps: Sequence[float] = (),
+    gaps: Sequence[float],
 ) -> dict[str, Parameter]:
-    """Physical parameters for gauge-free ones, for :class:`anhyst.model.actuator.Model`."""
-    gap_map = WRITTEN.get(gap_map, gap_map)
-    answer = output_map(output_quantity)
-    table = [_at_one_gap(form, local, gap_map, input_quantity.name, answer) for local in sets]
+    """Physical parameters for gauge-free ones."""
+    answer, input_name = output_map(output_quantity), input_quantity.name
+    table = [_at_one_gap(form, local, gap_map, input_name, answer) for local in sets]
     if gap_map in IN_SERIES:
-        _lift_reluctance(form, table, gaps, answer.power)
+        _lift_reluctance(form, table, np.array(gaps))
     for row in table:
         row.update(form.kernel.dead_band(row, form.dead_band))
     vary = {
@@ -85,31 +78,26 @@ def physical(
         "scaling": {"c_H"},
         "reluctance": {"rho"},
         "circuit": {"rho", "c_out", "in_0", "out_0"},
-        "free": set(table[0]) - ({"c_H"} if input_quantity.name == "field" else set()),
+        "free": set(table[0]) - ({"c_H"} if input_name == "field" else set()),
     }[gap_map]
-    if len(sets) == 1:
-        vary = set()
-    same = {name for name in ("in_0", "out_0") if len({row[name] for row in table}) == 1}
+    vary -= {name for name in ("in_0", "out_0") if len({row[name] for row in table}) == 1}
     return {
-        name: tuple(row[name] for row in table) if name in vary - same else table[0][name]
-        for name in table[0]
+        name: tuple(row[name] for row in table) if name in vary and len(table) > 1 else value
+        for name, value in table[0].items()
     }
 
 
-def _lift_reluctance(
-    form: ResponseForm, table: list[dict[str, float]], gaps: Sequence[float], power: int
-) -> None:
+def _lift_reluctance(form: ResponseForm, table: list[dict[str, float]], gaps: FloatArray) -> None:
     """Move along the redundancy between alpha and rho until no reluctance is negative."""
     rho = np.array([row["rho"] for row in table])
     least = float(rho.min())
-    if len(gaps) > 1:
-        closed = float(Curve("rho", np.asarray(gaps, dtype=np.float64), rho)(np.zeros(1))[0])
-        least = min(least, closed) - _ROUNDING
+    if gaps.size > 1:
+        least = min(least, float(Curve("rho", gaps, rho)(np.zeros(1))[0])) - _ROUNDING
     p = min(1.0 + least, 1.0)
     for row in table:
         row["rho"] = max((1.0 + row["rho"]) / p - 1.0, 0.0)
         form.kernel.shrink_field(row, p)
-        row["c_out"] /= p**power
+        row["c_out"] /= p**form.power
 
 
 def _at_one_gap(
@@ -124,11 +112,9 @@ def _at_one_gap(
     if input_name == "field" and gap_map != "scaling":
         a = unscaled
         saturation = a / (h * (1.0 - alpha))
-    elif answer.absolute and gap_map != "circuit":
-        saturation = local.gain / (MU_0 * (1.0 - alpha))
-        a = h * saturation * (1.0 - alpha)
     else:
-        saturation = SATURATION
+        is_known = answer.absolute and gap_map != "circuit"
+        saturation = local.gain / (MU_0 * (1.0 - alpha)) if is_known else SATURATION
         a = h * saturation * (1.0 - alpha)
     c_out = local.gain / (MU_0 * saturation * (1.0 - alpha)) ** answer.power
     if abs(c_out - 1.0) < 1e-12:
@@ -143,21 +129,18 @@ def _at_one_gap(
     }
 
 
-_BETWEEN = 4
-"""Pieces between two gaps in which the curves of a model with leakage are drawn."""
+_BETWEEN = 4  # pieces between two gaps in which the curves of a model with leakage are drawn
 
 
 def model_of(fit: FoundModel, loopset: Loops) -> Model:
     """Bare model of a fit: parameters and gap map, no records of how it was found."""
     space = fit.space
     positions, sets = _between(fit)
-    nodes = tuple(float(node) for node in positions)
-    single = len(nodes) < 2
-    gaps = nodes if loopset.schedule is not None and loopset.schedule.name == "gap" else ()
-    parameters = physical(space.form, sets, space.gap_map, loopset.input, loopset.output, gaps)
+    nodes = tuple(positions.tolist())
+    gap_map, gaps = space.written_map, nodes if is_over_gap(loopset) else ()
+    parameters = physical(space.form, sets, gap_map, loopset.input, loopset.output, gaps)
     for name, reading in (("in_0", space.records.rest.input), ("out_0", space.records.rest.output)):
-        fitted = np.asarray(parameters[name]) + reading.offset
-        parameters[name] = tuple(fitted.tolist()) if fitted.ndim else float(fitted)
+        parameters[name] = (np.asarray(parameters[name]) + reading.offset).tolist()
     cells = None
     if isinstance(space.form.cells, WeightKernel):
         scales = (float(np.max(parameters.pop(name))) for name in SCALES)
@@ -169,7 +152,7 @@ def model_of(fit: FoundModel, loopset: Loops) -> Model:
         output=loopset.output,
         parameters=parameters,
         law=space.form.law,
-        gap_map="none" if single else space.written_map,
+        gap_map="none" if len(nodes) < 2 else gap_map,
         schedule=loopset.schedule,
         nodes=nodes,
     )
@@ -224,11 +207,8 @@ def valid_range(loopset: Loops) -> ValidRange:
 PARTS = (0.35, 0.2, 0.1, 0.05, 0.02)
 """Half-widths that are tried, in parts of the pinning k, the widest first."""
 
-COST = 1.03
-"""Factor by which the deviation from the loops may grow."""
-
-_TOLERANCE, _MOST = 1e-8, 40
-"""Of the fit with a dead band: it starts near its end."""
+COST = 1.03  # factor by which the deviation from the loops may grow
+_TOLERANCE, _MOST = 1e-8, 40  # of the fit with a dead band: it starts near its end
 
 
 def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:

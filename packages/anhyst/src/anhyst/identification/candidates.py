@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from anhyst.data import Loops
+from anhyst.identification.bare import is_over_gap
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel
 from anhyst.identification.cross_validation import (
     AS_GOOD,
@@ -30,8 +31,7 @@ from anhyst.laws.cells import Shape
 from anhyst.model.left_over import EXACT
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 
-POPULATIONS = 3
-"""Of play cells that are tried, at most."""
+POPULATIONS = 3  # of play cells that are tried, at most
 
 _STEP = 10
 
@@ -48,6 +48,11 @@ class ModelCandidate:
     rank: int = 0
     cells: CellKernel | None = None  # play cells, in how many populations; None: the law of the run
     polished: bool = False  # whether every weight of the cells has moved by itself at the end
+
+    @property
+    def written_map(self) -> str:
+        """Gap map that a candidate has in a model file."""
+        return WRITTEN.get(self.gap_map, self.gap_map)
 
     def title(self, law: str) -> str:
         """Return the name for a report, with the gap map, in a run with this law."""
@@ -73,11 +78,11 @@ class ModelCandidate:
 def titles(candidates: Sequence[ModelCandidate], law: str) -> list[str]:
     """Return a name for each candidate, under its gap map; no two are the same."""
     names = [candidate.title(law) for candidate in candidates]
-    maps = [WRITTEN.get(candidate.gap_map, candidate.gap_map) for candidate in candidates]
-    alike = Counter(zip(names, maps, strict=True))
+    keys = [(name, each.written_map) for name, each in zip(names, candidates, strict=True)]
+    alike = Counter(keys)
     return [
-        ", ".join([name, *(candidate.details() if alike[name, gap_map] > 1 else ())])
-        for name, gap_map, candidate in zip(names, maps, candidates, strict=True)
+        ", ".join([key[0], *(candidate.details() if alike[key] > 1 else ())])
+        for key, candidate in zip(keys, candidates, strict=True)
     ]
 
 
@@ -135,11 +140,6 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
     return candidates
 
 
-def is_over_gap(loopset: Loops) -> bool:
-    """Whether the loops are scheduled over a gap, which moves and does not change the iron."""
-    return loopset.schedule is not None and loopset.schedule.name == "gap"
-
-
 def cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandidate:
     """Name the gap map under which play cells are searched for: the most flexible of a gap's."""
     order = ("leakage", "circuit", "reluctance")
@@ -191,8 +191,7 @@ _SEVERAL = 2.5
 """Rms deviation of a fit over that of another, both above the noise, from which on the other law is
 taken if it predicts what was withheld as well: a law that cannot follow the loops is the wrong one."""
 
-_LEAST_EXCESS = 0.1
-"""Part of a cost that is not taken for noise, however noisy the output is."""
+_LEAST_EXCESS = 0.1  # part of a cost that is not taken for noise, however noisy the output is
 
 FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
 """Errors of a fit that end a candidate, not the search."""
@@ -249,7 +248,9 @@ class Contest:
         tried = [entrant for entrant in self.entrants if self.is_tried(entrant, besides)]
         missed = {entrant: self.misses(entrant, besides) for entrant in tried}
         if not any(missed.values()):
-            simplest = min(self._simplest(), key=lambda entrant: self._cost(entrant, besides))
+            simplest = min(
+                self.entrants, key=lambda entrant: (entrant.rank, self._cost(entrant, besides))
+            )
             return self._replaced(simplest, self.entrants, besides)
         best = None
         for rank in sorted({entrant.rank for entrant in tried}):
@@ -271,12 +272,20 @@ class Contest:
         return best
 
     def _is_better(self, other: ModelCandidate, simple: ModelCandidate, besides: Fold) -> bool:
-        """Whether a candidate predicts better than a simpler one, by more than the scatter."""
+        """Whether a candidate predicts better than a simpler one, by more than the scatter.
+
+        Of blocks, also whether it is much better on both fitted and left-out data.
+        """
         pair = [simple, other]
         blocks = self.by == "block"
         certain = _CERTAIN if blocks and simple.cells else 1.0
         own, others = (_compared(self.misses(each, besides), pair) for each in pair)
-        return better(own, others, certain) or (blocks and self._plainly(simple, other, besides))
+        is_better = better(own, others, certain)
+        if is_better or not blocks:
+            return is_better
+        squares = [mean_square_of(self.misses(each, besides)) for each in pair]
+        costs = [self._cost(each, besides) for each in pair]
+        return bool(squares[0] > _PLAIN * squares[1] and costs[0] > _PLAIN * costs[1])
 
     def _should_replace(self, best: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
         """Whether another candidate fits several times better and predicts as well."""
@@ -299,16 +308,6 @@ class Contest:
         cost = self._cost(entrant, besides)
         return max(cost - self.noise, _LEAST_EXCESS * cost, EXACT**2)
 
-    def _plainly(self, entrant: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
-        """Whether another candidate is much better on both fitted and left-out data."""
-        squares = [mean_square_of(self.misses(each, besides)) for each in (entrant, other)]
-        costs = [self._cost(each, besides) for each in (entrant, other)]
-        return bool(squares[0] > _PLAIN * squares[1] and costs[0] > _PLAIN * costs[1])
-
-    def _simplest(self) -> list[ModelCandidate]:
-        least = min(entrant.rank for entrant in self.entrants)
-        return [entrant for entrant in self.entrants if entrant.rank == least]
-
     def _cost(self, entrant: ModelCandidate, besides: Fold) -> float:
         return self.refits[besides][entrant].cost if besides else self.fits[entrant].lean.cost
 
@@ -327,7 +326,7 @@ class Contest:
         for entrant in self.entrants if self.left_out else ():
             if (entrant.cells, entrant.polished) == (alike.cells, alike.polished):
                 error = mean_of(self.misses(entrant))
-                name = WRITTEN.get(entrant.gap_map, entrant.gap_map)
+                name = entrant.written_map
                 errors[name] = min(error, errors.get(name, np.inf))
         return errors
 

@@ -7,32 +7,28 @@ curve of each threshold may take any rising form: the cells are a discrete Preis
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from anhyst.laws.cells import CellWeights
 from anhyst.support.numeric import FloatArray
 
-PLAYS = 12
-"""Cells with a threshold: as many as a compiled compensator takes."""
+PLAYS = 12  # cells with a threshold: as many as a compiled compensator takes
 
 FINEST = 0.04
 """First threshold, in parts of the range of the input; the last is half of it. A finer one does what
 a lag does, and lets the inverse jump where the drive turns."""
 
-WIDTHS = (0.5, 1.0, 2.0, 8.0)
-"""Of the curves, in ranges of the input; the last is all but straight."""
+WIDTHS = (0.5, 1.0, 2.0, 8.0)  # of the curves, in ranges of the input; the last is all but straight
 
 SMOOTH = 1e-3
 """Weight of the second differences over the thresholds, in parts of the size of a column; neighbours
 that no sample distinguishes share what they have."""
 
-LEVELS = 20
-"""Thresholds of the grid, and its curves over the range of the input."""
+LEVELS = 20  # thresholds of the grid, and its curves over the range of the input
 
 OVERLAP = 0.7
 """Half-width of a curve on the grid, in steps. Equal weights then add up to a straight line."""
@@ -40,8 +36,7 @@ OVERLAP = 0.7
 GRID_SMOOTH = (1e-3, 1e-2, 5e-2)
 """Weights of the second differences on the grid; the error at withheld samples selects one."""
 
-FAR = 19.0
-"""Widths from the middle of a curve on, from which on it is 1 to the last digit."""
+FAR = 19.0  # widths from the middle of a curve on, from which on it is 1 to the last digit
 
 MIN_MOTION = 0.5
 """Least change of a curve, in parts of the largest change, from which on the loops move it. The tail
@@ -94,28 +89,20 @@ class CellBasis:
 
     def differences(self, kept: NDArray[np.bool_]) -> FloatArray:
         """Return the second differences of the kept columns; columns after the curves have none."""
+        count = np.count_nonzero(kept)
         place = np.full(kept.size, -1)
-        place[kept] = np.arange(np.count_nonzero(kept))
-        count, rows = int(np.count_nonzero(kept)), []
-        for triple in self._neighbours():
-            at = place[list(triple)]
-            if at.min() < 0:
-                continue
-            row = np.zeros(count)
-            row[at] = 1.0, -2.0, 1.0
-            rows.append(row)
-        return np.array(rows) if rows else np.zeros((1, count))
-
-    def _neighbours(self) -> Iterable[tuple[int, int, int]]:
-        """Columns that are one after the other over the thresholds, and on the grid over centres."""
-        cells, curves = self.shape
-        for curve, cell in product(range(curves), range(2, cells - 1)):
-            at = cell * curves + curve
-            yield at - curves, at, at + curves
+        place[kept] = np.arange(count)
+        table = place[: self.thresholds.size * self.widths.size].reshape(self.shape)
+        # One after the other over the thresholds, and on the grid over centres; not the first,
+        # which are the free cell and the straight curve.
+        triples = sliding_window_view(table.T[:, 1:], 3, axis=1).reshape(-1, 3)
         if self.centres is not None:
-            for cell, curve in product(range(cells), range(2, curves - 1)):  # 0 is the straight one
-                at = cell * curves + curve
-                yield at - 1, at, at + 1
+            over_centres = sliding_window_view(table[:, 1:], 3, axis=1).reshape(-1, 3)
+            triples = np.concatenate([triples, over_centres])
+        triples = triples[triples.min(axis=1) >= 0]
+        rows = np.zeros((len(triples), count))
+        rows[np.arange(len(triples))[:, None], triples] = 1.0, -2.0, 1.0
+        return rows
 
     def cells(self, weights: FloatArray) -> CellWeights:
         """Return the cells with solved weights, A/m. Thresholds without any weight are dropped."""

@@ -1,10 +1,8 @@
-"""What a fit moves of play cells in populations, in units of their own.
+"""What a fit moves of play cells in populations, in units of their own, and their path along drives.
 
 The unit of field is the width ``a_1`` of the first population, that of magnetisation its saturation
 ``M_1``. How wide the reversible part is hardly any loop shows beside how much of it there is: its
 width stays near that of the first population (docs/identification.md).
-
-The path of play cells along drives, with tangents: what a fit of them runs on.
 """
 
 from __future__ import annotations
@@ -12,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -30,8 +29,7 @@ from anhyst.laws.law import FitNumber
 from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 
-EXACT = 1e-12
-"""Error of tables that a model is computed with, in parts of the saturation."""
+EXACT = 1e-12  # error of tables that a model is computed with, in parts of the saturation
 
 
 _STEEPER = 1.03
@@ -39,8 +37,7 @@ _STEEPER = 1.03
 with exact ones."""
 
 
-_AT_ONCE = np.zeros(1, dtype=np.int64)
-"""Where drives begin, of a single one."""
+_AT_ONCE = np.zeros(1, dtype=np.int64)  # where drives begin, of a single one
 
 
 class CellPath(NamedTuple):
@@ -119,11 +116,8 @@ def require_answer(status: int) -> None:
         raise NoResponseError(status_text(status))
 
 
-MOST_WIDTHS = 6
-"""With more, what the weights cost grows faster than what they gain."""
-
-SCALES = ("M_1", "a_1")
-"""Parameters of the first population, which weights and fields are taken in."""
+MOST_WIDTHS = 6  # with more, what the weights cost grows faster than what they gain
+SCALES = ("M_1", "a_1")  # parameters of the first population, which weights and fields are taken in
 
 LAW_OF: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
 """Law of play cells that follow a curve."""
@@ -131,24 +125,23 @@ LAW_OF: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-lan
 BESIDE, BEYOND = (0.6, 1.8), 2.0
 """Further widths of cells by their weights: over that of the first population, and of the others."""
 
-_LOOSE = 0.02
-"""Spread of a weight around that of the populations, in parts of all of them."""
+_LOOSE = 0.02  # spread of a weight around that of the populations, in parts of all of them
 
-_FIRST = (
+_REVERSIBLE = (
     FitNumber("share_0", "M_0/M_1", 1e-4, 1e2, "log", usual=0.2),
     FitNumber("width_0", "a_0/a_1", 3e-2, 3e1, "log", usual=1.0, spread=0.7),
-    FitNumber("pinning_1", "k_1/a_1", 1e-3, 1e2, "log", usual=0.3),
-    FitNumber("spread_1", "s_1", 0.3, 12.0, "log", usual=1.5),
 )
 
 
-def _further(index: int) -> tuple[FitNumber, ...]:
-    return (
+def _population(index: int) -> tuple[FitNumber, ...]:
+    """Return the numbers of a population; share and width of the first are the units."""
+    every = (
         FitNumber(f"share_{index}", f"M_{index}/M_1", 1e-3, 1e2, "log", usual=1.0),
         FitNumber(f"width_{index}", f"a_{index}/a_1", 3e-2, 3e1, "log", usual=1.0),
         FitNumber(f"pinning_{index}", f"k_{index}/a_1", 1e-3, 1e2, "log", usual=0.3),
         FitNumber(f"spread_{index}", f"s_{index}", 0.3, 12.0, "log", usual=1.5),
     )
+    return every[2:] if index == 1 else every
 
 
 class _AnyCells:
@@ -174,8 +167,8 @@ class CellKernel(_AnyCells):
     @cached_property
     def numbers(self) -> tuple[FitNumber, ...]:
         """Numbers of the law that a fit varies."""
-        more = (number for index in range(2, self.populations + 1) for number in _further(index))
-        return (*_FIRST, *more)
+        pinned = map(_population, range(1, self.populations + 1))
+        return (*_REVERSIBLE, *chain.from_iterable(pinned))
 
     def paths(self, law: tuple[float, ...]) -> CellPaths:
         """Return the cells of a set of numbers, ready to be driven."""
@@ -205,26 +198,25 @@ class CellKernel(_AnyCells):
             if name[:2] in {"a_", "k_"}:
                 iron[name] *= part
 
+    def pinned(self, law: tuple[float, ...]) -> list[Population]:
+        """Return the populations of a set of numbers."""
+        iron = self.iron(1.0, 1.0, law, 0.0)
+        every = range(1, self.populations + 1)
+        return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in every]
+
     def weights(self, law: tuple[float, ...]) -> CellWeights:
         """Return the cells of a set of numbers."""
-        iron = self.iron(1.0, 1.0, law, 0.0)
-        pinned = _pinned(iron, self.populations)
-        return populations((iron["M_0"], iron["a_0"]), pinned, self.shape)
+        return populations((law[0], law[1]), self.pinned(law), self.shape)
 
 
 @lru_cache(maxsize=8)  # tables of a megabyte or two each
 def _paths(kernel: CellKernel, law: tuple[float, ...]) -> CellPaths:
     """Cells with derivatives by the numbers."""
-    pinned = _pinned(kernel.iron(1.0, 1.0, law, 0.0), kernel.populations)
     # By M_0, a_0, then M, a, k, s of each population; those of the first are units.
     moved = [0, 1, *range(4, 2 + 4 * kernel.populations)]
-    by_all = population_tangents(pinned)
+    by_all = population_tangents(kernel.pinned(law))
     tangents = Tangents(*(np.ascontiguousarray(by[..., moved]) for by in by_all))
     return CellPaths(kernel.weights(law), tangents, kernel.aim)
-
-
-def _pinned(iron: Mapping[str, float], count: int) -> list[Population]:
-    return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in range(1, count + 1)]
 
 
 @dataclass(frozen=True)

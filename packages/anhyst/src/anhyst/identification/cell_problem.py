@@ -1,9 +1,4 @@
-"""The least-squares problem of play cells with lag and creep, over loops of a displacement.
-
-The places of the cells depend on the drive and the thresholds alone. Therefore, all weights, the
-creep and the offset come from one problem with weights not below zero. A trial says what this
-problem cannot vary: the lag, the middle of the curves (``in_0``) and the creep times.
-"""
+"""The least-squares problem of play cells with lag and creep, over loops of a displacement."""
 
 from __future__ import annotations
 
@@ -29,20 +24,14 @@ from anhyst.support.units import MU_0
 MIDDLES = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 """Of the curves, in ranges of the input above its lowest value."""
 
-LAGS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
-"""In samples."""
+LAGS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # in samples
 
 LONGEST_AT_ONE_RATE = 1.0
 """Of these, where all loops run at about one rate: there a lag and a wider loop are all but the same."""
 
-RATES_APART = 3.0
-"""Fastest loop over slowest one from which on a lag is told from a wider loop."""
-
-CREEP = (1 / 200, 1 / 10, 2.0)
-"""Time constants, in parts of the longest record."""
-
-SLOWEST_SAMPLE = 3.0
-"""A time constant is this many samples at least."""
+RATES_APART = 3.0  # fastest loop over slowest one from which on a lag is told from a wider loop
+CREEP = (1 / 200, 1 / 10, 2.0)  # time constants, in parts of the longest record
+SLOWEST_SAMPLE = 3.0  # a time constant is this many samples at least
 
 STRAIGHT = 0.02
 """Share of the straight part in the mean slope. The model must have one; what is straight beyond is a
@@ -52,17 +41,10 @@ STRAY = 10.0
 """Deviation, in parts of the usual one, from which on a sample shows no loop but a spike, or that the
 amplifier was switched on."""
 
-REACHED = 0.98
-"""Of the way to the far end."""
-
-MOST_UNKNOWN = 0.3
-"""Of a record, that may be left out as its first rise."""
-
-FEW = 0.02
-"""Most samples that may be left out as such."""
-
-MOST_SAMPLES = 20_000
-"""That are fitted."""
+REACHED = 0.98  # of the way to the far end
+MOST_UNKNOWN = 0.3  # of a record, that may be left out as its first rise
+FEW = 0.02  # most samples that may be left out as such
+MOST_SAMPLES = 20_000  # that are fitted
 
 NOISE = 1.1
 """Deviation, in parts of the noise, up to which the noise explains it and no grid is tried."""
@@ -74,25 +56,19 @@ BLOCKS = 20
 """Blocks of a record that are withheld together. With fewer, a fold lacks whole branches; a grid then
 has to extrapolate, and its error says nothing about other records."""
 
-MIN_LOOPS = 3
-"""Loops from which on whole loops are withheld."""
-
-CENTRED = 0.1
-"""Middle of the range of the input, in parts of it, up to which an even grid is tried."""
+MIN_LOOPS = 3  # loops from which on whole loops are withheld
+CENTRED = 0.1  # middle of the range of the input, in parts of it, up to which an even grid is tried
 
 LAW = "play-cells"
-
-HOLDS = 1.5
-"""Deviation, in parts of that of the slowest loops, up to which a model holds at a rate."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial: lag in s, middle of the curves, creep times, smoothness; and its result."""
+    """What the least-squares problem cannot vary, and the result of solving it."""
 
-    lag: float
-    middle: float
-    times: tuple[float, ...] = ()
+    lag: float  # s
+    middle: float  # of the curves (``in_0``)
+    times: tuple[float, ...] = ()  # time constants of the creep, s
     smooth: float = SMOOTH
     weights: FloatArray | None = None
     rms: float = np.inf
@@ -196,19 +172,15 @@ class CellProblem:
     def with_first_rises(self) -> CellProblem:
         """Return the same problem in which first rises count that begin where the cells do.
 
-        A grid has curves of their own for these.
+        Before such a rise, the input was nowhere else. A grid has curves of their own for these.
         """
-        other = copy(self)
-        other.counted = [
-            np.ones_like(counted) if self._begins_at(self.middles[0], loop) else counted
-            for loop, counted in zip(self.loopset.loops, self.counted, strict=True)
-        ]
+        other, other_counted = copy(self), []
+        for loop, counted in zip(self.loopset.loops, self.counted, strict=True):
+            before = np.append(_before(loop.history, loop.input), loop.input[0])
+            is_there = np.max(np.abs(before - self.middles[0])) <= (1.0 - REACHED) * self.span
+            other_counted.append(np.ones_like(counted) if is_there else counted)
+        other.counted = other_counted
         return other
-
-    def _begins_at(self, middle: float, loop: Loop) -> bool:
-        """Whether a loop begins where the cells do: the input was nowhere else before."""
-        before = np.append(_before(loop.history, loop.input), loop.input[0])
-        return bool(np.max(np.abs(before - middle)) <= (1.0 - REACHED) * self.span)
 
     def exceeds_noise(self, attempt: Trial) -> bool:
         """Whether a fit has a larger residual than the noise of the sensor explains."""
@@ -217,10 +189,8 @@ class CellProblem:
 
     def leave_out_strays(self) -> None:
         """Leave out few samples that deviate from the best fit without a lag as no loop does."""
-        best = min(
-            (self.solve(Trial(0.0, middle)) for middle in self.middles),
-            key=lambda attempt: attempt.rms,
-        )
+        solved = [self.solve(Trial(0.0, middle)) for middle in self.middles]
+        best = min(solved, key=lambda attempt: attempt.rms)
         assert best.weights is not None
         offset = float(best.weights[-2] - best.weights[-1])
         off = [
@@ -232,21 +202,20 @@ class CellProblem:
             known & (deviation <= STRAY * usual)
             for known, deviation in zip(self.counted, off, strict=True)
         ]
-        before, after = (
-            sum(int(deviation.sum()) for deviation in some) for some in (self.counted, counted)
-        )
+        before, after = (np.concatenate(some).sum() for some in (self.counted, counted))
         if before - after <= FEW * before:
             self.counted = counted
 
     @cached_property
+    def clocks(self) -> list[FloatArray]:
+        """Times of the samples of each loop, s; empty where a loop has none."""
+        clocks = [loop.time for loop in self.loopset.loops if loop.time is not None]
+        return clocks if len(clocks) == len(self.loopset) else []
+
+    @cached_property
     def step(self) -> float:
         """Time from sample to sample, s; 0 where a loop has none."""
-        if any(loop.time is None for loop in self.loopset.loops):
-            return 0.0
-        steps = [
-            np.median(np.diff(loop.time)) for loop in self.loopset.loops if loop.time is not None
-        ]
-        return float(min(steps))
+        return float(min((np.median(np.diff(clock)) for clock in self.clocks), default=0.0))
 
     @property
     def rates(self) -> list[float]:
@@ -266,11 +235,7 @@ class CellProblem:
         """Time constants of the creep, s."""
         if not self.step:
             return ()
-        longest = max(
-            float(loop.time[-1] - loop.time[0])
-            for loop in self.loopset.loops
-            if loop.time is not None
-        )
+        longest = max(float(clock[-1] - clock[0]) for clock in self.clocks)
         spread = (part * longest for part in CREEP)
         return tuple(time for time in spread if time >= SLOWEST_SAMPLE * self.step)
 
@@ -296,10 +261,8 @@ class CellProblem:
     def outputs(self, attempt: Trial) -> list[tuple[FloatArray, float]]:
         """Return the output of weights over each loop and before it, without creep and offset."""
         assert attempt.weights is not None
-        found = []
-        for columns, (fields, at_rest) in zip(
-            self.columns(attempt), self.plays(attempt.lag, attempt.middle), strict=True
-        ):
+        found, plays = [], self.plays(attempt.lag, attempt.middle)
+        for columns, (fields, at_rest) in zip(self.columns(attempt), plays, strict=True):
             weights = attempt.weights[: columns.shape[1]]
             rest = self.basis.columns(at_rest[None])[0] @ weights + self.slope * at_rest[0]
             found.append((columns @ weights + self.slope * fields[:, 0], float(rest)))
@@ -334,17 +297,14 @@ class CellProblem:
         some: list[NDArray[np.bool_]] | None = None,
     ) -> System:
         """Return the least-squares problem of a trial, with the slow responses over each loop."""
-        rows_of = self.counted if some is None else some
         rows, targets, parts = [], [], []
-        plays = self.plays(attempt.lag, attempt.middle)
-        for index, (loop, own) in enumerate(
-            zip(self.loopset.loops, self.columns(attempt), strict=True)
-        ):
+        plays, columns = self.plays(attempt.lag, attempt.middle), self.columns(attempt)
+        for index, loop in enumerate(self.loopset.loops):
             weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
             ends = np.ones((loop.n, 1))
             slow = [creeping[index]] if creeping else []
-            counted = rows_of[index]
-            rows.append(weight * np.hstack([own, *slow, ends, -ends])[counted])
+            counted = (self.counted if some is None else some)[index]
+            rows.append(weight * np.hstack([columns[index], *slow, ends, -ends])[counted])
             at_once = self.slope * plays[index][0][:, 0]
             targets.append(weight * (loop.output - at_once)[counted])
             parts.append(self.parts[index][counted])
@@ -365,10 +325,8 @@ class CellProblem:
         else:
             is_largest = [float(np.ptp(loop.input)) >= REACHED * self.span for loop in loops]
             is_kept = [not all(is_largest) and largest for largest in is_largest]
-            parts = [
-                np.full(loop.n, -1 if kept else index % FOLDS)
-                for index, (loop, kept) in enumerate(zip(loops, is_kept, strict=True))
-            ]
+            numbers = [-1 if kept else index % FOLDS for index, kept in enumerate(is_kept)]
+            parts = [np.full(loop.n, part) for loop, part in zip(loops, numbers, strict=True)]
         return [np.where(known, part, -1) for known, part in zip(self.known, parts, strict=True)]
 
     def creep(self, attempt: Trial, times: tuple[float, ...]) -> list[FloatArray]:
@@ -378,11 +336,9 @@ class CellProblem:
             assert loop.time is not None
             columns = []
             for time in times:
-                single = Dynamics(0.0, (time,), (1.0,))
-                settled = loop.history.kind == "settled"
-                start = (
-                    single.settled(at_once, loop.time, known=True) if settled else np.array([rest])
-                )
+                single, start = Dynamics(0.0, (time,), (1.0,)), np.array([rest])
+                if loop.history.kind == "settled":
+                    start = single.settled(at_once, loop.time, known=True)
                 columns.append(single.creep(at_once, loop.time, start, known=True)[0] - at_once)
             found.append(np.stack(columns, axis=1))
         return found
@@ -418,16 +374,16 @@ def thinned(loopset: Loops) -> Loops:
     every = 1 + sum(loop.n for loop in loopset.loops) // MOST_SAMPLES
     if every == 1:
         return loopset
-    loops = [
+    kept = slice(None, None, every)
+    return loopset.with_loops(
         replace(
             loop,
-            input=loop.input[::every],
-            output=loop.output[::every],
-            time=None if loop.time is None else loop.time[::every],
+            input=loop.input[kept],
+            output=loop.output[kept],
+            time=None if loop.time is None else loop.time[kept],
         )
         for loop in loopset.loops
-    ]
-    return loopset.with_loops(loops)
+    )
 
 
 def _known(loop: Loop) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import groupby, product
 
 import numpy as np
 
@@ -32,20 +32,11 @@ _ROUGH, COARSE, FINE = 16, 40, 100
 """Samples of a loop on which starts are compared, on which they descend, and on which the last ones
 come to their end, at most."""
 
-_NEAR = 1e-8
-"""Error of the tables that fits are compared with, in parts of the saturation."""
-
-_DRAWN = 48
-"""Starts drawn at a time."""
-
-_ROUNDS = 2
-"""Times that starts are drawn, at most."""
-
-_TRIED, _FOLLOWED, _ENDED = 12, 4, 2
-"""Starts that descend a little, further, and to their end."""
-
-_POLISHED = 8
-"""Steps in which every weight moves by itself, at most."""
+_NEAR = 1e-8  # error of the tables that fits are compared with, in parts of the saturation
+_DRAWN = 48  # starts drawn at a time
+_ROUNDS = 2  # times that starts are drawn, at most
+_TRIED, _FOLLOWED, _ENDED = 12, 4, 2  # starts that descend a little, further, and to their end
+_POLISHED = 8  # steps in which every weight moves by itself, at most
 
 _END = (1e-5, 60)
 """Gain of a step, in parts of the cost, with which a descent has come to its end, and steps at most."""
@@ -56,17 +47,13 @@ _PACE, _PATIENT = ((6, 20), _END), ((15, 40), (1e-7, 200))
 _FEW = 2
 """Loops that are few: what they leave open is long flat valleys, where descents seem to have ended."""
 
-_FURTHER = 0.8
-"""Cost over that of ends that agree, from which on those were none."""
-
-_AGREE = 1.1
-"""Cost over the least one up to which an end agrees with the best."""
+_FURTHER = 0.8  # cost over that of ends that agree, from which on those were none
+_AGREE = 1.1  # cost over the least one up to which an end agrees with the best
 
 _SAME = 0.02
 """Distance of two ends, in any coordinate, from which on they are not on their way to the same."""
 
-_FAR = 2.0
-"""Cost over the least one so far that a further descent must be able to come below."""
+_FAR = 2.0  # cost over the least one so far that a further descent must be able to come below
 
 _PINNINGS = (1.0, 0.4)
 """Thresholds over the pinning ``k`` of a law of Jiles and Atherton."""
@@ -99,8 +86,7 @@ _WIDTHS, _PINNED = (0.3, 0.6, 1.0, 2.0, 5.0), (0.1, 0.3, 1.0, 3.0)
 _SMALL, _SHARES = 0.03, (0.05, 1.0)
 """Share of a further population by which its effect is computed; and with which it starts."""
 
-_SUGGESTED = 8
-"""Further populations that are tried after one fit."""
+_SUGGESTED = 8  # further populations that are tried after one fit
 
 _SPLIT = (0.6, 1.0)
 """Widths of a population that splits off another: nothing is gained to first order, so the residual
@@ -115,6 +101,13 @@ class _Levels:
     coarse: CoordinateSpace
     fine: CoordinateSpace
     tie: float
+
+    @property
+    def kernel(self) -> CellKernel:
+        """The cells that are fitted."""
+        kernel = self.fine.form.cells
+        assert isinstance(kernel, CellKernel)
+        return kernel
 
     def ends(
         self,
@@ -139,9 +132,9 @@ class _Levels:
         ):
             ends = []
             for index, theta in enumerate(chosen):
-                again = next((at for at in range(index) if _same(theta, chosen[at])), None)
-                if again is not None:
-                    ends.append(ends[again])
+                again = (at for at in range(index) if np.max(np.abs(theta - chosen[at])) < _SAME)
+                if (same := next(again, None)) is not None:
+                    ends.append(ends[same])
                     continue
                 near = _FAR * min((end.cost for end in ends), default=np.inf)
                 ends.append(follow(space, theta, tolerance, most, self.tie, near))
@@ -151,114 +144,110 @@ class _Levels:
         return [replace(ends[0], evaluations=spent), *ends[1:]]
 
 
-def _same(first: FloatArray, other: FloatArray) -> bool:
-    return bool(np.max(np.abs(first - other)) < _SAME)
-
-
 def _cost(objective: Objective, theta: FloatArray) -> float:
     deviation = objective.deviations(theta)
     return float(deviation @ deviation)
 
 
-def search_cells(
-    base: FoundModel,
-    records: FitRecords,
-    candidates: Sequence[ModelCandidate],
-    seed: int,
-    leaves_something: Callable[[FoundModel], bool],
-    is_usable: Callable[[FoundModel], bool],
-    drop: Callable[[ModelCandidate, Exception], None],
-) -> dict[ModelCandidate, Fits]:
-    """Fit play cells of every curve, until a population more gains next to nothing."""
-    found: dict[ModelCandidate, Fits] = {}
-    last: dict[Shape, list[FoundModel]] = {}
-    shapes = {candidate.cells.shape for candidate in candidates if candidate.cells}
-    for _, alike in groupby(
-        candidates, lambda candidate: candidate.cells and candidate.cells.populations
-    ):
-        new = {}
-        for candidate in alike:
-            assert candidate.cells is not None
-            shape = candidate.cells.shape
-            if shape not in shapes:
-                continue
-            kernel = replace(candidate.cells, aim=_NEAR)
-            form = replace(base.space.form, law=LAW_OF[shape], cells=kernel, dead_band=0.0)
-            levels = _levels(candidate, form, records, base)
-            before = last.get(shape, [])
-            try:
-                fits = _fit(levels, base, before, seed, leaves_something, is_usable)
-                if before and fits[0].cost > _GAIN * before[0].cost:
+@dataclass(frozen=True, eq=False)
+class CellSearch:
+    """A search for play cells, and what it starts from."""
+
+    base: FoundModel  # fit of a law without cells
+    records: FitRecords
+    seed: int
+    leaves_something: Callable[[FoundModel], bool]
+    is_usable: Callable[[FoundModel], bool]
+    drop: Callable[[ModelCandidate, Exception], None]
+
+    def of(self, candidates: Sequence[ModelCandidate]) -> dict[ModelCandidate, Fits]:
+        """Fit play cells of every curve, until a population more gains next to nothing."""
+        found: dict[ModelCandidate, Fits] = {}
+        last: dict[Shape, list[FoundModel]] = {}
+        shapes = {candidate.cells.shape for candidate in candidates if candidate.cells}
+        for _, alike in groupby(
+            candidates, lambda candidate: candidate.cells and candidate.cells.populations
+        ):
+            new = {}
+            for candidate in alike:
+                assert candidate.cells is not None
+                shape = candidate.cells.shape
+                if shape not in shapes:
                     continue
-                lean = _only_demanded(candidate, fits, records, base, seed, leaves_something)
-            except FAILURES as error:
-                drop(candidate, error)
-                continue
-            new[shape] = fits
-            found[candidate] = Fits(fits[0], lean)
-        least = min((fits[0].cost for fits in new.values()), default=0.0)
-        last = {shape: fits for shape, fits in new.items() if fits[0].cost <= _BEHIND * least}
-        shapes = set(last)
-    return found
+                kernel = replace(candidate.cells, aim=_NEAR)
+                form = replace(self.base.space.form, law=LAW_OF[shape], cells=kernel, dead_band=0.0)
+                before = last.get(shape, [])
+                try:
+                    fits = self._fit(self._levels(candidate, form), before)
+                    if before and fits[0].cost > _GAIN * before[0].cost:
+                        continue
+                    lean = self._only_demanded(candidate, fits)
+                except FAILURES as error:
+                    self.drop(candidate, error)
+                    continue
+                new[shape] = fits
+                found[candidate] = Fits(fits[0], lean)
+            least = min((fits[0].cost for fits in new.values()), default=0.0)
+            last = {shape: fits for shape, fits in new.items() if fits[0].cost <= _BEHIND * least}
+            shapes = set(last)
+        return found
 
+    def _fit(self, levels: _Levels, before: list[FoundModel]) -> list[FoundModel]:
+        """Fit play cells from what is known: those with a population less, or a law without cells."""
+        known = _suggested(levels, before) if before else _begun(levels, self.base)
+        fits = self._search(levels, known)
+        if before and fits[0].cost > _GAIN * before[0].cost and self.leaves_something(fits[0]):
+            objective = Objective(levels.coarse, levels.tie)
+            split = [_weighed(objective, before[0], how)[1] for how in product(_SPLIT, _PINNED)]
+            fits = _best([*fits, *levels.ends(split, len(split))])
+        if not before and not self.is_usable(fits[0]):
+            # Follow what begins near Jiles and Atherton to its own end, where that may be chosen.
+            near = [follow(levels.fine, theta, *_END, levels.tie) for theta in known]
+            able = sorted(filter(self.is_usable, near), key=lambda end: end.cost)
+            fits = [*able[:1], *fits][:_ENDED]
+        return fits
 
-def _fit(
-    levels: _Levels,
-    base: FoundModel,
-    before: list[FoundModel],
-    seed: int,
-    leaves_something: Callable[[FoundModel], bool],
-    is_usable: Callable[[FoundModel], bool],
-) -> list[FoundModel]:
-    """Fit play cells from what is known: those with a population less, or a law without cells."""
-    kernel = levels.fine.form.cells
-    assert isinstance(kernel, CellKernel)
-    known = _suggested(levels, before) if before else _begun(levels, base)
-    fits = _search(levels, kernel, known, seed, leaves_something)
-    if before and fits[0].cost > _GAIN * before[0].cost and leaves_something(fits[0]):
-        objective = Objective(levels.coarse, levels.tie)
-        split = [
-            _weighed(objective, before[0], (width, pinned))[1]
-            for width in _SPLIT
-            for pinned in _PINNED
-        ]
-        fits = _best([*fits, *levels.ends(split, len(split))])
-    if not before and not is_usable(fits[0]):
-        # Follow what begins near Jiles and Atherton to its own end, where that may be chosen.
-        near = [follow(levels.fine, theta, *_END, levels.tie) for theta in known]
-        able = sorted(filter(is_usable, near), key=lambda end: end.cost)
-        fits = [*able[:1], *fits][:_ENDED]
-    return fits
+    def _only_demanded(self, candidate: ModelCandidate, ends: Sequence[FoundModel]) -> FoundModel:
+        """Leave out offsets that the loops do not demand; where that is dear, search without them."""
+        fit = only_demanded(ends[0], *_END)
+        if fit.cost <= _DEAR * ends[0].cost:
+            return fit
+        levels = self._levels(replace(candidate, held=fit.space.held), ends[0].space.form)
+        known = [levels.coarse.pack(end.sets) for end in (fit, *ends)]
+        other, *_ = self._search(levels, known)
+        return min(fit, other, key=lambda end: end.cost)
 
+    def _levels(self, candidate: ModelCandidate, form: ResponseForm) -> _Levels:
+        rough, coarse, fine = (
+            CoordinateSpace(candidate.gap_map, some, form, candidate.held, candidate.common)
+            for some in map(self.records.thinned, (_ROUGH, COARSE, FINE))
+        )
+        tie = TIE * self.base.cost if candidate.gap_map in TIED else 0.0
+        return _Levels(rough, coarse, fine, tie)
 
-def _only_demanded(
-    candidate: ModelCandidate,
-    ends: Sequence[FoundModel],
-    records: FitRecords,
-    base: FoundModel,
-    seed: int,
-    leaves_something: Callable[[FoundModel], bool],
-) -> FoundModel:
-    """Leave out offsets that the loops do not demand; where that is dear, search without them."""
-    fit = only_demanded(ends[0], *_END)
-    if fit.cost <= _DEAR * ends[0].cost:
-        return fit
-    form, held = ends[0].space.form, fit.space.held
-    levels = _levels(replace(candidate, held=held), form, records, base)
-    known = [levels.coarse.pack(end.sets) for end in (fit, *ends)]
-    assert candidate.cells is not None
-    other, *_ = _search(levels, candidate.cells, known, seed, leaves_something)
-    return min(fit, other, key=lambda end: end.cost)
+    def _search(self, levels: _Levels, known: list[FloatArray]) -> list[FoundModel]:
+        """Draw starts until the last ends agree, or leave nothing.
 
-
-def _levels(
-    candidate: ModelCandidate, form: ResponseForm, records: FitRecords, base: FoundModel
-) -> _Levels:
-    rough, coarse, fine = (
-        CoordinateSpace(candidate.gap_map, some, form, candidate.held, candidate.common)
-        for some in map(records.thinned, (_ROUGH, COARSE, FINE))
-    )
-    return _Levels(rough, coarse, fine, TIE * base.cost if candidate.gap_map in TIED else 0.0)
+        Of few loops ends agree on the flat, so what leaves more than noise is followed further from
+        all starts; an end that leaves little less is another by chance, and foresees other runs no
+        better.
+        """
+        kernel, ends, begun = levels.kernel, list[FoundModel](), list[FloatArray]()
+        drawn = _DRAWN if kernel.populations < 3 else 0
+        for turn in range(_ROUNDS):
+            starts = draw_starts(kernel, drawn, self.seed + turn, levels.fine.gap_map in IN_SERIES)
+            sets = (placed(levels.coarse, start) for start in starts)
+            new = [*known, *(levels.coarse.pack(local) for local in sets if possible(local))]
+            ends = _best([*ends, *levels.ends(new)])
+            begun, known = [*begun, *new], []
+            agreed = len(ends) > 1 and ends[-1].cost < _AGREE * ends[0].cost
+            if not drawn or agreed or not self.leaves_something(ends[0]):
+                break
+        if len(levels.fine.records.loops) <= _FEW and self.leaves_something(ends[0]):
+            further = levels.ends(begun, pace=_PATIENT)
+            if further[0].cost < _FURTHER * ends[0].cost:
+                return further
+        return ends
 
 
 def exact(fit: FoundModel) -> FoundModel:
@@ -270,61 +259,23 @@ def exact(fit: FoundModel) -> FoundModel:
     return replace(fit, space=replace(fit.space, form=form))
 
 
-def _search(
-    levels: _Levels,
-    kernel: CellKernel,
-    known: list[FloatArray],
-    seed: int,
-    leaves_something: Callable[[FoundModel], bool],
-) -> list[FoundModel]:
-    """Draw starts until the last ends agree, or leave nothing.
-
-    Of few loops ends agree on the flat, so what leaves more than noise is followed further from all
-    starts; an end that leaves little less is another by chance, and foresees other runs no better.
-    """
-    ends: list[FoundModel] = []
-    drawn = _DRAWN if kernel.populations < 3 else 0
-    begun: list[FloatArray] = []
-    for turn in range(_ROUNDS):
-        starts = draw_starts(kernel, drawn, seed + turn, levels.fine.gap_map in IN_SERIES)
-        sets = (placed(levels.coarse, start) for start in starts)
-        new = [*known, *(levels.coarse.pack(local) for local in sets if possible(local))]
-        ends = _best([*ends, *levels.ends(new)])
-        begun, known = [*begun, *new], []
-        agreed = len(ends) > 1 and ends[-1].cost < _AGREE * ends[0].cost
-        if not drawn or agreed or not leaves_something(ends[0]):
-            break
-    if len(levels.fine.records.loops) <= _FEW and leaves_something(ends[0]):
-        further = levels.ends(begun, pace=_PATIENT)
-        if further[0].cost < _FURTHER * ends[0].cost:
-            return further
-    return ends
-
-
 def _best(ends: Iterable[FoundModel]) -> list[FoundModel]:
     return sorted(ends, key=lambda end: end.cost)[:_ENDED]
 
 
 def _begun(levels: _Levels, base: FoundModel) -> list[FloatArray]:
     """Make cells of a fit of a law of Jiles and Atherton, in a few ways."""
-    kernel = levels.coarse.form.cells
-    assert isinstance(kernel, CellKernel)
-    wide, slope = _LANGEVIN[kernel.shape], SLOPES[kernel.shape]
+    wide, slope = _LANGEVIN[levels.kernel.shape], SLOPES[levels.kernel.shape]
+    power = base.space.form.power
     begun = [
-        levels.coarse.pack(
-            [
-                _as_cells(local, base.space.form.power, wide, slope, part, kept)
-                for local in base.sets
-            ]
-        )
+        [_as_cells(local, power, wide, slope, part, kept) for local in base.sets]
         for part in _PINNINGS
         for kept in (1.0, 0.0)
         if kept or min(local.omega for local in base.sets) < 0.0
     ]
     if max(local.kappa for local in base.sets) > _STUCK:
-        narrow = [_as_narrow_cells(local, base.space.form.power, wide) for local in base.sets]
-        begun.append(levels.coarse.pack(narrow))
-    return begun
+        begun.append([_as_narrow_cells(local, power, wide) for local in base.sets])
+    return [levels.coarse.pack(sets) for sets in begun]
 
 
 def _as_narrow_cells(local: Local, power: int, wide: float) -> Local:
@@ -369,7 +320,7 @@ def _suggested(levels: _Levels, before: Sequence[FoundModel]) -> list[FloatArray
     suggestions = []
     objective = Objective(levels.coarse, levels.tie)
     for end in dict.fromkeys(before):  # ends may have joined
-        tried = [_weighed(objective, end, (width, pin)) for width in _WIDTHS for pin in _PINNED]
+        tried = [_weighed(objective, end, how) for how in product(_WIDTHS, _PINNED)]
         tried.sort(key=lambda start: -start[0])
         suggestions += [theta for _, theta in tried[:_SUGGESTED]]
     return suggestions

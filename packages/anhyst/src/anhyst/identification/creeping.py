@@ -23,17 +23,10 @@ from anhyst.identification.run import Outcome
 from anhyst.model.actuator import Model
 from anhyst.model.schema import CandidateFit, Uncertainty
 
-WORTH = 0.98
-"""Deviation, in parts of that without, from which on lag or creep say nothing."""
-
-ALIKE = 0.995
-"""The same of a shorter lag: of lags that do as well, the shortest."""
-
-ROUNDS = 3
-"""Creep follows what the last round found."""
-
-HOLDS = 1.5
-"""Deviation, in parts of that of the slowest loops, up to which a model holds at a rate."""
+WORTH = 0.98  # deviation, in parts of that without, from which on lag or creep say nothing
+ALIKE = 0.995  # the same of a shorter lag: of lags that do as well, the shortest
+ROUNDS = 3  # creep follows what the last round found
+HOLDS = 1.5  # deviation, in parts of that of the slowest loops, up to which a model holds at a rate
 
 GRID_WORTH = 0.7
 """Error at withheld samples, in parts of that of few curves, up to which the grid is kept. Few curves
@@ -58,9 +51,7 @@ def fit_creeping(loopset: Loops) -> Outcome:
     lags = problem.lags
     plain = [problem.solve(Trial(lag, middle)) for lag, middle in product(lags, problem.middles)]
     best = min(plain, key=lambda attempt: attempt.rms)
-    still = min(
-        (attempt for attempt in plain if attempt.lag == 0.0), key=lambda attempt_at: attempt_at.rms
-    )
+    still = min(plain, key=lambda attempt: (attempt.lag, attempt.rms))  # that without a lag
     # Several lags do about as well where all cycles are alike: the shortest that does.
     kept = [attempt for attempt in plain if attempt.rms <= best.rms / ALIKE]
     chosen = min(kept, key=lambda attempt: (attempt.lag, attempt.rms))
@@ -69,7 +60,12 @@ def fit_creeping(loopset: Loops) -> Outcome:
     tries = [_listed(problem, "play cells", still)]
     if chosen is not still:
         tries.append(_listed(problem, f"play cells{_late(chosen)}", chosen))
-    why = _why(chosen, still)
+    why = "neither lag nor creep takes away 2 % of the deviation"
+    if chosen is not still:
+        why = (
+            f"lag and creep take the deviation to {chosen.rms / still.rms:.2f} of that of play "
+            "cells that answer at once"
+        )
     if problem.exceeds_noise(chosen):
         on_grid, fit, own, others = _on_grid(problem, chosen)
         tries[-1] = replace(tries[-1], left_out=others)
@@ -110,10 +106,8 @@ def _with_creep(problem: CellProblem, plain: Sequence[Trial], chosen: Trial) -> 
             now = problem.solve(replace(now, times=problem.times))
         tried.append(now)
     best = min(tried, key=lambda attempt: attempt.rms)
-    alike = min(
-        (attempt for attempt in tried if attempt.rms <= best.rms / ALIKE),
-        key=lambda start: start.lag,
-    )
+    near = [attempt for attempt in tried if attempt.rms <= best.rms / ALIKE]
+    alike = min(near, key=lambda attempt: attempt.lag)
     return alike if alike.rms < WORTH * chosen.rms else chosen
 
 
@@ -181,12 +175,3 @@ def _listed(problem: CellProblem, name: str, attempt: Trial) -> CandidateFit:
     assert attempt.weights is not None
     count = int(np.count_nonzero(attempt.weights))
     return CandidateFit(law=name, gap_map="none", numbers=count, rms=attempt.rms / problem.height)
-
-
-def _why(chosen: Trial, still: Trial) -> str:
-    if chosen is still:
-        return "neither lag nor creep takes away 2 % of the deviation"
-    return (
-        f"lag and creep take the deviation to {chosen.rms / still.rms:.2f} of that of play cells "
-        "that answer at once"
-    )

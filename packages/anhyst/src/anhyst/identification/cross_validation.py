@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -27,8 +26,7 @@ from anhyst.model.schema import CrossValidation
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
 
-Fold = frozenset[int]
-"""Places of the gaps, loops, or blocks of samples that are left out together."""
+Fold = frozenset[int]  # places of the gaps, loops, or blocks of samples that are left out together
 
 LeftOut = Literal["gap", "loop", "block"]
 
@@ -38,20 +36,14 @@ _BLOCKS = {1: 6, 2: 4}
 _THIRD = 1.0 / 9.0
 """Mean square over another's, from which on what is better everywhere needs no small scatter."""
 
-_EVERYWHERE = 4
-"""Places at least that count as everywhere."""
-
-AS_GOOD = 1.02
-"""A cross-validation error within this factor of the least counts as equal to it."""
+_EVERYWHERE = 4  # places at least that count as everywhere
+AS_GOOD = 1.02  # a cross-validation error within this factor of the least counts as equal to it
 
 _NO_WORSE = 1.05
 """Factor within which a cross-validation error may rise where the loops as a whole fall."""
 
-_UNSEEN = 1e-8
-"""Mean square, in parts of the largest output squared, that no sensor sees."""
-
-FOLDED = 160
-"""Samples of a loop that a fit without some of the gaps looks at, at most."""
+_UNSEEN = 1e-8  # mean square, in parts of the largest output squared, that no sensor sees
+FOLDED = 160  # samples of a loop that a fit without some of the gaps looks at, at most
 
 _TOLERANCE, _MOST = 1e-5, 25
 _ROUGH, _FEW = 1e-4, 8
@@ -67,8 +59,7 @@ _DENSER = 1.5
 """How much less than foreseen the deviation may be beside: a gap is left out among neighbours twice
 as far apart as those it is predicted from in use."""
 
-_LEAST = 0.3
-"""Part of a mean deviation that is not taken for noise, however noisy the output is."""
+_LEAST = 0.3  # part of a mean deviation that is not taken for noise, however noisy the output is
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,25 +110,18 @@ def block_places(records: FitRecords) -> tuple[int, ...]:
     return tuple(range(len(records.loops) * blocks_of(records)))
 
 
-def folds(indices: Sequence[int], together: int = 1) -> list[Fold]:
-    """Name what is left out in turn: each place or, to nest a choice, each pair of them."""
-    return [frozenset(some) for some in combinations(indices, together)]
-
-
 def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> Refit:
     """Fit without some gaps or loops, offsets and all, and predict them."""
     whole = wide.on(wide.space.records.thinned(FOLDED)).space
     groups = list(loopset.by_schedule().values())
-    blocks = blocks_of(whole.records)
+    blocks, kept = blocks_of(whole.records), np.arange(whole.size)
     if by == "gap":
         space, kept = whole.without(fold)
     elif by == "block":
-        records = whole.records.without_blocks(fold, blocks)
-        space, kept = replace(whole, records=records), np.arange(whole.size)
+        space = replace(whole, records=whole.records.without_blocks(fold, blocks))
     else:
         groups = [[loop] for group in groups for loop in group]
         space = replace(whole, records=whole.records.without_loops(fold))
-        kept = np.arange(whole.size)
     tolerance, most = (_TOLERANCE, _MOST) if whole.form.cells is None else (_ROUGH, _FEW)
     try:
         followed = follow(space, wide.theta[kept], tolerance, most, wide.tie)
@@ -157,11 +141,8 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
             for index in fold
         }
     except (InputError, NegativeResult):
-        nothing = {
-            left_out: Miss(np.inf, (np.inf,) * (1 if by == "block" else len(groups[left_out])))
-            for left_out in fold
-        }
-        return Refit(float("inf"), nothing)
+        sizes = {index: 1 if by == "block" else len(groups[index]) for index in fold}
+        return Refit(np.inf, {index: Miss(np.inf, (np.inf,) * n) for index, n in sizes.items()})
     return Refit(followed.cost, missed)
 
 
@@ -217,9 +198,7 @@ def better(simple: Sequence[Miss], complex_: Sequence[Miss], errors: float = 1.0
         return not np.isfinite(mean_of(simple)) and np.isfinite(mean_of(complex_))
     scatter = float(np.std(every, ddof=1)) / math.sqrt(every.size)
     if len(pairs) > 1:
-        gaps = [
-            float(np.mean([*mine, *theirs])) for mine, theirs in zip(left_out, outer, strict=True)
-        ]
+        gaps = [np.mean([*mine, *theirs]) for mine, theirs in zip(left_out, outer, strict=True)]
         scatter = max(scatter, float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)))
     least = (AS_GOOD - 1.0) * mean_square_of(complex_)
     everywhere = every.size >= _EVERYWHERE and bool(np.all(every > 0.0))
@@ -254,11 +233,6 @@ def noise_at(loopset: Loops) -> list[float]:
     ]
 
 
-def _without_noise(error: float, of_it: float) -> float:
-    """Take the noise of the sensor off a mean deviation; what is mostly noise says no more."""
-    return max(math.sqrt(max(error**2 - of_it**2, 0.0)), _LEAST * error)
-
-
 def promise(
     errors: Sequence[float], noises: Sequence[float], by: Literal["gap", "block"] = "gap"
 ) -> CrossValidation | None:
@@ -266,21 +240,22 @@ def promise(
 
     Or of one a block of samples, the error to expect at other samples of such loops.
     """
-    plain = [_without_noise(error, of_it) for error, of_it in zip(errors, noises, strict=True)]
-    left_out = np.asarray(plain, dtype=np.float64)
+    left_out = np.array(  # what is mostly noise says no more
+        [
+            max(math.sqrt(max(error**2 - of_it**2, 0.0)), _LEAST * error)
+            for error, of_it in zip(errors, noises, strict=True)
+        ]
+    )
     if not left_out.size or not np.isfinite(left_out).all() or left_out.min() <= 0.0:
         return None
     logs = np.log(left_out)
     freedom = _SEEN + left_out.size - 1.0
     variance = (_SEEN * SCATTER**2 + float(np.sum((logs - logs.mean()) ** 2))) / freedom
     reach = _student(freedom) * np.sqrt(variance * (1.0 + 1.0 / left_out.size))
-    middle = float(logs.mean())
+    low, high = np.exp(logs.mean() - reach), np.exp(logs.mean() + reach)
     return CrossValidation(
         error=float(left_out.mean()),
-        interval=(
-            float(np.exp(middle - reach) / (_DENSER if by == "gap" else 1.0)),
-            float(np.exp(middle + reach)),
-        ),
+        interval=(float(low / (_DENSER if by == "gap" else 1.0)), float(high)),
         folds=tuple(left_out.tolist()),
         left_out=by,
     )

@@ -7,8 +7,6 @@
    best. Under the map ``free`` nothing is shared: every gap is fitted like the first, then tied.
 
 Everything random comes from the seed.
-
-Least squares on the analytic derivatives.
 """
 
 from __future__ import annotations
@@ -20,79 +18,13 @@ from numpy.typing import NDArray
 
 from anhyst.identification.cell_kernel import WeightKernel
 from anhyst.identification.fit_records import FitRecords
-from anhyst.identification.objective import Objective
+from anhyst.identification.objective import Linear, Objective
 from anhyst.identification.response import Local, ResponseForm
 from anhyst.identification.screening import cost_at_gap, scan_gap, starts
 from anhyst.identification.space import CoordinateSpace
-from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 
-_PATIENT = 5
-"""Steps after which the pace of a descent says how far it comes."""
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """End of one descent."""
-
-    theta: FloatArray  # coordinates, shape (size,)
-    cost: float  # weighted sum of squares
-
-
-@dataclass(frozen=True, eq=False)
-class Linear:
-    """Deviations near a point to first order: what a step of least squares needs of them."""
-
-    deviation: FloatArray  # weighted deviations, shape (samples,)
-    gradient: FloatArray  # of half their sum of squares, shape (size,)
-    normal: FloatArray  # their derivatives times themselves, shape (size, size)
-
-    @property
-    def cost(self) -> float:
-        """Weighted sum of squares."""
-        return float(self.deviation @ self.deviation)
-
-
-class Evaluation:
-    """Deviations of an objective to first order, by analytic derivatives where there are any."""
-
-    def __init__(self, objective: Objective) -> None:
-        self.objective = objective
-        self.analytic = objective.space.form.kernel.differentiated
-
-    def at(self, theta: FloatArray) -> Linear:
-        """Linearise at a point; without any slope where the law has no answer."""
-        if not self.analytic:
-            deviation = self.objective.deviations(theta)
-            jacobian = self.differences(theta)
-            return Linear(deviation, deviation @ jacobian, jacobian.T @ jacobian)
-        try:
-            return Linear(*self.objective.normal(theta))
-        except NoResponseError:
-            nothing = np.zeros((theta.size, theta.size))
-            return Linear(self.objective.impossible, nothing[0], nothing)
-
-    def worth(self, theta: FloatArray, cost: float) -> Linear | None:
-        """Linearise where the cost is below another; a numerical derivative is dear."""
-        if not self.analytic:
-            deviations = self.objective.deviations(theta)
-            if float(deviations @ deviations) >= cost:
-                return None
-        linear = self.at(theta)
-        return linear if linear.cost < cost else None
-
-    def differences(self, theta: FloatArray) -> FloatArray:
-        """Central differences, turned inward at the bounds."""
-        low, high = self.objective.space.bounds
-        columns = []
-        for index in range(theta.size):
-            ends = []
-            for side in (-1e-5, 1e-5):
-                moved = theta.copy()
-                moved[index] = np.clip(moved[index] + side, low[index], high[index])
-                ends.append((moved[index], self.objective.deviations(moved)))
-            columns.append((ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]))
-        return np.stack(columns, axis=1)
+_PATIENT = 5  # steps after which the pace of a descent says how far it comes
 
 
 def _step(linear: Linear, free: NDArray[np.bool_], damping: float) -> FloatArray:
@@ -120,8 +52,8 @@ def _step_of_weights(
 
 def descend(
     objective: Objective, theta: FloatArray, tolerance: float, most: int, goal: float = np.inf
-) -> Fit:
-    """Least squares from a start, within the bounds of the space.
+) -> tuple[FloatArray, float]:
+    """Least squares from a start, within the bounds of the space: coordinates and cost at the end.
 
     A descent that at its pace would not come below its goal in the steps left, ends.
 
@@ -131,9 +63,8 @@ def descend(
     decompositions of a general solver cost several times the law itself.
     """
     low, high = objective.space.bounds
-    evaluation = Evaluation(objective)
     theta = np.clip(theta, low, high)
-    current = evaluation.at(theta)
+    current = objective.linear(theta)
     damping, growth = 1e-3, 2.0
     by_weights = isinstance(objective.space.form.cells, WeightKernel)
     for left in range(most - 1, 0, -1):
@@ -142,12 +73,13 @@ def descend(
         if not free.any() or not np.any(np.diag(current.normal)[free]):
             break
         if by_weights:
-            trial = np.clip(theta + _step_of_weights(current, theta, low, damping), low, high)
+            step = _step_of_weights(current, theta, low, damping)
         else:
-            trial = np.clip(theta + _step(current, free, damping), low, high)
+            step = _step(current, free, damping)
+        trial = np.clip(theta + step, low, high)
         step = trial - theta
         foreseen = -float(step @ (2.0 * current.gradient + current.normal @ step))
-        new = evaluation.worth(trial, current.cost)
+        new = objective.worth(trial, current.cost)
         if new is not None:
             gained = current.cost - new.cost
             ratio = gained / max(foreseen, 1e-300)
@@ -163,7 +95,7 @@ def descend(
             growth *= 2.0
             if abs(foreseen) <= tolerance * current.cost or damping > 1e12:
                 break
-    return Fit(theta, current.cost)
+    return theta, current.cost
 
 
 SCREENED = 256
@@ -171,17 +103,10 @@ KEPT = 3
 TIED = frozenset({"circuit", "free"})
 """Maps with more to each gap than its loops determine, so that neighbouring gaps are tied."""
 
-TIE = 3e-3
-"""Weight of the ties of such a map, relative to the cost of the fit without them."""
-
-COMPARED = (1e-7, 200)
-"""Tolerance and evaluations, at most, of a fit that is compared with others."""
-
-TO_END = (1e-8, 50)
-"""The same of the one that is chosen."""
-
-_SHORT = 6
-"""Evaluations of a first descent: enough to distinguish a good valley from a bad one."""
+TIE = 3e-3  # weight of the ties of such a map, relative to the cost of the fit without them
+COMPARED = (1e-7, 200)  # tolerance and evaluations, at most, of a fit that is compared with others
+TO_END = (1e-8, 50)  # the same of the one that is chosen
+_SHORT = 6  # evaluations of a first descent: enough to distinguish a good valley from a bad one
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,8 +143,8 @@ def follow(
 ) -> FoundModel:
     """Descend from a start and count; without a goal in reach (:func:`.descend`) it ends."""
     objective = Objective(space, tie)
-    fit = descend(objective, theta, tolerance, most, goal)
-    return FoundModel(space, fit.theta, fit.cost, objective.evaluations)
+    end, cost = descend(objective, theta, tolerance, most, goal)
+    return FoundModel(space, end, cost, objective.evaluations)
 
 
 def search_one_gap(
@@ -227,12 +152,13 @@ def search_one_gap(
 ) -> FoundModel:
     """Fit one gap from scratch."""
     space = CoordinateSpace("none", records, form, held)
-    return _best_end(space, [space.pack([local]) for local in starts(space, SCREENED, KEPT, seed)])
+    return _best_end(space, [[local] for local in starts(space, SCREENED, KEPT, seed)])
 
 
-def _best_end(space: CoordinateSpace, begins: list[FloatArray]) -> FoundModel:
+def _best_end(space: CoordinateSpace, begins: list[list[Local]]) -> FoundModel:
     """Descend a little from each begin, and to the end from the best of them."""
-    tried = [follow(space, theta, 1e-4, _SHORT + space.records.gaps) for theta in begins]
+    most = _SHORT + space.records.gaps
+    tried = [follow(space, space.pack(sets), 1e-4, most) for sets in begins]
     final = follow(space, min(tried, key=lambda end: end.cost).theta)
     return replace(final, evaluations=final.evaluations + sum(end.evaluations for end in tried))
 
@@ -274,8 +200,7 @@ def join_gaps(
         for gap in range(records.gaps)
     ]
     order = np.argsort(np.sum([cost for _, cost in at_gaps], axis=0))
-    begins = [[ends[index] for ends, _ in at_gaps] for index in order[:KEPT]]
-    return _best_end(space, [space.pack(sets) for sets in begins])
+    return _best_end(space, [[ends[index] for ends, _ in at_gaps] for index in order[:KEPT]])
 
 
 def join_circuit(

@@ -17,23 +17,18 @@ from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-AT_REST = 0.01
-"""A smallest input below this share of the largest counts as zero."""
+AT_REST = 0.01  # a smallest input below this share of the largest counts as zero
 
 _SAME = 1e-3
 """Readings this near to each other, in parts of the largest, were taken at the same rest; an
 offset smaller than this is none."""
 
 _REST_BAND = 0.005
-_MIN_REST_SHARE = 0.08
-"""A drive rests if this share of its samples is within a band of the lowest."""
+_MIN_REST_SHARE = 0.08  # a drive rests if this share of its samples is within a band of the lowest
 _ROUND = 1.2
 """A reversal is round if one curve across it has at most this part of the misfit of two."""
-_TIP_SHARE = 12
-"""The curves beside a reversal are fitted over this part of a branch."""
-
-_SURE = 3.0
-"""An offset is taken from this many standard errors on."""
+_TIP_SHARE = 12  # the curves beside a reversal are fitted over this part of a branch
+_SURE = 3.0  # an offset is taken from this many standard errors on
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,27 +64,26 @@ def rest_of(loopset: Loops) -> Rest:
     offset = _reading([value for value in lowest if value is not None], span)
     if offset.std is None:
         return Rest()
-    first = [
-        float(loop.output[_begins(loop, offset.offset, span)].mean())
-        for loop in loopset.loops
-        if loop.history.kind == "demagnetised" and _begins(loop, offset.offset, span).any()
-    ]
+    first = []
+    for loop in loopset.loops:
+        still = np.logical_and.accumulate(np.abs(loop.input - offset.offset) <= 2.0 * _SAME * span)
+        if loop.history.kind == "demagnetised" and still.any():
+            first.append(float(loop.output[still].mean()))
     return Rest(offset, _reading(first, largest_output(loopset)))
 
 
 def _lowest(loop: Loop, span: float) -> float | None:
     """Return the reading at which a drive of one sign rests, None if it does not."""
     low, high = float(loop.input.min()), float(loop.input.max())
-    near = low if abs(low) <= abs(high) else high
-    if abs(near) > AT_REST * span or high - low < 2.0 * AT_REST * span:
+    sign = 1.0 if abs(low) <= abs(high) else -1.0
+    if min(abs(low), abs(high)) > AT_REST * span or high - low < 2.0 * AT_REST * span:
         return None
-    # As a drive of positive sign.
-    drive = loop.input if near == low else -loop.input
+    drive = sign * loop.input
     size = float(np.median(drive[drive - drive.min() <= _SAME * span]))
     if np.mean(drive - drive.min() <= _REST_BAND * span) < _MIN_REST_SHARE:
         clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
         size = _touched(drive, clock, size, span)
-    return size if near == low else -size
+    return sign * size
 
 
 def _touched(drive: FloatArray, clock: FloatArray, otherwise: float, span: float) -> float:
@@ -128,11 +122,6 @@ def _touched(drive: FloatArray, clock: FloatArray, otherwise: float, span: float
             meet = np.argmin(np.maximum(before, after))
             lowest.append(0.5 * float(before[meet] + after[meet]))
     return float(np.mean(lowest)) if lowest else otherwise
-
-
-def _begins(loop: Loop, offset: float, span: float) -> NDArray[np.bool_]:
-    """Mark the samples before the drive has moved."""
-    return np.logical_and.accumulate(np.abs(loop.input - offset) <= 2.0 * _SAME * span)
 
 
 def _reading(values: Sequence[float], span: float) -> RestReading:
@@ -174,7 +163,8 @@ class FitRecord:
     def weights(self) -> FloatArray:
         """Weight of the deviation of each sample; zero of those that a fit does not see."""
         whole = np.full(self.input.size, self.weight)
-        whole = whole if self.shares is None else whole * np.sqrt(self.shares)
+        if self.shares is not None:
+            whole *= np.sqrt(self.shares)
         return whole if self.unseen is None else np.where(self.unseen, 0.0, whole)
 
     @cached_property
@@ -278,11 +268,12 @@ class FitRecords:
 
         Each record has `blocks` of equal way, numbered on from record to record.
         """
-        records = []
-        for index, record in enumerate(self.loops):
-            of_samples = index * blocks + blocks_along(record.input, blocks)
-            records.append(replace(record, unseen=np.isin(of_samples, list(left_out))))
-        return replace(self, loops=tuple(records))
+        numbers = (i * blocks + blocks_along(d.input, blocks) for i, d in enumerate(self.loops))
+        loops = tuple(
+            replace(record, unseen=np.isin(of_samples, list(left_out)))
+            for record, of_samples in zip(self.loops, numbers, strict=True)
+        )
+        return replace(self, loops=loops)
 
     def thinned(self, most: int) -> FitRecords:
         """Take at most about `most` samples of each loop, weighing the same together.
@@ -348,6 +339,8 @@ def records_of(loopset: Loops, weighting: str = "loops", rest: Rest | None = Non
         raise InputError(
             f"the {loopset.output.name} is zero throughout; check the columns", code="no-output"
         )
+    weights = _weights(loops, output_span, weighting)
+    clocks = chain.from_iterable(clocks_of(list(groups.values())))
     fitted = tuple(
         FitRecord(
             label=loop.label,
@@ -359,13 +352,7 @@ def records_of(loopset: Loops, weighting: str = "loops", rest: Rest | None = Non
             weight=weight,
             clock=clock,
         )
-        for loop, gap, weight, clock in zip(
-            loops,
-            gaps,
-            _weights(loops, output_span, weighting),
-            chain.from_iterable(clocks_of(list(groups.values()))),
-            strict=True,
-        )
+        for loop, gap, weight, clock in zip(loops, gaps, weights, clocks, strict=True)
     )
     input_span = max(float(np.max(np.abs(loop.input))) for loop in loops)
     return FitRecords(fitted, nodes, input_span, output_span, rest)
@@ -413,21 +400,12 @@ class Past:
 
     def remembered(self) -> Past:
         """Take what play cells can keep of it: closed cycles at one gap are left out."""
-        edges = np.flatnonzero(np.diff(self.gap_position)) + 1
-        kept = [
-            Past(points, np.full(points.size, gap[0]))
-            for drive, gap in zip(
-                np.split(self.drive, edges), np.split(self.gap_position, edges), strict=True
-            )
-            if drive.size
-            for points in [remembered(drive)]
-        ]
-        if not kept:
+        if not self.drive.size:
             return self
-        return Past(
-            np.concatenate([past.drive for past in kept]),
-            np.concatenate([past.gap_position for past in kept]),
-        )
+        edges = np.flatnonzero(np.diff(self.gap_position)) + 1
+        kept = [remembered(drive) for drive in np.split(self.drive, edges)]
+        gaps = self.gap_position[np.concatenate([[0], edges])]
+        return Past(np.concatenate(kept), np.repeat(gaps, [points.size for points in kept]))
 
 
 def remembered(drive: FloatArray) -> FloatArray:
@@ -442,11 +420,9 @@ def remembered(drive: FloatArray) -> FloatArray:
     kept = [float(drive[0])]
     for point in [*drive[turns].tolist(), float(drive[-1])]:
         kept.append(point)
-        while len(kept) > 3 and _closed(*kept[-4:]):
+        while len(kept) > 3:
+            rise, cycle, after = np.abs(np.diff(kept[-4:])).tolist()
+            if cycle > min(rise, after):
+                break
             del kept[-3:-1]
     return np.array(kept)
-
-
-def _closed(before: float, first: float, second: float, after: float) -> bool:
-    """Whether the cycle between two turning points lies within what comes before and after."""
-    return abs(second - first) <= min(abs(first - before), abs(after - second))

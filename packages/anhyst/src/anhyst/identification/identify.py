@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
 
 from anhyst.data import Loops
 from anhyst.data.lag import lag_line
@@ -30,16 +30,13 @@ from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rate import fit_rate, without_rate
 from anhyst.identification.run import SEARCHED, IdentifyResult, Outcome, SearchRun
 from anhyst.identification.space import IN_SERIES
-from anhyst.identification.uncertainty import FARTHEST, assess, first_rise, is_guessed, resolved
+from anhyst.identification.uncertainty import assess, begins_near, resolved
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
 from anhyst.model.actuator import obstacle
 from anhyst.model.left_over import explain_rejection, left_of, left_over_text
 from anhyst.model.parameters import GAP_MAPS
-from anhyst.model.schema import (
-    Provenance,
-    fit_figures,
-)
+from anhyst.model.schema import Provenance, fit_figures
 from anhyst.support import running_version
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -47,8 +44,7 @@ from anhyst.support.wording import worded
 
 SEARCHES = ("default", "paper")
 
-AUTO = "auto"
-"""Of laws and gap maps: which one, is found out."""
+AUTO = "auto"  # of laws and gap maps: which one, is found out
 
 
 def identify(
@@ -74,13 +70,15 @@ def identify(
     check_wanted(law, gap_map, search)
     odd = check_plausible(loops)
 
-    def static(some: Loops, before: Outcome | None = None) -> Outcome:
+    def static(some: Loops, before: Outcome | None) -> Outcome:
         """Find the model of loops at one speed; from an outcome on it is the same choice."""
         own, cells = _compared(some, law, search)
         if _creeps(some, law, search):
             return fit_creeping(some)
         if LAWS[own].kernel is None:
-            return _any_law(some, own, gap_map, seed, weights, offsets=offsets)
+            records = records_of(some, weights)
+            require_gaps(records, gap_map)
+            return fit_any(some, records.thinned(SEARCHED), own, gap_map, seed, offsets=offsets)
         rest = rest_of(some) if offsets and search == "default" else None
         run = SearchRun(
             form=form_of(some.input, some.output, own),
@@ -96,8 +94,7 @@ def identify(
         )
         outcome = _go_on(run, some, before) if before else _search(run, some, gap_map, search)
         freed = resolved(outcome.model, some)
-        usable = not is_guessed(some) or first_rise(freed, some) <= FARTHEST
-        return replace(outcome, model=freed) if usable else outcome
+        return replace(outcome, model=freed) if begins_near(freed, some) else outcome
 
     able = rate and search == "default" and not _creeps(loops, law, search)
     loops = with_spread_times(loops) if able else loops
@@ -166,9 +163,7 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
                 code="unknown-choice",
                 key=what,
             )
-    if law == AUTO:
-        law = DEFAULT_LAW
-    kernel = LAWS[law].kernel
+    kernel = LAWS[DEFAULT_LAW if law == AUTO else law].kernel
     if kernel is not None and kernel.coupled and gap_map in IN_SERIES:
         # There alpha acts on the irreversible part alone, which a reluctance does not: one number
         # would be fitted for two.
@@ -204,22 +199,18 @@ def _compared(loops: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ..
     return DEFAULT_LAW, tuple(shapes[name] for name in able) if search == "default" else ()
 
 
-class _Static(Protocol):
-    """The way from loops at one speed to their model."""
-
-    def __call__(self, some: Loops, before: Outcome | None = ...) -> Outcome: ...
-
-
-def _at_all_speeds(loops: Loops, static: _Static, speeds: Speeds | None) -> Outcome:
+def _at_all_speeds(
+    loops: Loops, static: Callable[[Loops, Outcome | None], Outcome], speeds: Speeds | None
+) -> Outcome:
     """Find the model at rest, and around it how late the iron answers."""
     if speeds is None:
-        return static(loops)
-    outcome = static(speeds.slow)
+        return static(loops, None)
+    outcome = static(speeds.slow, None)
     if outcome.interrupted:
         return outcome
     late = fit_rate(outcome.model, loops, speeds)
-    if not late.pays:
-        return replace(static(loops), why_rate=late.why)
+    if not late.model.has_eddy_currents:
+        return replace(static(loops, None), why_rate=late.why)
     at_rest = without_rate(late.model, outcome.model, speeds.slow)
     if at_rest is not None:
         again = static(at_rest, outcome)
@@ -236,15 +227,6 @@ def _creeps(loops: Loops, law: str, search: str) -> bool:
     """Whether cells are fitted with lag and creep, in one step."""
     able = output_map(loops.output).creeps and loops.schedule is None
     return able and law in {AUTO, CREEPING_LAW} and search == "default"
-
-
-def _any_law(
-    loops: Loops, law: str, gap_map: str, seed: int, weights: str, *, offsets: bool
-) -> Outcome:
-    """Fit a law that the core does not have."""
-    records = records_of(loops, weights)
-    require_gaps(records, gap_map)
-    return fit_any(loops, records.thinned(SEARCHED), law, gap_map, seed, offsets=offsets)
 
 
 def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:

@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 
 from anhyst.identification.cell_kernel import CellPath, CellPaths
 from anhyst.identification.fit_records import FitRecord
-from anhyst.identification.response import FLATTEST, Local, Responder, ResponseForm, between
+from anhyst.identification.response import (
+    Local,
+    Responder,
+    ResponseForm,
+    between,
+    differentiated,
+    require_slope,
+)
 from anhyst.identification.space import CoordinateSpace
 from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
@@ -57,7 +64,7 @@ class CellResponder:
             r_t = np.stack([-r * drives.own / scale, -drives.own / scale], axis=1)
             path = cells.with_tangents(omega, r, drives.own, r_t, drives.begins)
             path = CellPath(*(values[drives.kept] for values in path))
-            output, by_local = _differentiated(form, sets, drives.gaps, path)
+            output, by_local = differentiated(form, sets, drives.gaps, path)
             for gap, part in drives.runs:
                 yield gap, output[part], by_local[part]
 
@@ -65,7 +72,12 @@ class CellResponder:
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
     ) -> Iterator[tuple[CellPaths, _Drives]]:
         """Return the cells of each group of drives that share them."""
-        cells = _cells(form, sets)
+        assert form.cells is not None
+        require_slope(sets)
+        try:
+            cells = [form.cells.paths(local.law) for local in sets]
+        except ValueError as error:
+            raise NoResponseError(str(error)) from error
         if records is not self._grouped:
             self._groups, self._grouped = {}, records
         alike = tuple(next(i for i, weights in enumerate(cells) if weights is own) for own in cells)
@@ -87,12 +99,9 @@ class _Drives:
     parts: Sequence[slice]  # where its record is
 
     @cached_property
-    def kept(self) -> NDArray[np.bool_]:
-        """Which samples are of records."""
-        kept = np.zeros(self.drive.size, dtype=np.bool_)
-        for part in self.parts:
-            kept[part] = True
-        return kept
+    def kept(self) -> NDArray[np.intp]:
+        """Places of the samples of records."""
+        return np.concatenate([np.arange(part.start, part.stop) for part in self.parts])
 
     @cached_property
     def runs(self) -> list[tuple[int, slice]]:
@@ -118,17 +127,15 @@ class _Drives:
 
 def _grouped(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterator[_Drives]:
     """Group drives in their order, a few thousand samples at a time; gaps with one number are alike."""
-    group: list[FitRecord] = []
-    for index, record in enumerate(records):
-        group.append(record)
-        last = index + 1 == len(records)
-        if (
-            last
-            or alike[records[index + 1].gap] != alike[record.gap]
-            or sum(record.input.size for record in group) > _TOGETHER
-        ):
+    for _, same in groupby(records, lambda record: alike[record.gap]):
+        group: list[FitRecord] = []
+        for record in same:
+            group.append(record)
+            if sum(record.input.size for record in group) > _TOGETHER:
+                yield _joined(group)
+                group = []
+        if group:
             yield _joined(group)
-            group = []
 
 
 def _joined(records: Sequence[FitRecord]) -> _Drives:
@@ -146,39 +153,6 @@ def _joined(records: Sequence[FitRecord]) -> _Drives:
     return _Drives(tuple(records), drive, gaps, own, np.array(begins, dtype=np.int64), parts)
 
 
-def _differentiated(
-    form: ResponseForm, sets: Sequence[Local], gaps: NDArray[np.intp], path: CellPath
-) -> tuple[FloatArray, FloatArray]:
-    """Output at each sample, and its derivatives by the numbers at its gap."""
-    x, m, x_t, m_t = path
-    law = len(sets[0].law)
-    around = np.array([(local.h, local.scale, local.gain, local.out_0) for local in sets])
-    h, scale, gain, out_0 = around[gaps].T
-    b = m + h * x
-    steep = gain * form.power * b ** (form.power - 1)
-    through = steep[:, None] * (m_t + h[:, None] * x_t)
-    jacobian = np.empty((b.size, law + 5))
-    jacobian[:, : law + 2] = through[:, : law + 2]
-    jacobian[:, law + 2] = b**form.power
-    jacobian[:, law + 3] = through[:, law + 2]
-    jacobian[:, law + 4] = 1.0
-    if form.permeability > 0.0:
-        jacobian[:, law + 1] += steep * x * h / scale
-        jacobian[:, law + 2] -= steep * x * h / gain
-    return gain * b**form.power + out_0, jacobian
-
-
-def _cells(form: ResponseForm, sets: Sequence[Local]) -> list[CellPaths]:
-    """Cells at each gap; those that are the same are built once."""
-    assert form.cells is not None
-    if max(local.h * local.omega for local in sets) > FLATTEST:
-        raise NoResponseError("the curve would be all but as flat as the air core")
-    try:
-        return [form.cells.paths(local.law) for local in sets]
-    except ValueError as error:
-        raise NoResponseError(str(error)) from error
-
-
 EXPECTED = 1e-8
 """Cost of a number one spread away from what is expected of it, in parts of the largest output
 squared: as much as a deviation of a ten-thousandth."""
@@ -190,8 +164,21 @@ _PIECE = 20_000
 """Samples of which derivatives are held at once: a long record must not cost memory by its length
 times its numbers. A law of Jiles and Atherton, with few numbers, needs its cycle whole to close it."""
 
-_IMPOSSIBLE = 10.0
-"""Deviation, in units of the largest output, where the law has no answer."""
+IMPOSSIBLE = 10.0  # deviation, in units of the largest output, where the law has no answer
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Deviations near a point to first order: what a step of least squares needs of them."""
+
+    deviation: FloatArray  # weighted deviations, shape (samples,)
+    gradient: FloatArray  # of half their sum of squares, shape (size,)
+    normal: FloatArray  # their derivatives times themselves, shape (size, size)
+
+    @property
+    def cost(self) -> float:
+        """Weighted sum of squares."""
+        return float(self.deviation @ self.deviation)
 
 
 @dataclass
@@ -232,7 +219,7 @@ class Objective:
     @property
     def impossible(self) -> FloatArray:
         """Deviations in place of those of parameters without a solution."""
-        far = _IMPOSSIBLE * self.space.records.output_span * self.weights
+        far = IMPOSSIBLE * self.space.records.output_span * self.weights
         return np.concatenate([far, np.zeros(1 + self._ties.shape[0] + self._usual.size)])
 
     def outputs(self, sets: list[Local]) -> FloatArray:
@@ -259,14 +246,12 @@ class Objective:
         """
         self.evaluations += 1
         sets = self.space.unpack(theta)
-        numbers = len(self.space.at_gap)
+        numbers = len(self.space.form.names)
         squares = np.zeros((len(sets), numbers, numbers))
         slopes = np.zeros((len(sets), numbers))
         values, along = [], np.zeros((len(sets), numbers))
-        first = 0
-        responses = self._responder.derivatives(
-            self.space.form, [parameters for parameters, _ in sets], self._loops
-        )
+        first, at_gaps = 0, [local for local, _ in sets]
+        responses = self._responder.derivatives(self.space.form, at_gaps, self._loops)
         for gap, output, by_local in responses:
             part = slice(first, first + output.size)
             weights = self.weights[part]
@@ -286,12 +271,47 @@ class Objective:
             gradient = gradient + slope @ by_theta
             matrix = matrix + by_theta.T @ square @ by_theta
         if self._drift.known:
-            by_drift = np.einsum(
-                "gn,gnk->k", along, np.stack([parameters for _, parameters in sets])
-            )
+            by_drift = np.einsum("gn,gnk->k", along, np.stack([by_theta for _, by_theta in sets]))
             gradient = gradient - self._drift.slope(whole) * by_drift
             matrix = matrix - np.outer(by_drift, by_drift) / self._drift.size
         return np.concatenate(values), gradient, matrix
+
+    def linear(self, theta: FloatArray) -> Linear:
+        """Linearise at a point; without any slope where the law has no answer.
+
+        By analytic derivatives where there are any.
+        """
+        if not self.space.form.kernel.differentiated:
+            deviation = self.deviations(theta)
+            jacobian = self.differences(theta)
+            return Linear(deviation, deviation @ jacobian, jacobian.T @ jacobian)
+        try:
+            return Linear(*self.normal(theta))
+        except NoResponseError:
+            nothing = np.zeros((theta.size, theta.size))
+            return Linear(self.impossible, nothing[0], nothing)
+
+    def worth(self, theta: FloatArray, cost: float) -> Linear | None:
+        """Linearise where the cost is below another; a numerical derivative is dear."""
+        if not self.space.form.kernel.differentiated:
+            deviations = self.deviations(theta)
+            if float(deviations @ deviations) >= cost:
+                return None
+        linear = self.linear(theta)
+        return linear if linear.cost < cost else None
+
+    def differences(self, theta: FloatArray) -> FloatArray:
+        """Central differences, turned inward at the bounds."""
+        low, high = self.space.bounds
+        columns = []
+        for index in range(theta.size):
+            ends = []
+            for side in (-1e-5, 1e-5):
+                moved = theta.copy()
+                moved[index] = np.clip(moved[index] + side, low[index], high[index])
+                ends.append((moved[index], self.deviations(moved)))
+            columns.append((ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]))
+        return np.stack(columns, axis=1)
 
 
 class _Drift:
@@ -303,14 +323,14 @@ class _Drift:
         self.size = float(drift @ drift) + self._loose**2
         self.known = bool(np.any(drift))
 
-    def slope(self, deviation: FloatArray) -> FloatArray:
-        """Slope with the least cost, of each column."""
-        return np.asarray(self.way @ deviation / self.size)
+    def slope(self, deviation: FloatArray) -> float:
+        """Slope with the least cost."""
+        return float(self.way @ deviation / self.size)
 
     def without(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the columns without the drift, and one row for its cost."""
+        """Return the deviations without the drift, and its cost as one more."""
         slope = self.slope(deviation)
-        return deviation - np.multiply.outer(self.way, slope), self._loose * slope[None]
+        return deviation - self.way * slope, np.array([self._loose * slope])
 
 
 def _differences(space: CoordinateSpace) -> FloatArray:
@@ -329,12 +349,11 @@ def _differences(space: CoordinateSpace) -> FloatArray:
 
 def _expectations(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
     """Rows that take a coordinate in parts of its spread, and what is expected of them."""
-    numbers = [space.numbers[name] for name, _ in space.entries]
-    expected = [column for column, number in enumerate(numbers) if number.usual is not None]
-    rows, usual = np.zeros((len(expected), space.size)), np.zeros(len(expected))
-    for row, column in enumerate(expected):
-        number = numbers[column]
-        assert number.usual is not None
-        rows[row, column] = np.sqrt(EXPECTED) / number.spread
-        usual[row] = rows[row, column] * space.inward(number.name, number.usual)
-    return rows, usual
+    rows, usual = [], []
+    for row, (name, _) in zip(np.eye(space.size), space.entries, strict=True):
+        number = space.numbers[name]
+        if number.usual is not None:
+            weight = np.sqrt(EXPECTED) / number.spread
+            rows.append(weight * row)
+            usual.append(weight * space.inward(name, number.usual))
+    return np.array(rows).reshape(-1, space.size), np.array(usual)

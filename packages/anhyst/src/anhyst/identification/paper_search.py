@@ -12,28 +12,13 @@
 
 Searches see thinned loops, since the exact step does not depend on how the path is cut; every cost
 that is reported is computed on all samples. Everything random comes from the seed.
-
-The (mu, lambda) evolution strategy after Schwefel, with step sizes that adapt themselves.
-
-H.-P. Schwefel, *Evolution and Optimum Seeking*, Wiley 1995; the operators in the words of T. Baeck,
-*Evolutionary Algorithms in Theory and Practice*, Oxford 1996, section 2.1. Every individual carries
-one step size for each variable. Step sizes are inherited and mutated before the variables are, so
-that the good ones survive by the children they make; a child never lives longer than a generation.
-
-The caller owns the loop (ask and tell), so that a whole generation can be evaluated at once::
-
-    strategy = EvolutionStrategy(low, high, seed=1)
-    for _ in range(100):
-        strategy.tell(cost(strategy.ask()))
-
-It finds the valley and then creeps: with one step size an axis it cannot follow a valley that runs
-across the axes. A simplex is meant to finish the work (the paper, II.C).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -50,19 +35,14 @@ from anhyst.identification.paper_seven import (
 from anhyst.identification.run import SearchRun
 from anhyst.model.acceptance import GapCheck, check_over_gap
 from anhyst.model.actuator import Model
-from anhyst.model.parameters import MAY_VARY
+from anhyst.model.parameters import MAY_VARY, Parameter
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 PARENTS = 15
-CHILDREN = 105
-"""Seven children for a parent, Schwefel's advice for self-adaptation."""
-
-_FIRST_STEP = 0.2
-"""First step size, in parts of the range of a variable."""
-
-_LEAST_STEP = 1e-9
-"""Smallest step size, in parts of the range: below it nothing moves any more."""
+CHILDREN = 105  # seven children for a parent, Schwefel's advice for self-adaptation
+_FIRST_STEP = 0.2  # first step size, in parts of the range of a variable
+_LEAST_STEP = 1e-9  # smallest step size, in parts of the range: below it nothing moves any more
 
 
 def reflected(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
@@ -79,7 +59,16 @@ def reflected(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArr
 
 
 class EvolutionStrategy:
-    """A population of parents that makes children and keeps the best of them."""
+    """The (mu, lambda) evolution strategy after Schwefel, with step sizes that adapt themselves.
+
+    H.-P. Schwefel, *Evolution and Optimum Seeking*, Wiley 1995; the operators in the words of
+    T. Baeck, *Evolutionary Algorithms in Theory and Practice*, Oxford 1996, section 2.1. Every
+    individual carries one step size for each variable. Step sizes are inherited and mutated before
+    the variables are, so that the good ones survive by the children they make.
+
+    It finds the valley and then creeps: with one step size an axis it cannot follow a valley that
+    runs across the axes, so a simplex finishes the work (the paper, II.C).
+    """
 
     def __init__(
         self,
@@ -108,34 +97,25 @@ class EvolutionStrategy:
         self._tau_common = 1.0 / np.sqrt(2.0 * size)  # all step sizes of a child together
         self._x = low + (high - low) * self._random.random((children, size))
         self._sigma = np.tile(_FIRST_STEP * (high - low), (children, 1))
-        self._parents_x, self._parents_sigma = self._x, self._sigma
         self.best = self._x[0].copy()
         self.best_cost = np.inf
-        self.generation = 0
-        self._waiting = False
 
     def ask(self) -> FloatArray:
-        """Return the individuals of the next generation, shape (children, n)."""
-        if self.generation and not self._waiting:
-            shape = (self._lambda, self._low.size)
-            couples = self._random.integers(0, self._mu, (2, self._lambda))
-            first = self._random.random(shape) < 0.5
-            self._x = np.where(first, self._parents_x[couples[0]], self._parents_x[couples[1]])
-            self._sigma = 0.5 * (self._parents_sigma[couples[0]] + self._parents_sigma[couples[1]])
-            self._mutate()
-        self._waiting = True
+        """Return the individuals of the generation, shape (children, n)."""
         return self._x.copy()
 
     def tell(self, costs: FloatArray) -> None:
-        """Select the parents of the next generation."""
+        """Select the parents of the next generation, and make it."""
         ranked = np.argsort(np.where(np.isnan(costs), np.inf, costs), kind="stable")
-        chosen = ranked[: self._mu]
-        self._parents_x, self._parents_sigma = self._x[chosen], self._sigma[chosen]
         if costs[ranked[0]] < self.best_cost:
             self.best_cost = float(costs[ranked[0]])
             self.best = self._x[ranked[0]].copy()
-        self.generation += 1
-        self._waiting = False
+        x, sigma = (values[ranked[: self._mu]] for values in (self._x, self._sigma))
+        couples = self._random.integers(0, self._mu, (2, self._lambda))
+        first = self._random.random((self._lambda, self._low.size)) < 0.5
+        self._x = np.where(first, x[couples[0]], x[couples[1]])
+        self._sigma = 0.5 * (sigma[couples[0]] + sigma[couples[1]])
+        self._mutate()
 
     def _mutate(self) -> None:
         """Log-normal for step sizes, then normal for variables with the new step sizes."""
@@ -271,8 +251,7 @@ def search_each_gap(bench: SearchBench) -> Stand:
     names = bench.variables.names
     alone = [
         bench.run.stage(
-            f"gap {gap} from scratch",
-            lambda gap=gap: bench.search(gap, dict(bench.known), names),  # type: ignore[misc]
+            f"gap {gap} from scratch", partial(bench.search, gap, dict(bench.known), names)
         )
         for gap in range(bench.gaps)
     ]
@@ -284,9 +263,9 @@ def search_each_gap(bench: SearchBench) -> Stand:
         again = [
             bench.run.stage(
                 f"gap {gap} with common offsets",
-                lambda gap=gap: bench.search(gap, common[gap], bench.searched, common[gap]),  # type: ignore[misc]
+                partial(bench.search, gap, values, bench.searched, values),
             )
-            for gap in range(bench.gaps)
+            for gap, values in enumerate(common)
         ]
         sets, spent = [result[0] for result in again], spent + sum(result[1] for result in again)
     return bench.stand(sets, bench.searched, spent)
@@ -298,12 +277,9 @@ def model_at_nodes(stand: Stand, run: SearchRun, loopset: Loops) -> Model:
     The gap map is ``scaling`` where that allows what varies, else ``free``.
     """
     single = run.records.gaps == 1
-    parameters = {
-        name: tuple(values[name] for values in stand.sets)
-        if name in stand.varying and not single
-        else stand.sets[0][name]
-        for name in stand.sets[0]
-    }
+    parameters: dict[str, Parameter] = dict(stand.sets[0])
+    for name in () if single else stand.varying:
+        parameters[name] = tuple(values[name] for values in stand.sets)
     scaling = set(stand.varying) <= MAY_VARY["scaling"]
     return Model(
         name="model",

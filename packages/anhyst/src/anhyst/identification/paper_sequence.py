@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.identification.bare import model_of
+from anhyst.identification.bare import is_over_gap, model_of
 from anhyst.identification.candidates import require_gaps
 from anhyst.identification.default import FoundModel
 from anhyst.identification.objective import Objective
@@ -38,6 +39,7 @@ from anhyst.identification.paper_seven import (
     mean_deviation,
     mean_over_gaps,
 )
+from anhyst.identification.response import Local
 from anhyst.identification.run import Outcome, SearchRun
 from anhyst.identification.space import CoordinateSpace
 from anhyst.identification.uncertainty import assess
@@ -76,8 +78,7 @@ def in_common_gauge(bench: SearchBench, free: Stand) -> Stand:
     for gap in [home, *range(home + 1, bench.gaps), *range(home - 1, -1, -1)]:
         near = sets.get(gap - 1 if gap > home else gap + 1)
         sets[gap], more = bench.run.stage(
-            f"gap {gap} in one gauge",
-            lambda gap=gap, near=near: _beside(bench, gap, moved[gap], near),  # type: ignore[misc]
+            f"gap {gap} in one gauge", partial(_beside, bench, gap, moved[gap], near)
         )
         spent += more
     return bench.stand([sets[gap] for gap in range(bench.gaps)], free.varying, spent)
@@ -86,11 +87,8 @@ def in_common_gauge(bench: SearchBench, free: Stand) -> Stand:
 def _beside(bench: SearchBench, gap: int, own: Values, near: Values | None) -> tuple[Values, int]:
     """Search one gap from its own set and from its neighbour's, and prefer the neighbour's end."""
     names = [name for name in bench.searched if name not in chosen_by_gauge(bench.searched)]
-    ends = [
-        bench.refine(gap, begin, names, bench.effort.final)
-        for begin in (near, own)
-        if begin is not None
-    ]
+    begins = [own] if near is None else [near, own]
+    ends = [bench.refine(gap, begin, names, bench.effort.final) for begin in begins]
     costs = [bench.cost_at(gap, values) for values, _ in ends]
     best = 0 if costs[0] <= _alike(min(costs)) else 1
     return ends[best][0], sum(evaluations for _, evaluations in ends)
@@ -132,7 +130,7 @@ def _kept(bench: SearchBench, tried: Stand) -> Stand:
     candidates = [
         bench.run.stage(
             _stage(tried.varying, f"in full at gap {gap}"),
-            lambda gap=gap, values=values: bench.search(gap, values, tried.varying, values),  # type: ignore[misc]
+            partial(bench.search, gap, values, tried.varying, values),
         )
         for gap, values in enumerate(tried.sets)
     ]
@@ -168,8 +166,7 @@ def _spread(name: str, values: Sequence[float]) -> float:
 LAST = {"auto": None, "scaling": "c_H", "reluctance": "alpha"}
 """Which parameter a wanted gap map keeps to the last; ``free`` makes no reduction."""
 
-_ALIKE = 1.01
-"""Rise of the cost up to which a model in another form counts as the same."""
+_ALIKE = 1.01  # rise of the cost up to which a model in another form counts as the same
 
 
 def search_paper(
@@ -225,40 +222,40 @@ def _kept_to_the_last(bench: SearchBench, gap_map: str) -> str | None:
 
 def _model(bench: SearchBench, stand: Stand, gap_map: str) -> tuple[Model, FoundModel]:
     model = model_at_nodes(stand, bench.run, bench.loopset)
+    sets = [local_of(values, bench.run.form.power) for values in stand.sets]
+    h = float(np.mean([local.h for local in sets]))
     if stand.varying == ("alpha",) and _may_be_reluctance(bench, gap_map):
-        fit = _as_reluctance(bench, stand)
+        fit = _found(bench, stand, "reluctance", _in_series(sets, h), h)
         outputs = Objective(fit.space).outputs(fit.sets)
         if mean_deviation(bench.run.records, outputs) <= _ALIKE * stand.cost:
             return model_of(fit, bench.loopset), fit
-    sets = [local_of(values, bench.run.form.power) for values in stand.sets]
-    form = replace(bench.run.form, h=float(np.mean([local.h for local in sets])))
-    space = CoordinateSpace(model.gap_map, bench.run.records, form, bench.run.held)
-    return model, FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
+    return model, _found(bench, stand, model.gap_map, sets, h)
+
+
+def _found(
+    bench: SearchBench, stand: Stand, gap_map: str, sets: list[Local], h: float
+) -> FoundModel:
+    form = replace(bench.run.form, h=h)
+    space = CoordinateSpace(gap_map, bench.run.records, form, bench.run.held)
+    return FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
 
 
 def _may_be_reluctance(bench: SearchBench, gap_map: str) -> bool:
     """Whether alpha over the schedule can be a reluctance: of a gap, and in no law of 1986."""
-    schedule = bench.loopset.schedule
-    of_a_gap = gap_map == "reluctance" or (schedule is not None and schedule.name == "gap")
+    of_a_gap = gap_map == "reluctance" or is_over_gap(bench.loopset)
     circuit = "c_H" in bench.searched and not bench.run.form.kernel.coupled
     return of_a_gap and circuit and bench.gaps > 1
 
 
-def _as_reluctance(bench: SearchBench, stand: Stand) -> FoundModel:
+def _in_series(sets: list[Local], h: float) -> list[Local]:
     """Read alpha over the gap as a series reluctance over the gap.
 
     They are the same up to the slope of the air core, which the common gauge has made small
     (docs/theory.md). With a reluctance the gap may move during a run, with alpha it may not.
     """
-    sets = [local_of(values, bench.run.form.power) for values in stand.sets]
-    h = float(np.mean([local.h for local in sets]))
     unscaled = float(np.mean([local.scale * (1.0 - h * local.omega) for local in sets]))
     gain = float(np.mean([local.gain for local in sets]))
-    sets = [replace(own, h=h, gain=gain, scale=unscaled / (1.0 - h * own.omega)) for own in sets]
-    space = CoordinateSpace(
-        "reluctance", bench.run.records, replace(bench.run.form, h=h), bench.run.held
-    )
-    return FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
+    return [replace(own, h=h, gain=gain, scale=unscaled / (1.0 - h * own.omega)) for own in sets]
 
 
 def _why(stand: Stand, model: Model, reducing: bool, interrupted: bool) -> str:

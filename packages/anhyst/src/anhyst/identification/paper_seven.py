@@ -16,12 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from anhyst._core import Operator
 from anhyst.data.output_map import output_map
-from anhyst.identification.fit_records import FitRecord, FitRecords
+from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.response import Local, Responder, ResponseForm
 from anhyst.identification.screening import OMEGA_JUMP, follow_sets
 from anhyst.support.errors import NoResponseError
@@ -35,23 +36,12 @@ SEVEN = ("M_s", "a", "alpha", "k", "c", "c_H", "c_out")
 POSITIVE = frozenset({"M_s", "a", "k", "c_H", "c_out"})
 OFFSETS = ("in_0", "out_0")
 
-_ALPHA = 1e-3
-"""Size at which the coordinate of alpha turns from linear to logarithmic."""
-
-_SATURATION = (2e5, 2e6)
-"""M_s from ferrite to cobalt iron, A/m."""
-
-_SHAPE = (1.0, 3e4)
-"""a from soft iron to an iron that looks sheared by its gap, A/m."""
-
-_PINNING = (0.05, 3e4)
-"""k likewise, from loops that are hardly open, A/m."""
-
-_FIELD = (30.0, 3e5)
-"""Largest field c_H may make of the largest input, A/m."""
-
-_REACHED = (1.0, 100.0)
-"""Output at saturation in parts of the largest output measured."""
+_ALPHA = 1e-3  # size at which the coordinate of alpha turns from linear to logarithmic
+_SATURATION = (2e5, 2e6)  # M_s from ferrite to cobalt iron, A/m
+_SHAPE = (1.0, 3e4)  # a from soft iron to an iron that looks sheared by its gap, A/m
+_PINNING = (0.05, 3e4)  # k likewise, from loops that are hardly open, A/m
+_FIELD = (30.0, 3e5)  # largest field c_H may make of the largest input, A/m
+_REACHED = (1.0, 100.0)  # output at saturation in parts of the largest output measured
 
 _ALPHAS = (-0.5, 0.05)
 """From the demagnetising share of a wide gap to the interaction where jumps begin."""
@@ -92,9 +82,16 @@ class Variables:
 
     def outward(self, theta: FloatArray) -> dict[str, FloatArray]:
         """Return the parameters at coordinates of shape (..., n): one array of shape (...) each."""
-        return {
-            name: _outward(name, theta[..., n], self.spans) for n, name in enumerate(self.names)
-        }
+        values = {}
+        for n, name in enumerate(self.names):
+            coordinate = theta[..., n]
+            if name in POSITIVE:
+                values[name] = np.exp(coordinate)
+            elif name == "alpha":
+                values[name] = _ALPHA * np.sinh(coordinate)
+            else:
+                values[name] = coordinate * self.spans[name]
+        return values
 
 
 def _inward(name: str, value: float, spans: Mapping[str, float]) -> float:
@@ -103,19 +100,13 @@ def _inward(name: str, value: float, spans: Mapping[str, float]) -> float:
     return float(np.arcsinh(value / _ALPHA)) if name == "alpha" else value / spans[name]
 
 
-def _outward(name: str, coordinate: FloatArray, spans: Mapping[str, float]) -> FloatArray:
-    if name in POSITIVE:
-        return np.exp(coordinate)
-    return _ALPHA * np.sinh(coordinate) if name == "alpha" else coordinate * spans[name]
-
-
 def variables_of(
     records: FitRecords, drive: Quantity, answer: Quantity, held: frozenset[str]
 ) -> tuple[Variables, Values]:
     """Choose what a search may vary, between which bounds, and what is known beforehand."""
     spans = {"c": 1.0, "in_0": records.input_span, "out_0": records.output_span}
     known = dict.fromkeys(held & set(OFFSETS), 0.0)
-    field, shape, pinning, saturation = _FIELD, _SHAPE, _PINNING, _SATURATION
+    shape, pinning, saturation = _SHAPE, _PINNING, _SATURATION
     if drive.name == "field":
         known["c_H"] = 1.0
         shape = pinning = (1e-3 * records.input_span, 3.0 * records.input_span)
@@ -129,7 +120,7 @@ def variables_of(
         "k": pinning,
         "alpha": _ALPHAS,
         "c": _REVERSIBLE,
-        "c_H": (field[0] / records.input_span, field[1] / records.input_span),
+        "c_H": (_FIELD[0] / records.input_span, _FIELD[1] / records.input_span),
         "c_out": (
             _REACHED[0] * records.output_span / (MU_0 * saturation[1]) ** power,
             _REACHED[1] * records.output_span / (MU_0 * saturation[0]) ** power,
@@ -138,8 +129,8 @@ def variables_of(
         "out_0": (-_OFFSET * records.output_span, _OFFSET * records.output_span),
     }
     names = tuple(name for name in (*SEVEN, *OFFSETS) if name not in known)
-    low = np.array([_inward(name, bounds[name][0], spans) for name in names])
-    high = np.array([_inward(name, bounds[name][1], spans) for name in names])
+    ends = [[_inward(name, end, spans) for end in bounds[name]] for name in names]
+    low, high = np.array(ends).T
     return Variables(names, low, high, spans), known
 
 
@@ -212,11 +203,8 @@ def in_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) ->
     return moved
 
 
-IMPOSSIBLE = 10.0
-"""Cost where the law has no answer."""
-
-_KAPPA = (2e-3, 5e2)
-"""Pinning over shape that the tables of the core are made for."""
+IMPOSSIBLE = 10.0  # cost where the law has no answer
+_KAPPA = (2e-3, 5e2)  # pinning over shape that the tables of the core are made for
 
 
 class Criterion:
@@ -240,9 +228,9 @@ class Criterion:
             key = (local.kappa, local.c, local.omega if self._form.kernel.coupled else 0.0)
             if self._built is None or self._built[0] != key:
                 self._built = (key, self._form.operator(local))
-            operator = self._built[1]
+            output = partial(self._responder.output, self._form, local, self._built[1])
             return sum(
-                share * self._off(local, operator, record)
+                share * float(np.abs(output(record) - record.output).sum())
                 for share, record in zip(self._shares, self._loops, strict=True)
             )
         except NoResponseError:
@@ -270,10 +258,6 @@ class Criterion:
         costs[sane] = criteria
         return costs
 
-    def _off(self, local: Local, operator: Operator, record: FitRecord) -> float:
-        output = self._responder.output(self._form, local, operator, record)
-        return float(np.abs(output - record.output).sum())
-
 
 def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
     """Criterion of eq. 16 for outputs that are known already."""
@@ -283,17 +267,13 @@ def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
 
 
 def simplex(
-    cost: Callable[[FloatArray], float],
-    variables: Variables,
-    start: FloatArray,
-    most: int,
-    step: float = 0.05,
+    cost: Callable[[FloatArray], float], variables: Variables, start: FloatArray, most: int
 ) -> tuple[FloatArray, float]:
     """Nelder and Mead's simplex, begun again at its end until that gains nothing more."""
     # Only here: importing it takes longer than the default search, which does without.
     from scipy.optimize import minimize
 
-    best, lowest = start, cost(start)
+    best, lowest, step = start, cost(start), 0.05
     span = variables.high - variables.low
     while most > variables.size + 1:
         corners = np.tile(best, (variables.size + 1, 1))

@@ -19,19 +19,16 @@ from anhyst.data.speeds import Speeds
 from anhyst.data.verdict import largest_output
 from anhyst.model.actuator import Model, jumps_alone
 from anhyst.model.dynamics import GAMMA, Dynamics, Layers
-from anhyst.model.parameters import Parameter
 from anhyst.model.predict import as_history, initial_state
 from anhyst.model.schema import Uncertainty
 from anhyst.support.numeric import FloatArray
 
-COUNTS = (1, 2, 3, 4)
-"""Layers that are tried; 1 is a lag of the flux."""
+COUNTS = (1, 2, 3, 4)  # layers that are tried; 1 is a lag of the flux
 
 WORTH = 0.9
 """What is missed, in parts of that without rate or with fewer layers, from which on these are taken."""
 
-SAMPLES = 120
-"""Of a loop, that are fitted, at most."""
+SAMPLES = 120  # of a loop, that are fitted, at most
 
 SETTLED, MOST_CYCLES = 1e-6, 40
 """A cycle is closed for a fit when its state returns this well, in parts of the law's scale."""
@@ -40,8 +37,7 @@ TRIED = np.geomspace(0.003, 3.0, 8)
 """Values of ``gamma`` that a fit may start from, in parts of the one whose field, at the rate of the
 fastest loops, is as large as the drive."""
 
-SHEETS = 0.2
-"""Share of the path in sheets that a fit starts from."""
+SHEETS = 0.2  # share of the path in sheets that a fit starts from
 
 PEELED = 0.3
 """Root mean square of what rate does to the slow loops, in parts of what the static model leaves of
@@ -59,24 +55,15 @@ class RateFit:
     std: float = 0.0  # standard deviation of ln(gamma)
     missed: float = np.inf  # root mean square of all loops, by the geometric mean of their speeds
 
-    @property
-    def pays(self) -> bool:
-        """Whether the model depends on rate."""
-        return self.model.has_eddy_currents
-
-    @property
-    def statement(self) -> str:
-        """How sure it is, as a sentence."""
-        fastest = self.model.dynamics.fastest if self.model.dynamics else 0.0
-        return (
-            f"gamma, how late the middle of the iron is, is known to {100.0 * self.std:.2g} %; it was "
-            f"measured up to {fastest:.3g} Hz, beyond nothing is known"
-        )
-
     def among(self, known: Uncertainty) -> Uncertainty:
         """Add it to what is known of a static model, which was held."""
-        gamma = self.model.parameters["gamma"]
+        gamma, dynamics = self.model.parameters["gamma"], self.model.dynamics
         assert isinstance(gamma, float)
+        assert dynamics is not None
+        statement = (
+            f"gamma, how late the middle of the iron is, is known to {100.0 * self.std:.2g} %; it was "
+            f"measured up to {dynamics.fastest:.3g} Hz, beyond nothing is known"
+        )
         whole = np.eye(len(known.correlation) + 1)
         whole[:-1, :-1] = known.correlation or np.empty((0, 0))
         return Uncertainty(
@@ -84,16 +71,16 @@ class RateFit:
             values=(*known.values, gamma),
             std=(*known.std, gamma * self.std),
             correlation=tuple(map(tuple, whole.tolist())) if known.correlation else (),
-            statements=(*known.statements, self.statement),
+            statements=(*known.statements, statement),
         )
 
 
 @dataclass(frozen=True)
 class _Rate:
-    """The fitted numbers: ``ln(gamma)`` and, with several layers, the logits of both shares."""
+    """What is fitted."""
 
-    count: int
-    theta: tuple[float, ...]
+    count: int  # layers
+    theta: tuple[float, ...]  # ``ln(gamma)`` and, with several layers, the logits of both shares
 
     @property
     def gamma(self) -> float:
@@ -108,10 +95,6 @@ class _Rate:
         surface, laminated = 0.5 + 0.5 * np.tanh(0.5 * np.array(self.theta[1:]))
         return float(surface), float(laminated)
 
-    def layers(self) -> Layers | None:
-        """Return them as a model has them."""
-        return Layers(self.count, *self.shares) if self.count > 1 else None
-
 
 class _Path:
     """One loop on its way through the iron."""
@@ -122,7 +105,7 @@ class _Path:
         ends = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
         kept = np.unique(np.concatenate([np.arange(0, loop.n, every), ends]))
         steps = np.diff(loop.time[kept])
-        self.settled = loop.history.kind == "settled"
+        self.settled, self.gap = loop.history.kind == "settled", loop.schedule_value
         first = 1.0 / float(np.median(steps)) if self.settled else 0.0
         self.rate = np.concatenate([[first], 1.0 / steps])
         gap = None if loop.schedule is None else loop.schedule[kept]
@@ -166,7 +149,6 @@ class _Problem:
             return _Path(model, loop, irons[gap], largest)
 
         self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
-        self.gaps = [[loop.schedule_value for loop in loops] for loops in speeds.fast]
         self.slow = [path(loop) for loop in speeds.slow.loops]
         last = self.groups[-1]
         density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in last)
@@ -178,10 +160,9 @@ class _Problem:
         if len(self.groups) > 1:
             parts = [[group] for group in self.groups]
         else:
-            parts = [
-                [[p for p, at in zip(self.groups[0], self.gaps[0], strict=True) if at == index]]
-                for index in sorted({gap for gap in self.gaps[0] if gap is not None})
-            ]
+            only = self.groups[0]
+            gaps = sorted({path.gap for path in only if path.gap is not None})
+            parts = [[[path for path in only if path.gap == gap]] for gap in gaps]
         if len(parts) < 2:
             return [(self.groups, self.groups)]
         return [
@@ -226,11 +207,10 @@ def _logit(share: float) -> float:
     return float(np.log(share / (1.0 - share)))
 
 
-def mean_missed(groups: Iterable[Sequence[_Path]], rate: _Rate | None) -> float:
+def mean_missed(groups: Iterable[Sequence[_Path]], rate: _Rate) -> float:
     """Return the root mean square that is missed, by the geometric mean of the groups."""
-    with_rate = rate or _Rate(1, (-np.inf,))
     return _log_mean(
-        float(np.sqrt(np.mean(np.concatenate([path.missed(with_rate) ** 2 for path in group]))))
+        float(np.sqrt(np.mean(np.concatenate([path.missed(rate) ** 2 for path in group]))))
         for group in groups
     )
 
@@ -240,7 +220,8 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
     static, model = model, _in_series(model)
     problem = _Problem(model, speeds, largest_output(loops))
     folds = problem.left_out()
-    still = _log_mean(mean_missed(out, None) for _, out in folds)
+    at_rest = _Rate(1, (-np.inf,))
+    still = _log_mean(mean_missed(out, at_rest) for _, out in folds)
     chosen: tuple[_Rate, float] | None = None
     fitted = unseen = np.inf
     for count in COUNTS[COUNTS.index(at_least) :]:
@@ -269,7 +250,7 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
     made = replace(
         model,
         parameters={**model.parameters, "gamma": rate.gamma},
-        layers=rate.layers(),
+        layers=Layers(rate.count, *rate.shares) if rate.count > 1 else None,
         dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest),
     )
     what = "a lag of the flux misses" if rate.count == 1 else f"{rate.count} layers miss"
@@ -302,21 +283,18 @@ def _in_series(model: Model) -> Model:
     by = (1.0 - alpha) / (1.0 - kept)
     parts = (*law.with_role("saturation"), *law.with_role("reversible"))
     scaled = (*(part.name for part in parts), "c_H")
-    parameters = {name: _as_written(by * np.array(model.parameters[name])) for name in scaled}
-    around = {"alpha": kept, "rho": _as_written(np.maximum(held / (1.0 - kept) - 1.0, 0.0))}
+    parameters = {name: (by * np.array(model.parameters[name])).tolist() for name in scaled}
+    around = {"alpha": kept, "rho": np.maximum(held / (1.0 - kept) - 1.0, 0.0).tolist()}
     return replace(model, parameters={**model.parameters, **parameters, **around})
-
-
-def _as_written(value: FloatArray) -> Parameter:
-    return tuple(value.tolist()) if value.ndim else float(value)
 
 
 def without_rate(model: Model, static: Model, slow: Loops) -> Loops | None:
     """Take what rate does to slow loops off them; None where that is too little to matter."""
     left, done, mended = [], [], []
     for loop in slow.loops:
-        late, still = model.on(loop), static.on(loop)
+        still = static.on(loop)
+        late = model.on(loop) - still
         left.append(np.mean((loop.output - still) ** 2))
-        done.append(np.mean((late - still) ** 2))
-        mended.append(replace(loop, output=loop.output - (late - still)))
+        done.append(np.mean(late**2))
+        mended.append(replace(loop, output=loop.output - late))
     return None if np.mean(done) <= PEELED**2 * np.mean(left) else slow.with_loops(mended)

@@ -11,17 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.identification.candidates import Contest, ModelCandidate, is_over_gap, titles
-from anhyst.identification.space import WRITTEN
+from anhyst.identification.bare import is_over_gap
+from anhyst.identification.candidates import Contest, ModelCandidate, titles
 from anhyst.model.schema import CHOSEN, CandidateFit
 
 _FITS_BETTER = 1.5
 """Rms deviation over that of a map that cannot be compiled, from which on the reason offers it."""
-
-
-def written_map(candidate: ModelCandidate) -> str:
-    """Return the gap map that a candidate has in a model file."""
-    return WRITTEN.get(candidate.gap_map, candidate.gap_map)
 
 
 def list_candidates(contest: Contest, best: ModelCandidate, law: str) -> tuple[CandidateFit, ...]:
@@ -30,7 +25,7 @@ def list_candidates(contest: Contest, best: ModelCandidate, law: str) -> tuple[C
     return tuple(
         CandidateFit(
             law=title,
-            gap_map=written_map(candidate),
+            gap_map=candidate.written_map,
             numbers=fits.lean.theta.size if fits else 0,
             rms=float(np.sqrt(fits.lean.cost)) if fits else None,
             left_out=contest.finite_error(candidate) if candidate in contest.entrants else None,
@@ -67,7 +62,7 @@ def explain_law(contest: Contest, best: ModelCandidate, law: str, loopset: Loops
     if not others:
         return text
     least = min(others, key=lambda model: others[model])
-    under = "" if written_map(least) == written_map(best) else f" under '{written_map(least)}'"
+    under = "" if least.written_map == best.written_map else f" under '{least.written_map}'"
     text += f"; {names[least]}{under} has an error of {_percent(others[least])}"
     return text + (_why_not(contest, best, least) if others[least] < own else "")
 
@@ -90,7 +85,7 @@ def explain_gap_map(
     passed_over: Sequence[ModelCandidate],
 ) -> str:
     """Say why this gap map was chosen."""
-    name = written_map(best)
+    name = best.written_map
     gaps, count = _places(loopset), len(loopset.schedule_values)
     if count < 2:
         over = loopset.schedule.name if loopset.schedule else "gap"
@@ -106,7 +101,7 @@ def explain_gap_map(
     else:
         why = _compare_maps(contest, best, gaps)
     text = f"{why}{_offer(contest, best, loopset)}"
-    if names := dict.fromkeys(map(written_map, passed_over)):
+    if names := dict.fromkeys(each.written_map for each in passed_over):
         text += (
             f"; passed over: {', '.join(names)} (cannot be compiled, fails the acceptance test, "
             "deviates between the gaps or starts far from the measurement)"
@@ -115,7 +110,7 @@ def explain_gap_map(
 
 
 def _compare_maps(contest: Contest, best: ModelCandidate, gaps: str) -> str:
-    name = written_map(best)
+    name = best.written_map
     errors = contest.errors_of_maps(best) if contest.by == "gap" else {}
     own = errors.pop(name, np.inf)
     if not np.isfinite(own):

@@ -11,12 +11,13 @@ and flux density measured it follows from ``scale`` and ``gain``, else no data d
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anhyst._core import Operator, demagnetised, langevin
-from anhyst.identification.cell_kernel import CellKernel, WeightKernel, require_answer
+from anhyst.identification.cell_kernel import CellKernel, CellPath, WeightKernel, require_answer
 from anhyst.identification.fit_records import FitRecord, Past
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.law import Kernel
@@ -94,33 +95,31 @@ class ResponseForm:
 
     def values(self, local: Local) -> dict[str, float]:
         """Return the parameters of a set by name."""
-        return dict(zip(self.names, (*local.law, *(getattr(local, name) for name in SURROUNDING)),
-                        strict=True))  # fmt: skip
+        around = (getattr(local, name) for name in SURROUNDING)
+        return dict(zip(self.names, (*local.law, *around), strict=True))
 
     def local(self, values: Sequence[float]) -> Local:
         """Return a set of parameters in the order of the names, with h by the rule."""
-        omega, scale, gain, in_0, out_0 = values[-len(SURROUNDING) :]
-        law, h = tuple(values[: -len(SURROUNDING)]), self._air_slope(scale, gain)
-        return Local(law, omega, scale, gain, in_0, out_0, h)
-
-    def with_h(self, local: Local) -> Local:
-        """Fill in h by the rule."""
-        return replace(local, h=self._air_slope(local.scale, local.gain))
-
-    def _air_slope(self, scale: float, gain: float) -> float:
-        return self.permeability * scale / gain if self.permeability > 0.0 else self.h
+        *law, omega, scale, gain, in_0, out_0 = values
+        h = self.permeability * scale / gain if self.permeability > 0.0 else self.h
+        return Local(tuple(law), omega, scale, gain, in_0, out_0, h)
 
     def operator(self, local: Local) -> Operator:
         """Build the law for a parameter set; in the law of 1986 interaction enters twice."""
-        if local.h * local.omega > FLATTEST:
-            raise NoResponseError("the curve would be all but as flat as the air core")
+        require_slope([local])
+        kernel = self.kernel
+        assert isinstance(kernel, Kernel)
         try:
-            kernel = self.kernel
-            assert isinstance(kernel, Kernel)
             play = self.dead_band * local.kappa
             return kernel.operator(local.kappa, local.c, play, local.omega)
         except ValueError as error:
             raise NoResponseError(str(error)) from error
+
+
+def require_slope(sets: Sequence[Local]) -> None:
+    """Refuse sets whose curve would be all but as flat as the air core."""
+    if max(local.h * local.omega for local in sets) > FLATTEST:
+        raise NoResponseError("the curve would be all but as flat as the air core")
 
 
 class Responder:
@@ -185,24 +184,14 @@ class Responder:
         """Output of one drive, shape (n,), and its derivatives by :data:`LOCAL`, shape (n, 7)."""
         local = sets[record.gap]
         if record.settled:
-            x, m, x_t, m_t = self._settled(form, local, operator, record)
+            path = self._settled(form, local, operator, record)
         else:
-            x, m, x_t, m_t = _once(form, sets, operator, record)
-        b = m + local.h * x
-        steep = local.gain * form.power * b ** (form.power - 1)
-        jacobian = np.empty((x.size, len(LOCAL)))
-        through = steep[:, None] * (m_t[:, :_DIRECTIONS] + local.h * x_t[:, :_DIRECTIONS])
-        jacobian[:, [0, 1, 2, 3, 5]] = through
-        jacobian[:, 4] = b**form.power
-        jacobian[:, 6] = 1.0
-        if form.permeability > 0.0:
-            jacobian[:, 3] += steep * x * local.h / local.scale
-            jacobian[:, 4] -= steep * x * local.h / local.gain
-        return local.gain * b**form.power + local.out_0, jacobian
+            path = _once(form, sets, operator, record)
+        return differentiated(form, [local], np.zeros(record.input.size, dtype=np.intp), path)
 
     def _settled(
         self, form: ResponseForm, local: Local, operator: Operator, record: FitRecord
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    ) -> CellPath:
         """Close the cycle by Newton on the one number that is free: y before the first sample."""
         terms = _Terms(form, local, record.input, _DIRECTIONS + 1)
         state = self._starts.get(id(record))
@@ -229,7 +218,29 @@ class Responder:
         start_t = seeds_after[:_DIRECTIONS, 1] / (1.0 - kept)
         m_t[:, :_DIRECTIONS] += m_t[:, _SEED, None] * start_t
         x_t[:, :_DIRECTIONS] += x_t[:, _SEED, None] * start_t
-        return x, m, x_t, m_t
+        return CellPath(x, m, x_t, m_t)
+
+
+def differentiated(
+    form: ResponseForm, sets: Sequence[Local], gaps: NDArray[np.intp], path: CellPath
+) -> tuple[FloatArray, FloatArray]:
+    """Output at each sample, and its derivatives by the numbers at its gap."""
+    x, m, x_t, m_t = path
+    law = len(sets[0].law)
+    around = np.array([(local.h, local.scale, local.gain, local.out_0) for local in sets])
+    h, scale, gain, out_0 = around[gaps].T
+    b = m + h * x
+    steep = gain * form.power * b ** (form.power - 1)
+    through = steep[:, None] * (m_t + h[:, None] * x_t)
+    jacobian = np.empty((b.size, law + 5))
+    jacobian[:, : law + 2] = through[:, : law + 2]
+    jacobian[:, law + 2] = b**form.power
+    jacobian[:, law + 3] = through[:, law + 2]
+    jacobian[:, law + 4] = 1.0
+    if form.permeability > 0.0:
+        jacobian[:, law + 1] += steep * x * h / scale
+        jacobian[:, law + 2] -= steep * x * h / gain
+    return gain * b**form.power + out_0, jacobian
 
 
 def _operators(form: ResponseForm, sets: Sequence[Local]) -> list[Operator]:
@@ -281,7 +292,7 @@ class _Terms:
 
 def _once(
     form: ResponseForm, sets: Sequence[Local], operator: Operator, record: FitRecord
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> CellPath:
     first = record.lead.drive.size
     whole = np.concatenate([record.lead.drive, record.input])
     terms = _Terms(form, sets[record.gap], whole, _DIRECTIONS)
@@ -289,17 +300,11 @@ def _once(
     # What the circuit at other gaps adds through the past alone is left out of the derivatives.
     elsewhere = np.flatnonzero(record.lead.gap_position != record.gap)
     terms.omega_t[elsewhere] = terms.r_t[elsewhere] = 0.0
-    x, m, x_t, m_t, _, _, status, _ = operator.sensitivity(
-        terms.omega,
-        terms.r,
-        terms.omega_t,
-        terms.r_t,
-        terms.law_t,
-        demagnetised(),
-        np.zeros((_DIRECTIONS, 3)),
-    )
+    around = terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t
+    seeds = np.zeros((_DIRECTIONS, 3))
+    *path, _, _, status, _ = operator.sensitivity(*around, demagnetised(), seeds)
     require_answer(status)
-    return x[first:], m[first:], x_t[first:], m_t[first:]
+    return CellPath(*(values[first:] for values in path))
 
 
 def _seeds(form: ResponseForm, local: Local, terms: _Terms, state: FloatArray) -> FloatArray:

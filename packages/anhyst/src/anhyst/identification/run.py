@@ -37,8 +37,7 @@ if TYPE_CHECKING:
 
     from anhyst.identification.default import FoundModel
 
-SEARCHED = 400
-"""Samples of a loop that a search looks at, at most."""
+SEARCHED = 400  # samples of a loop that a search looks at, at most
 
 Stage = TypeVar("Stage")
 

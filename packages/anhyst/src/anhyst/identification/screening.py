@@ -32,28 +32,19 @@ from anhyst.laws.cells import Shape
 from anhyst.support.errors import InputError, NowhereNearError
 from anhyst.support.numeric import FloatArray
 
-VARIABLE = "ANHYST_DISPATCH"
-"""Environment variable that forces an instruction set on the batch."""
-
-OMEGA_JUMP = 3.0
-"""At omega = -3 the law may begin to jump; the batch does not follow it there."""
+VARIABLE = "ANHYST_DISPATCH"  # environment variable that forces an instruction set on the batch
+OMEGA_JUMP = 3.0  # at omega = -3 the law may begin to jump; the batch does not follow it there
 
 _ALMOST_JUMPING = -2.95
 
-_SCAN = 32
-"""Values tried for a parameter at one gap."""
-
-_WARM_UP = 2
-"""Repetitions before a settled cycle is compared; enough to rank sets."""
-
-_BIAS = 1.5
-"""Largest offset of the input that is drawn, in parts of the largest input."""
+_SCAN = 32  # values tried for a parameter at one gap
+_WARM_UP = 2  # repetitions before a settled cycle is compared; enough to rank sets
+_BIAS = 1.5  # largest offset of the input that is drawn, in parts of the largest input
 
 _BOTH_SIDES = 0.3
 """How far the other way an input goes at least, in parts of the way that it goes further."""
 
-_THIN = 64
-"""Samples a loop at the screening, at most."""
+_THIN = 64  # samples a loop at the screening, at most
 
 
 def batch_level() -> str:
@@ -173,14 +164,9 @@ def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray
 def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Local]:
     """Best sets of a screening at the only gap of a space, far enough apart to differ."""
     free = "omega" not in space.held
-    ways = [False]
+    begins = _best_of(space, sample_sets(space.records, count, seed, free), keep)
     if "in_0" not in space.held and _may_be_biased(space.form, space.records):
-        ways.append(True)
-    begins = [
-        start
-        for biased in ways
-        for start in _best_of(space, sample_sets(space.records, count, seed, free, biased), keep)
-    ]
+        begins += _best_of(space, sample_sets(space.records, count, seed, free, biased=True), keep)
     if not begins:
         raise NowhereNearError
     return begins
@@ -195,13 +181,11 @@ def _best_of(space: CoordinateSpace, sets: FloatArray, keep: int) -> list[Local]
             break
         if all(np.linalg.norm(apart[:, index] - apart[:, other]) > 0.7 for other in chosen):
             chosen.append(int(index))
-    best = []
-    for index in chosen:
-        kappa, c, omega, scale, in_0 = (float(value) for value in sets[:, index])
-        offset = 0.0 if "out_0" in space.held else float(out_0[index])
-        local = Local((kappa, c), omega, scale, float(gain[index]), in_0, offset, 0.0)
-        best.append(space.form.with_h(local))
-    return best
+    if "out_0" in space.held:
+        out_0 = np.zeros(out_0.size)
+    kappa, c, omega, scale, in_0 = sets
+    best = np.stack([kappa, c, omega, scale, gain, in_0, out_0], axis=1)[chosen]
+    return [space.form.local(values) for values in best.tolist()]
 
 
 def _may_be_biased(form: ResponseForm, records: FitRecords) -> bool:
@@ -224,7 +208,7 @@ def scan_gap(
         table[3] = unscaled / np.maximum(1.0 - space.form.h * table[2], 0.01)
     else:
         table[3] *= np.tile(5.0 ** np.linspace(-1.0, 1.0, _SCAN), count)
-    cost = _cost_of(space.form, space.records.at(gap), table).reshape(count, _SCAN)
+    cost = _cost_of(space, gap, table).reshape(count, _SCAN)
     best = np.argmin(cost, axis=1)
     at = best + _SCAN * np.arange(count)
     sets = [
@@ -236,7 +220,7 @@ def scan_gap(
 
 def cost_at_gap(space: CoordinateSpace, gap: int, known: list[Local]) -> FloatArray:
     """Weighted sums of squares of sets at one gap, as they are, shape (len(known),)."""
-    return _cost_of(space.form, space.records.at(gap), _table(known))
+    return _cost_of(space, gap, _table(known))
 
 
 def _table(known: list[Local]) -> FloatArray:
@@ -244,10 +228,10 @@ def _table(known: list[Local]) -> FloatArray:
     return np.array([[getattr(local, name) for local in known] for name in LOCAL])
 
 
-def _cost_of(form: ResponseForm, records: FitRecords, table: FloatArray) -> FloatArray:
+def _cost_of(space: CoordinateSpace, gap: int, table: FloatArray) -> FloatArray:
     kappa, c, omega, scale, gain, in_0, out_0 = table
     followed = np.stack([kappa, c, np.maximum(omega, _ALMOST_JUMPING), scale])
-    moments, total = _moments(form, records, followed, in_0)
+    moments, total = _moments(space.form, space.records.at(gap), followed, in_0)
     return _cost(moments, total, gain, out_0)
 
 
@@ -257,12 +241,10 @@ SLOPES: dict[Shape, float] = {"tanh": 1.0, "langevin": 1.0 / 3.0}
 _REACH = (0.4, 8.0)
 """Largest effective field, in widths of the first population that the slope at its middle gives."""
 
-_PINNED = (0.02, 1.0)
-"""Pinning of a population, in parts of the largest effective field."""
+_PINNED = (0.02, 1.0)  # pinning of a population, in parts of the largest effective field
 
 _SPREAD = (0.7, 5.0)
-_REVERSIBLE = (0.02, 1.5)
-"""Share of the reversible part, of the first population."""
+_REVERSIBLE = (0.02, 1.5)  # share of the reversible part, of the first population
 
 _REVERSIBLE_WIDTH = (0.3, 6.0)
 _SHARE = (0.1, 1.5)
@@ -273,8 +255,7 @@ _BEHIND_GAP, _CLOSED = (0.02, 0.9), (0.3, 4.0)
 """Part of the drive that the iron takes behind a gap; and without one, where interaction of the iron
 may add to the drive."""
 
-_BEFORE_JUMPS = 0.8
-"""Interaction, in parts of that at which the magnetisation would jump, at most."""
+_BEFORE_JUMPS = 0.8  # interaction, in parts of that at which the magnetisation would jump, at most
 
 _CURVE = 200
 
@@ -288,7 +269,7 @@ class CellStart(NamedTuple):
 
 
 def draw_starts(kernel: CellKernel, count: int, seed: int, gapped: bool) -> list[CellStart]:
-    """Draw starts evenly over the logarithms of their ranges (:func:`.screening.evenly`)."""
+    """Draw starts evenly over the logarithms of their ranges."""
     own = [_REVERSIBLE, _REVERSIBLE_WIDTH, _PINNED, _SPREAD]
     further = [_SHARE, _WIDTH, _PINNED, _SPREAD]
     ranges = [_REACH, _BEHIND_GAP if gapped else _CLOSED, *own, *further * (kernel.populations - 1)]
@@ -324,7 +305,7 @@ def placed(space: CoordinateSpace, start: CellStart) -> list[Local]:
             own = (max((drive / scale - x) / m, 0.0), scale)
         elif len(drives) > 1:
             own = (omega, drive / (x + omega * m))
-        sets.append(form.with_h(Local(start.law, *own, gain, 0.0, 0.0, 0.0)))
+        sets.append(form.local([*start.law, *own, gain, 0.0, 0.0]))
     return sets
 
 

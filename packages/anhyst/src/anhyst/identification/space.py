@@ -55,8 +55,7 @@ LEAKAGE = FitNumber(
 
 _LEAST_OMEGA = 1e-6
 
-LEAST_GAP_FLUX = 0.05
-"""Part of the iron's flux that passes the gap, at least."""
+LEAST_GAP_FLUX = 0.05  # part of the iron's flux that passes the gap, at least
 
 AROUND = (
     FitNumber("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
@@ -129,7 +128,7 @@ class CoordinateSpace:
         column = {entry: at for at, entry in enumerate(self.entries)}
         return np.array(
             [
-                [column.get((name, gap), column.get((name, None), -1)) for name in self.at_gap]
+                [column.get((name, gap), column.get((name, None), -1)) for name in self.form.names]
                 for gap in range(self.records.gaps)
             ]
         )
@@ -138,11 +137,6 @@ class CoordinateSpace:
     def names(self) -> tuple[str, ...]:
         """Names of the coordinates, with the place of the gap where there is one for each."""
         return tuple(n if gap is None else f"{n}[{gap}]" for n, gap in self.entries)
-
-    @cached_property
-    def at_gap(self) -> tuple[str, ...]:
-        """Names of the parameters at one gap."""
-        return self.form.names
 
     @property
     def written_map(self) -> GapMap:
@@ -173,9 +167,11 @@ class CoordinateSpace:
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of the coordinates."""
-        numbers = [self.numbers[name] for name, _ in self.entries]
-        low = [self.inward(number.name, number.low * self.unit(number.name)) for number in numbers]
-        high = [self.inward(spec.name, spec.high * self.unit(spec.name)) for spec in numbers]
+        low, high = [], []
+        for name, _ in self.entries:
+            number, unit = self.numbers[name], self.unit(name)
+            low.append(self.inward(name, number.low * unit))
+            high.append(self.inward(name, number.high * unit))
         return np.array(low), np.array(high)
 
     def pack(self, sets: list[Local]) -> FloatArray:
@@ -237,7 +233,7 @@ class CoordinateSpace:
     @cached_property
     def _rows(self) -> tuple[int, int, int]:
         """Places of omega, scale and gain among the parameters at one gap."""
-        omega, scale, gain = (self.at_gap.index(name) for name in ("omega", "scale", "gain"))
+        omega, scale, gain = (self.form.names.index(name) for name in ("omega", "scale", "gain"))
         return omega, scale, gain
 
     def _leak(

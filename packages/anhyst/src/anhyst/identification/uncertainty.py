@@ -1,6 +1,4 @@
-"""What the data say about each fitted number, and what they cannot say.
-
-Whether the data demand an offset of a sensor: an information criterion with a prior.
+"""What the data say about each fitted number, and whether they demand an offset of a sensor.
 
 Any law misses a real iron by a little, and an offset is glad to take part of that over: it then
 stands for a force where none is. So an offset is fitted only where it pays by more than chance,
@@ -21,9 +19,8 @@ from anhyst.data import Loops
 from anhyst.data.output_map import is_actuator
 from anhyst.data.path import History
 from anhyst.data.verdict import largest_output
-from anhyst.identification.default import COMPARED, Evaluation, FoundModel, Linear, follow
-from anhyst.identification.fit_records import RestReading
-from anhyst.identification.objective import Objective
+from anhyst.identification.default import COMPARED, FoundModel, follow
+from anhyst.identification.objective import Linear, Objective
 from anhyst.identification.space import IN_SERIES, CoordinateSpace
 from anhyst.laws import law_of
 from anhyst.laws.cells import CellWeights
@@ -34,14 +31,12 @@ from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.units import MU_0
 
-_LOOSE = 0.2
-"""Relative standard deviation above which a number is called loose."""
+_LOOSE = 0.2  # relative standard deviation above which a number is called loose
 
 _NAMED = 6
 """Loose numbers that are named one by one, at most: of many only all together mean something."""
 
-_TIED = 0.95
-"""Correlation above which two numbers are determined only together."""
+_TIED = 0.95  # correlation above which two numbers are determined only together
 
 
 def memory(deviations: FloatArray) -> float:
@@ -61,18 +56,17 @@ def memory(deviations: FloatArray) -> float:
     return max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
 
 
-def mean_memory(space: CoordinateSpace, deviation: FloatArray) -> float:
-    """Average the memory of weighted deviations over the drives of a space."""
+def _by_drive(space: CoordinateSpace, deviation: FloatArray) -> list[FloatArray]:
+    """Return the deviations of each drive, without those of ties after them."""
     ends = np.cumsum([record.input.size for record in space.records.loops])
-    return float(np.mean([memory(part) for part in np.split(deviation, ends)[:-1]]))
+    return np.split(deviation, ends)[:-1]
 
 
 def _covariance(fit: FoundModel) -> FloatArray:
-    evaluation = Evaluation(Objective(fit.space))
-    linear = evaluation.at(fit.theta)
-    deviation, normal = linear.deviation, linear.normal
-    freedom = max(1, deviation.size - fit.theta.size)
-    variance = linear.cost / freedom * mean_memory(fit.space, deviation)
+    linear = Objective(fit.space).linear(fit.theta)
+    normal, drives = linear.normal, _by_drive(fit.space, linear.deviation)
+    freedom = max(1, linear.deviation.size - fit.theta.size)
+    variance = linear.cost / freedom * float(np.mean([memory(drive) for drive in drives]))
     # A coordinate the data do not feel at all gets a huge, finite variance.
     floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
     return np.asarray(variance * np.linalg.inv(normal + floor * np.eye(normal.shape[0])))
@@ -152,8 +146,7 @@ def statements(
 
 def _of_the_gauge(fit: FoundModel) -> list[str]:
     """Say what was chosen, because no output depends on it."""
-    sentences = []
-    form, gap_map = fit.space.form, fit.space.written_map
+    sentences, form, gap_map = [], fit.space.form, fit.space.written_map
     if form.permeability == 0.0:
         sentences.append(
             "M_s is a choice of gauge, on which no output depends; the slope of the air core is "
@@ -182,8 +175,7 @@ OFFSETS = frozenset({"in_0", "out_0"})
 USUAL = 0.01
 """Standard deviation of the offsets that sensors have, in parts of the range: seldom more."""
 
-AT_REST = 5e-4
-"""Least uncertainty of a reading at rest, in parts of the range."""
+AT_REST = 5e-4  # least uncertainty of a reading at rest, in parts of the range
 
 _UNBELIEVED = 25.0
 """What an unusual offset costs at most, and what contradicting a reading at rest costs, in twice
@@ -210,12 +202,11 @@ def only_demanded(
     free = sorted(name for name, gap in fit.space.entries if name in OFFSETS and gap is None)
     if not free:
         return fit
-    linear = Evaluation(Objective(fit.space, fit.tie)).at(fit.theta)
-    drives = len(fit.space.records.loops)
-    ends = np.cumsum([record.input.size for record in fit.space.records.loops])
-    shares = [_lasting(attempt) for attempt in np.split(linear.deviation, ends)[:-1]]
-    alike = 1.0 + (drives - 1) * float(np.mean(shares))
-    independent = max(2.0, float(ends[-1]) / mean_memory(fit.space, linear.deviation) / alike)
+    linear = Objective(fit.space, fit.tie).linear(fit.theta)
+    drives = _by_drive(fit.space, linear.deviation)
+    alike = 1.0 + (len(drives) - 1) * float(np.mean([_lasting(drive) for drive in drives]))
+    together = float(np.mean([memory(drive) for drive in drives]))
+    independent = max(2.0, float(sum(drive.size for drive in drives)) / together / alike)
     ways = [frozenset(names) for n in range(1, len(free) + 1) for names in combinations(free, n)]
     wrong = _contradicted(fit)
     ways = [names for names in ways if wrong <= names]
@@ -288,20 +279,18 @@ def _price(space: CoordinateSpace, theta: FloatArray, independent: float) -> flo
         "in_0": (rest.input, space.records.input_span),
         "out_0": (rest.output, space.records.output_span),
     }
-    return sum(
-        math.log(independent) + _unlikely(float(value), *readings[name])
-        for (name, _), value in zip(space.entries, theta, strict=True)
-        if name in OFFSETS
-    )
-
-
-def _unlikely(value: float, reading: RestReading, span: float) -> float:
-    """How unlikely an offset is, beyond the reading at rest, in parts of the range."""
-    # Seldom is not never: a load cell that nobody tared, a gauge with a zero of its own.
-    usual = min((value / USUAL) ** 2, _UNBELIEVED)
-    if reading.std is None:
-        return usual
-    return min((value / max(reading.std / span, AT_REST)) ** 2, _UNBELIEVED + usual)
+    price = 0.0
+    for (name, _), value in zip(space.entries, theta.tolist(), strict=True):
+        if name not in OFFSETS:
+            continue
+        reading, span = readings[name]
+        # Seldom is not never: a load cell that nobody tared, a gauge with a zero of its own.
+        unlikely = min((value / USUAL) ** 2, _UNBELIEVED)
+        if reading.std is not None:
+            beyond = value / max(reading.std / span, AT_REST)
+            unlikely = min(beyond**2, _UNBELIEVED + unlikely)
+        price += math.log(independent) + unlikely
+    return price
 
 
 ALIKE = 1.5
@@ -360,14 +349,10 @@ def bends(model: Model, error: float, simpler: Sequence[tuple[Model, float]], lo
     """
     if model.fixed_gap_only:
         return False
-    known = [
-        (simpler_model, missed)
-        for simpler_model, missed in simpler
-        if missed <= _COMPARABLE * error
-    ]
+    known = [(other, missed) for other, missed in simpler if missed <= _COMPARABLE * error]
     return bool(known) and all(
-        apart_between(model, simpler_model, loops) > _EXPLAINED * (error + missed)
-        for simpler_model, missed in known
+        apart_between(model, other, loops) > _EXPLAINED * (error + missed)
+        for other, missed in known
     )
 
 
@@ -402,6 +387,11 @@ def first_rise(model: Model, loopset: Loops) -> float:
         below = float(np.max(np.abs(rising) - np.abs(first)))
         worst = max(worst, below / width if width > 0.0 else 0.0)
     return worst
+
+
+def begins_near(model: Model, loopset: Loops) -> bool:
+    """Whether a model puts the first rise near the loops, where none of them shows it."""
+    return not is_guessed(loopset) or first_rise(model, loopset) <= FARTHEST
 
 
 _UNSEEN = 1.05

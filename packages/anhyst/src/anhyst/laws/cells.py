@@ -26,14 +26,12 @@ Shape = Literal["tanh", "langevin"]
 
 SHAPES: tuple[Shape, ...] = ("tanh", "langevin")
 
-PINNED = 12
-"""Cells with a threshold that populations are cut into."""
+PINNED = 12  # cells with a threshold that populations are cut into
 
 LEAST_THRESHOLD, LARGEST_THRESHOLD = 0.2, 2.0
 """First and last threshold, in parts of the smallest and of the largest pinning scale."""
 
-MOST_CELLS = 64
-"""As many as the core takes, the one without threshold included."""
+MOST_CELLS = 64  # as many as the core takes, the one without threshold included
 
 
 class Population(NamedTuple):
@@ -58,11 +56,10 @@ class CellWeights:
 
     def __post_init__(self) -> None:
         for name in ("thresholds", "widths", "weights", "centres"):
-            if getattr(self, name) is None:
-                continue
-            values = np.ascontiguousarray(getattr(self, name), dtype=np.float64).copy()
-            values.flags.writeable = False
-            object.__setattr__(self, name, values)
+            if (given := getattr(self, name)) is not None:
+                values = np.ascontiguousarray(given, dtype=np.float64).copy()
+                values.flags.writeable = False
+                object.__setattr__(self, name, values)
         problem = self._misshapen() or self._out_of_range()
         if problem:
             raise ValueError(problem)
@@ -131,13 +128,9 @@ class CellWeights:
         self, plays: FloatArray, of: Callable[[Shape, FloatArray], FloatArray]
     ) -> FloatArray:
         """Return each curve at places of each cell, or its slope over place/width; (n + 1, J, m)."""
-        halves = [
-            of(
-                self.shape,
-                (plays[:, None, :] + side * self.middles[:, None]) / self.widths[:, None],
-            )
-            for side in ((-1.0, 1.0) if self.middles.any() else (1.0,))
-        ]
+        places, middles, widths = plays[:, None, :], self.middles[:, None], self.widths[:, None]
+        sides = (-1.0, 1.0) if self.middles.any() else (1.0,)
+        halves = [of(self.shape, (places + side * middles) / widths) for side in sides]
         return np.asarray(sum(halves) / len(halves))
 
     @property
@@ -189,14 +182,11 @@ def populations(
         if not all(np.isfinite(population)) or min(population) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
     cut = _cut(tuple(counting))
-    levels = cut.levels
-    magnetisation, width = reversible
-    weights = np.zeros((levels.size, 1 + len(counting)))
-    weights[0, 0] = magnetisation
-    for column, (population, shares) in enumerate(zip(counting, cut.shares, strict=True), start=1):
-        weights[1:, column] = population.magnetisation * shares
+    weights = np.zeros((cut.levels.size, 1 + len(counting)))
+    weights[0, 0], width = reversible
+    weights[1:, 1:] = (np.array([cell.magnetisation for cell in counting])[:, None] * cut.shares).T
     widths = np.array([width, *(cell.width for cell in counting)])
-    return CellWeights(levels, widths, weights, shape)
+    return CellWeights(cut.levels, widths, weights, shape)
 
 
 class Tangents(NamedTuple):
@@ -235,8 +225,7 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     return Tangents(weights, widths, thresholds)
 
 
-PLACES = 2001
-"""Fields at which the steepest path is looked for."""
+PLACES = 2001  # fields at which the steepest path is looked for
 
 
 def curve_value(shape: Shape, part: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from anhyst.laws.law import Law, ParameterSpec, Role
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from anhyst._core import CellIron
     from anhyst.laws.cells import CellWeights, Shape
@@ -21,23 +21,25 @@ if TYPE_CHECKING:
 
 POPULATIONS = 3
 
-STATES = 13
-"""Numbers of the state: the effective field and the places of the pinned cells, A/m."""
+STATES = 13  # numbers of the state: the effective field and the places of the pinned cells, A/m
 
 
-_ROLES: dict[str, Role] = {"M": "saturation", "k": "pinning"}
+_OF_POPULATION: tuple[tuple[str, str, str, float, tuple[float, float], Role], ...] = (
+    ("M", "share of the saturation", "A/m", 0.0, (10.0, 1e5), "saturation"),
+    ("a", "width of its curve", "A/m", 1.0, (0.02, 5.0), ""),
+    ("k", "pinning scale", "A/m", 1.0, (5e-3, 1.0), "pinning"),
+    ("s", "spread of the pinning, the larger the more alike", "1", 2.0, (0.5, 5.0), ""),
+)
+"""Symbol, meaning, unit, default, range of a search and role."""
 
 
-def _population(number: int) -> tuple[ParameterSpec, ...]:
+def _population(number: int) -> Iterator[ParameterSpec]:
     """Return what describes a population; all but the first may be left out."""
     first = number == 1
     ordinal = ("first", "second", "third")[number - 1]
-
-    def spec(
-        symbol: str, meaning: str, unit: str, default: float, search: tuple[float, float]
-    ) -> ParameterSpec:
+    for symbol, meaning, unit, default, search, role in _OF_POPULATION:
         may_vanish = symbol == "M" and not first
-        return ParameterSpec(
+        yield ParameterSpec(
             f"{symbol}_{number}",
             f"{ordinal} population: {meaning}",
             unit,
@@ -46,15 +48,8 @@ def _population(number: int) -> tuple[ParameterSpec, ...]:
             coordinate="plain" if may_vanish else "log",
             default=None if first else default,
             search=search if first else None,
-            role=_ROLES.get(symbol, ""),
+            role=role,
         )
-
-    return (
-        spec("M", "share of the saturation", "A/m", 0.0, (10.0, 1e5)),
-        spec("a", "width of its curve", "A/m", 1.0, (0.02, 5.0)),
-        spec("k", "pinning scale", "A/m", 1.0, (5e-3, 1.0)),
-        spec("s", "spread of the pinning, the larger the more alike", "1", 2.0, (0.5, 5.0)),
-    )
 
 
 ALPHA = ParameterSpec("alpha", "interaction, below 1", high=1.0, default=0.0)
@@ -120,7 +115,6 @@ def _iron(shape: Shape, *numbers: float) -> CellIron:
 
 
 def _of_cells(name: str, cells: CellWeights) -> Law:
-    law = _LAWS[name]
     shape = _SHAPES[name]
     if cells.shape != shape:
         other = next(known for known, curve in _SHAPES.items() if curve == cells.shape)
@@ -130,7 +124,7 @@ def _of_cells(name: str, cells: CellWeights) -> Law:
         return cells
 
     return replace(
-        law,
+        PLAY_CELLS if shape == "tanh" else PLAY_CELLS_LANGEVIN,
         parameters=(ALPHA,),
         iron=partial(iron_of, cells),
         states=cells.thresholds.size,
@@ -160,5 +154,3 @@ PLAY_CELLS = _law("play-cells", "play cells in the effective field")
 PLAY_CELLS_LANGEVIN = _law(
     "play-cells-langevin", "play cells in the effective field, on Langevin curves"
 )
-
-_LAWS = {law.name: law for law in (PLAY_CELLS, PLAY_CELLS_LANGEVIN)}

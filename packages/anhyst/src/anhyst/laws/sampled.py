@@ -39,15 +39,14 @@ class SampledIron(ABC):
         self, drive: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
         """Follow a drive; see `anhyst.laws.law.IronOperator`."""
-        flux_density, field, end = self._follow(drive, rho, eddy, state, inverse=False)
-        return flux_density, field, end, _OK, drive.size
+        return *self._follow(drive, rho, eddy, state, inverse=False), _OK, drive.size
 
     def inverse(
         self, flux_density: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
         """Follow a flux density; see `anhyst.laws.law.IronOperator`."""
-        drive, field, end = self._follow(flux_density, rho, eddy, state, inverse=True)
-        return drive, field, end, _OK, drive.size
+        found = self._follow(flux_density, rho, eddy, state, inverse=True)
+        return *found, _OK, flux_density.size
 
     def settle(
         self,
