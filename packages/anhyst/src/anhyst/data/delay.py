@@ -93,7 +93,7 @@ def skew(loop: Loop) -> float | None:
     if np.ptp(drive) == 0.0:
         return None
     parts = branches(drive)
-    length = float(np.median([part.stop - part.start for part in parts]))
+    length = float(np.median([part.size for part in parts]))
     if len(parts) < 2 or length < _MIN_BRANCH_SAMPLES:
         return None
     seen = _at_reversals(drive, answer, length)
@@ -119,7 +119,7 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
     time = loop.time
     if time is None:
         return loop.input, loop.output
-    step = sampling(loop).step
+    step, _ = sampling(loop)
     edges = [0, *(hole.row + 1 for hole in find_holes(time)), loop.n]
     start, stop = max(itertools.pairwise(edges), key=lambda ends: ends[1] - ends[0])
     rows = slice(start, stop)
@@ -175,7 +175,7 @@ def _tips(drive: FloatArray, answer: FloatArray, parts: int) -> list[_Tip]:
     """Find the reversals of an input, and whether the output has a maximum or a minimum there."""
     tips = []
     for first, second in itertools.pairwise(branches(drive)[: _MAX_TIPS + 1]):
-        length = min(first.stop - first.start, second.stop - second.start)
+        length = min(first.size, second.size)
         row, width = first.stop - 1, min(length // parts, _MAX_WINDOW_SAMPLES)
         away = length // 3
         turn = float(np.sign(2.0 * answer[row] - answer[row - away] - answer[row + away]))

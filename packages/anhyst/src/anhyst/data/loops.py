@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,9 +41,6 @@ from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-_REVERSAL = 0.02
-"""A reversal counts once the input has come back by this share of its range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +145,7 @@ class Loop:
     @property
     def reversals(self) -> int:
         """Number of reversals of the input larger than 2 % of its range."""
-        return reversal_count(self.input, _REVERSAL * float(np.ptp(self.input)))
+        return reversal_count(self.input)
 
     @property
     def reverses(self) -> bool:
@@ -406,6 +403,17 @@ class Loops(Result):
         """
         write_csv(path, self.to_columns())
         return Path(path)
+
+
+def with_columns(loop: Loop, change: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
+    """Return a loop whose columns are all changed alike, except those that are given."""
+    columns = {name: getattr(loop, name) for name in ("input", "output", "schedule", "time")}
+    changed = {
+        name: change(values)
+        for name, values in columns.items()
+        if values is not None and name not in others
+    }
+    return replace(loop, **changed | others)
 
 
 def is_even(loopset: Loops) -> bool:

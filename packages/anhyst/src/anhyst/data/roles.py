@@ -93,7 +93,10 @@ def find_roles(
     drive, answer = _pair(source, headers, lambda: {*texts, *clocks()})
     time = _time(source, headers, texts)
     label = _label(source, headers, description)
-    fixed_label = _fixed_label(description.constants)
+    constants = description.constants
+    fixed_label = next(
+        (str(constants[key]) for key in constants if parse_header(key).is_label), None
+    )
     if label is not None and fixed_label is not None:
         raise InputError(
             f"{source}: the loop label is both a column and a constant; keep one",
@@ -260,13 +263,6 @@ def _label(source: str, headers: Sequence[Header], description: FileDescription)
     return indices[0] if indices else None
 
 
-def _fixed_label(constants: Mapping[str, float | str]) -> str | None:
-    for key, value in constants.items():
-        if parse_header(key).is_label:
-            return str(value)
-    return None
-
-
 def _fixed_values(
     source: str, constants: Mapping[str, float | str]
 ) -> dict[str, tuple[Quantity, float]]:
@@ -355,7 +351,6 @@ Rows = NDArray[np.intp]
 
 SHORTEST = 6
 """Samples that a loop has at least."""
-_REVERSAL = 0.02
 _ALIKE = 0.03
 """Loops whose ranges agree within this share repeat each other: cycles of one record."""
 
@@ -430,8 +425,7 @@ def _are_loops(loops: list[Rows], drive: FloatArray, answer: FloatArray) -> bool
     spans = np.array([[np.ptp(drive[rows]), np.ptp(answer[rows])] for rows in loops])
     if (spans[:, 0] == 0.0).any() or not (np.ptp(spans, axis=0) > _ALIKE * spans.max(axis=0)).any():
         return False
-    pairs = zip(loops, spans[:, 0], strict=True)
-    return all(reversal_count(drive[rows], _REVERSAL * span) > 0 for rows, span in pairs)
+    return all(reversal_count(drive[rows]) for rows in loops)
 
 
 _GAP_NAMES = frozenset({"x", "y", "z", "s", "d", "g", "delta"})

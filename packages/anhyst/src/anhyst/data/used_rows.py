@@ -40,9 +40,9 @@ class UsedRows:
         column = self.raw.numbers[index]
         return column if self.rows is None else column[self.rows]
 
-    def si(self, index: int | None) -> FloatArray | None:
+    def si(self, index: int) -> FloatArray:
         """Return a column of numbers in SI units."""
-        return None if index is None else self.headers[index].to_si(self.values(index))
+        return self.headers[index].to_si(self.values(index))
 
     def texts(self, index: int) -> Texts:
         """Return a column of texts."""
