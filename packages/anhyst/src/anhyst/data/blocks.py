@@ -126,7 +126,6 @@ def _are_loops(parts: Sequence[FloatArray]) -> bool:
 
 
 def _jumps(first: FloatArray, second: FloatArray) -> bool:
-    """Whether the input jumps from one block to the next."""
     largest = float(np.max(np.abs(np.diff(first)))) if first.size > 1 else 0.0
     return bool(abs(second[0] - first[-1]) > _JUMP * largest)
 
@@ -154,11 +153,11 @@ def with_stated_gaps(parts: list[LoopPart]) -> list[LoopPart]:
 
 def _at_gap(part: LoopPart, gap: float) -> LoopPart:
     """Put the loops of a file at the gap that its head states."""
+    is_alone = len(part.loops) == 1
     loops = tuple(
-        replace(loop, label="1", schedule=np.full(loop.n, gap)) if len(part.loops) == 1
-        else replace(loop, schedule=np.full(loop.n, gap))
+        replace(loop, label="1" if is_alone else loop.label, schedule=np.full(loop.n, gap))
         for loop in part.loops
-    )  # fmt: skip
+    )
     note = f"{part.source_name}: gap taken from the head of the file: {1e3 * gap:.4g} mm"
     return replace(part, loops=loops, schedule=QUANTITIES["gap"], notes=(note, *part.notes))
 

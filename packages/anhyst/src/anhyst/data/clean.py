@@ -84,8 +84,8 @@ def dedupe(loopset: Loops) -> Loops:
 
 def spikes(loopset: Loops) -> Loops:
     """Drop single output samples far from their neighbours, away from reversals."""
-
-    def good(loop: Loop) -> NDArray[np.bool_]:
+    keep = []
+    for loop in loopset.loops:
         padded = np.pad(loop.output, 2, mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
         away = np.abs(loop.output - np.median(windows, axis=1))
@@ -93,9 +93,8 @@ def spikes(loopset: Loops) -> Loops:
         spike = away > limit
         for turn in turning_points(loop.input):
             spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is no spike
-        return ~spike
-
-    return _kept(loopset, [good(loop) for loop in loopset.loops], "spikes: {} dropped")
+        keep.append(~spike)
+    return _kept(loopset, keep, "spikes: {} dropped")
 
 
 def steady(loopset: Loops) -> Loops:
@@ -180,15 +179,11 @@ def skew(loopset: Loops) -> Loops:
             is_inside &= (later <= clock[hole.row]) | (later >= clock[hole.row + 1])
         if np.count_nonzero(is_inside) < 3:
             return loopset
-        shifted = np.interp(later, clock, loop.output)
-        shifted_loop = replace(loop, output=shifted)
-        loops.append(with_columns(shifted_loop, itemgetter(is_inside)))
-    has_clock = loopset.loops[0].time is not None
-    size = (
-        f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)"
-        if has_clock
-        else f"{-delay:.2f} samples"
-    )
+        shifted = np.interp(later, clock, loop.output)[is_inside]
+        loops.append(with_columns(loop, itemgetter(is_inside), output=shifted))
+    size = f"{-delay:.2f} samples"
+    if loopset.loops[0].time is not None:
+        size = f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)"
     return loopset.with_loops(loops, f"skew: output moved by {size}")
 
 

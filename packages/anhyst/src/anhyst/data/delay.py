@@ -67,8 +67,6 @@ _KNOTS = np.linspace(0.0, 1.0, 8)[1:-1]
 
 @dataclass(frozen=True, slots=True)
 class _Tip:
-    """A reversal of the input."""
-
     row: int
     width: int  # samples on each side
     sign: float  # +1 where the input is largest
@@ -104,14 +102,11 @@ def skew(loop: Loop) -> float | None:
         is_sharp = _SURE * seen.error < max(1.0, _NO_DELAY_SHARE * length)
         return 0.0 if is_sharp else None
     again = _along_path(drive, answer, parts, length)
-    return seen.delay if again is not None and _agree(seen.delay, again, length) else None
-
-
-def _agree(delay: float, again: float, length: float) -> bool:
-    """Whether the second estimate confirms a delay, in branches of a length."""
-    is_near = abs(again - delay) <= max(0.5, _AGREEMENT * abs(delay))
-    excess = float(np.sign(delay)) * (again - delay)
-    return is_near or 0.0 < excess <= _MAX_EXCESS_SHARE * length
+    if again is None:
+        return None
+    is_near = abs(again - seen.delay) <= max(0.5, _AGREEMENT * abs(seen.delay))
+    excess = float(np.sign(seen.delay)) * (again - seen.delay)
+    return seen.delay if is_near or 0.0 < excess <= _MAX_EXCESS_SHARE * length else None
 
 
 def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:

@@ -54,8 +54,6 @@ _MAX_WINDOW_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class _Ripple:
-    """A steady oscillation of an input."""
-
     period: float  # samples
     amplitude: float
     is_followed: bool = False  # whether the output ripples at the same frequency

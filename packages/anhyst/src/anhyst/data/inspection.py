@@ -187,12 +187,7 @@ def inspect(loops: Loops) -> Inspection:
 
 
 def _figures(
-    loop: Loop,
-    deviation: FloatArray,
-    proposal: Proposal,
-    size: tuple[float, float],
-    *,
-    even: bool,
+    loop: Loop, deviation: FloatArray, proposal: Proposal, size: tuple[float, float], *, even: bool
 ) -> LoopFigures:
     proposed, reason = proposal
     centre = None if even else estimates.offsets(loop)

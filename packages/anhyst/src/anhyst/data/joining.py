@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import PurePath
 
 import numpy as np
@@ -51,8 +51,15 @@ def join(parts: Sequence[LoopPart]) -> Loops:
     alike are named after their files. Scheduling values that differ by rounding become one.
     """
     first = parts[0]
-    for part in parts[1:]:
-        _must_agree(first, part)
+    for part, role in product(parts[1:], ("input", "output", "schedule")):
+        mine, theirs = getattr(first, role), getattr(part, role)
+        if mine != theirs:
+            texts = [quantity.column if quantity else "none" for quantity in (mine, theirs)]
+            raise InputError(
+                f"{part.source_name}: its {role} is {texts[1]} but that of {first.source_name} is "
+                f"{texts[0]}; files read together must hold the same quantities",
+                code="quantities-differ",
+            )
     notes = [note for part in parts for note in part.notes]
     entries: list[_Entry] = []
     values: list[float] = []
@@ -71,18 +78,6 @@ def join(parts: Sequence[LoopPart]) -> Loops:
                 notes.append(f"{name}: loop '{loop.label}' is the one in {twin}: left out")
     sources = tuple(part.source for part in parts if part.source is not None)
     return Loops(_named(entries), first.input, first.output, first.schedule, sources, tuple(notes))
-
-
-def _must_agree(first: LoopPart, part: LoopPart) -> None:
-    for role in ("input", "output", "schedule"):
-        mine, theirs = getattr(first, role), getattr(part, role)
-        if mine != theirs:
-            texts = [quantity.column if quantity else "none" for quantity in (mine, theirs)]
-            raise InputError(
-                f"{part.source_name}: its {role} is {texts[1]} but that of {first.source_name} is "
-                f"{texts[0]}; files read together must hold the same quantities",
-                code="quantities-differ",
-            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +170,6 @@ IN_ONE_RUN = (
     "keeps of those"
 )
 """What a reader is told where that is so."""
-
 _NEAR = 0.02
 """Ends within this share of the range are the same."""
 _FEWEST = 8

@@ -16,12 +16,12 @@ from anhyst.data.path import (
     SETTLED,
     History,
     HistoryLike,
+    are_measured,
     correlation,
     is_bipolar,
     is_negative,
     reversal_count,
     time_fault,
-    value_fault,
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -118,7 +118,9 @@ class Loop:
                 code="too-few-samples",
                 key=self.label,
             )
-        if (odd := value_fault(array)) is not None:
+        is_measured = are_measured(array)
+        if not is_measured.all():
+            odd = int(np.argmin(is_measured))
             raise InputError(
                 f"loop '{self.label}': {name} holds {array[odd]:g} at sample {odd + 1}: no "
                 "measured value; remove the sample",

@@ -88,12 +88,6 @@ def are_measured(values: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(np.abs(values) <= LARGEST)
 
 
-def value_fault(values: FloatArray) -> int | None:
-    """Find the index of the first sample that nobody measured: NaN, Inf, or beyond `LARGEST`."""
-    good = are_measured(values)
-    return None if good.all() else int(np.argmin(good))
-
-
 _MARK_DISTANCE = 10.0
 """Ranges of the other values from which a value that repeats at the end of the range is a mark."""
 _KNOWN_DISTANCE = 2.0
@@ -205,7 +199,6 @@ def thinned(drive: FloatArray, most: int, output: FloatArray | None = None) -> N
 
 
 def _way(values: FloatArray) -> FloatArray:
-    """Return the way travelled up to each sample."""
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
 
 

@@ -51,7 +51,7 @@ _DWELL = 6
 """Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
 _MOST_LOOPS = 2000
 _MAX_GAP_NOISE = 0.01
-"""Noise of a gap sensor at contact, as a share of the largest gap."""
+"""Noise of a gap sensor at contact, which may make some gaps negative: share of the largest gap."""
 _ALONE = "1"
 """Label of a loop that nobody labelled."""
 
@@ -181,7 +181,6 @@ def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = 
 
 
 def _listed(paths: PathLike | Sequence[PathLike]) -> list[Path]:
-    """Return the files and folders that are given."""
     listed = [paths] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
     return list(map(Path, listed))
 
@@ -204,7 +203,6 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
 
 
 def _files_in(folder: Path) -> list[Path]:
-    """Return the files of a folder whose names are those of a format."""
     return sorted(file for file in folder.iterdir() if file.suffix.lower() in FORMATS)
 
 
@@ -325,8 +323,14 @@ def _scheduled(used: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray | Non
     if roles.schedule is None or roles.quantity is None:
         return used, None, []
     schedule = used.si(roles.schedule)
-    if roles.quantity == QUANTITIES["gap"]:
-        _refuse_negative_gaps(schedule, used.where)
+    below = np.flatnonzero(schedule < -_MAX_GAP_NOISE * float(np.max(schedule)))
+    if roles.quantity == QUANTITIES["gap"] and below.size:
+        row = int(below[0])
+        raise InputError(
+            f"{used.where(row)}: negative gap {schedule[row]:g} m; {GAP_ADVICE}",
+            code="negative-gap",
+            key="gap_m",
+        )
     plateaus = find_plateaus(schedule, drive, roles.quantity)
     if plateaus is None:
         return used, schedule, []
@@ -461,20 +465,7 @@ def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
     return completed
 
 
-def _refuse_negative_gaps(gaps: FloatArray, where: Callable[[int], str]) -> None:
-    """Refuse gaps below contact; near contact, the noise of the sensor may make some negative."""
-    below = np.flatnonzero(gaps < -_MAX_GAP_NOISE * float(np.max(gaps)))
-    if below.size:
-        row = int(below[0])
-        raise InputError(
-            f"{where(row)}: negative gap {gaps[row]:g} m; {GAP_ADVICE}",
-            code="negative-gap",
-            key="gap_m",
-        )
-
-
 def _blocks(columns: _Columns) -> list[Rows]:
-    """Rows of each loop, in their order."""
     blocks: list[Rows] = []
     for rows in columns.labels.groups():
         if columns.schedule is None:

@@ -304,17 +304,17 @@ def _schedule(
                 code="column-and-constant",
                 key=name,
             )
-    names = (
-        ["gap", "temperature"]
-        if description.schedule is None
-        else [_meant(description.schedule, headers)]
-    )
+    names = ["gap", "temperature"]
+    if description.schedule is not None:
+        names = [_meant(description.schedule, headers)]
     for name in names:
         if name in fixed:
             quantity, value = fixed[name]
             return None, value, quantity
-        if description.schedule is None and _has_several_temperatures(headers, name):
-            continue
+        of_name = [header for header in headers if header.quantity == QUANTITIES.get(name)]
+        are_words = len(of_name) > 1 and all(header.is_by_word for header in of_name)
+        if description.schedule is None and name == "temperature" and are_words:
+            continue  # words name several: nobody asks for one, so none is used
         index = _only(source, headers, name)
         if index is not None:
             return index, None, headers[index].quantity
@@ -326,12 +326,6 @@ def _schedule(
             key=description.schedule,
         )
     return None, None, None
-
-
-def _has_several_temperatures(headers: Sequence[Header], name: str) -> bool:
-    """Whether words name several temperatures: nobody asks for one, so none is used."""
-    found = [header for header in headers if header.quantity == QUANTITIES["temperature"]]
-    return name == "temperature" and len(found) > 1 and all(one.is_by_word for one in found)
 
 
 def _meant(schedule: str, headers: Sequence[Header]) -> str:
@@ -378,9 +372,13 @@ def find_label(
         loops = _loops(column, schedule)
         if loops is not None and _are_loops(loops, drive, answer):
             rows_of_label[index] = loops
-    for index in rows_of_label:
-        if schedule is None:
-            _refuse_schedule(source, headers[index], headers)
+    for header in (headers[index] for index in rows_of_label if schedule is None):
+        # A label would hide a gap or a temperature.
+        otherwise = f'a mere label: --loop "{header.text}"'
+        if may_be_gap(header):
+            ask_for_gap(source, header, headers, "gap", otherwise)
+        if header.unit is not None and header.unit.dimension == "temperature":
+            ask_for_gap(source, header, headers, "temperature", otherwise)
     if not rows_of_label:
         return None
     first = next(iter(rows_of_label))
@@ -444,29 +442,15 @@ def may_be_gap(header: Header) -> bool:
     return bool(words) and not header.stated and bool(is_named)
 
 
-def _refuse_schedule(source: str, header: Header, headers: Sequence[Header]) -> None:
-    """Ask about a column that may be a gap or a temperature: a label would hide it."""
-    if may_be_gap(header):
-        ask_for_gap(source, header, headers, f'a mere label: --loop "{header.text}"')
-    if header.unit is not None and header.unit.dimension == "temperature":
-        raise InputError(
-            f"{source}: column '{header.text}' stays through each loop: is it the temperature, then "
-            f"map it: {map_as(header, 'temperature', headers)}, or a mere label: "
-            f'--loop "{header.text}"',
-            code="label-or-schedule",
-            key=header.text,
-        )
-
-
 def ask_for_gap(
-    source: str, header: Header, headers: Sequence[Header], otherwise: str = ""
+    source: str, header: Header, headers: Sequence[Header], name: str = "gap", otherwise: str = ""
 ) -> NoReturn:
-    """Ask whether a column that stays through each loop is the gap."""
+    """Ask whether a column that stays through each loop is the gap, or another quantity."""
     other = otherwise or f"no gap: {option('columns', mapped_so_far(headers) | {header.text: ''})}"
     unit = "" if header.unit else ", in its unit such as gap_mm or gap_um"
     raise InputError(
-        f"{source}: column '{header.text}' stays through each loop: is it the gap, then map it"
-        f"{unit}: {map_as(header, 'gap', headers)}, or {other}",
+        f"{source}: column '{header.text}' stays through each loop: is it the {name}, then map it"
+        f"{unit}: {map_as(header, name, headers)}, or {other}",
         code="label-or-schedule",
         key=header.text,
     )

@@ -16,7 +16,6 @@ from anhyst.support.numeric import FloatArray
 APART = 3.0
 """A loop is fast where another of its gap is that many times slower, in cycles a second as well as in
 change of the input a second: loops that are merely smaller differ in one of these."""
-
 MATTERS = 0.01
 """Of the largest output: rate matters from where it makes a loop higher by this on."""
 

@@ -284,10 +284,10 @@ class ChannelFigures:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> list[ChannelFigures]:
+def list_channels(path: PathLike) -> list[ChannelFigures]:
     """List the channels of a file in any format, one at a time in memory."""
     table = open_table(path, least=1)
-    headers = map_headers(table, columns or {})
+    headers = map_headers(table, {})
     (first,) = table.first_rows(1) or [[""] * len(headers)]
     texts = [column for column, field in enumerate(first) if not is_value(field)]
     roles = _roles(headers, texts)

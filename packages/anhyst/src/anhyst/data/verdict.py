@@ -231,9 +231,7 @@ def _sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
     return (*sentences, more) if needs_more else sentences
 
 
-def _residuals(
-    curves: list[tuple[Loop, FloatArray, FloatArray]],
-) -> list[tuple[Loop, FloatArray]]:
+def _residuals(curves: list[tuple[Loop, FloatArray, FloatArray]]) -> list[tuple[Loop, FloatArray]]:
     size = np.concatenate([along for _, along, _ in curves])
     answer = np.concatenate([own for _, _, own in curves])
     order = np.argsort(size, kind="stable")
