@@ -35,7 +35,7 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data import Loops
 from anhyst.data.reading import read_loops
-from anhyst.data.verdict import WHERE_IT_PAYS, monotone_fit, single_valued
+from anhyst.data.verdict import monotone_fit, single_valued
 from anhyst.identification import identify
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
@@ -57,6 +57,7 @@ from anhyst_rigs.rig.stage.setpoint import motion_of
 from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from anhyst_rigs.study.bearing.responses import compare_steps, default_seeds, grouped, judge_steps
 from anhyst_rigs.study.engine.table import TITLES, Interval, mean_interval, strongest
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import find_gains, make_variants
 

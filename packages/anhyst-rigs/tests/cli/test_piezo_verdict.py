@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from anhyst.data.verdict import WHERE_IT_PAYS
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 from anhyst_rigs.study.piezo import WORTH_IT, judge_ratio
 
 

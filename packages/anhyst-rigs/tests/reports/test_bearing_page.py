@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.controller_file import ControllerTable, read_controller
-from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst_rigs.reports.bearing.page import render
 from anhyst_rigs.reports.bearing.subject import SimulationSubject, difference_text
 from anhyst_rigs.reports.benefit import render_bearing
@@ -21,6 +20,7 @@ from anhyst_rigs.reports.study.page import COLOURS, interval_text
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.study.bearing.responses import grouped, judge_steps
 from anhyst_rigs.study.engine.table import Interval, compare
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 from tests.page import NAMESPACES, Page
 from tests.reports import bearing_reports
 from tests.reports.bearing_reports import (

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.data.verdict import reversal_share
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig, read_bearing
@@ -30,6 +29,7 @@ from anhyst_rigs.study.benefit import (
     compare_cell,
 )
 from anhyst_rigs.study.engine.table import Interval, mean_interval, quotient
+from anhyst_rigs.study.reversals import reversal_share
 from anhyst_rigs.verbs.simulate import simulate
 from tests.page import Page
 from tests.refusals import refused

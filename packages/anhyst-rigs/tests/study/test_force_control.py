@@ -19,7 +19,6 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loops
-from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.model.actuator import Model, read_model
 from anhyst_rigs.link.firmware import build
 from anhyst_rigs.reports import force
@@ -30,6 +29,7 @@ from anhyst_rigs.rig.force import programs
 from anhyst_rigs.rig.force.bench import ActuatorStand, with_lead_in
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.force.programs import Program, Session, ticks_that_differ
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 from anhyst_rigs.study.force_control import ForceControl, force_control
 from anhyst_rigs.study.force_trials import ForceOutcome, judge_stages, strongest_baselines
 from tests.cli.command import unwrapped

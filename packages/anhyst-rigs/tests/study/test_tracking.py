@@ -14,13 +14,13 @@ from matplotlib.figure import Figure
 from anhyst._core import WrenchLayout
 from anhyst.control.position import Allocation
 from anhyst.data.table import read_columns
-from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.reports.tracking import limits, render
 from anhyst_rigs.rig.drift import Drift, changed, draw_drift
 from anhyst_rigs.rig.recording import Recording, moving
 from anhyst_rigs.rig.stage.loop import Feedforward, pid, track
 from anhyst_rigs.rig.stage.setpoint import ticks_of
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 from anhyst_rigs.study.plants import ERRORS
 from anhyst_rigs.study.tracking.measures import Measures, cruises, measure, settling
 from anhyst_rigs.study.tracking.simulate import find_gains

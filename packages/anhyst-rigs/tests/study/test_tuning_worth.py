@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from anhyst.data.verdict import WHERE_IT_PAYS
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 from anhyst_rigs.study.tuning.aims import Figures
 from anhyst_rigs.study.tuning.result import worth
 

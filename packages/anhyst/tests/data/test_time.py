@@ -81,7 +81,7 @@ def test_ripple_is_named_and_removed() -> None:
     # The force ripples too: play operators of a half-width r act like those of r - 0.04 A over the
     # mean current, and the edge of the ripple gives the loop of the iron back.
     assert "the force ripples too" in cleaned.repairs[-1]
-    width = loop_width(cleaned.loops[0], even=True).width
+    width, _ = loop_width(cleaned.loops[0], even=True)
     assert width == pytest.approx(0.24, abs=0.015)
 
 

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from anhyst.data import Loops
 from anhyst.data.output_map import is_actuator
 from anhyst.data.reading import files_read
-from anhyst.data.verdict import closings, largest_output
+from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
 from anhyst.identification.identify import check_wanted
 from anhyst.identification.run import IdentifyTable, whole_search
@@ -25,6 +25,7 @@ from anhyst.support.kept import kept
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import FileFault, Name, NotNegative, Positive, Table, faults_error
 from anhyst.support.units import QUANTITIES
+from anhyst_rigs.rig.minor_loops import closings
 
 # ruff: noqa: N815 - keys of the file carry units
 

@@ -17,7 +17,7 @@ import numpy as np
 from anhyst.compensate import methods
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
-from anhyst.data.verdict import judge, reversal_share
+from anhyst.data.verdict import judge
 from anhyst.support import running_version
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName, capability
@@ -42,6 +42,7 @@ from anhyst_rigs.study.excite.design import force_specimen
 from anhyst_rigs.study.excite.excite import measure as excite_specimen
 from anhyst_rigs.study.piezo import measure as measure_stack
 from anhyst_rigs.study.plants import drifted_rig, force_plants, piezo_plants, stage_plants
+from anhyst_rigs.study.reversals import reversal_share
 
 WIDTHS = (0.5, 1.0, 2.0)
 """Factors on the pinning of the rig's iron."""

@@ -11,7 +11,6 @@ import numpy as np
 
 from anhyst.compensate.force_controller import Compensator
 from anhyst.compensate.methods import MODELS
-from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.bench.force import run_firmware
 from anhyst_rigs.rig.force.bench import (
@@ -24,6 +23,7 @@ from anhyst_rigs.rig.force.file import Rig
 from anhyst_rigs.rig.force.programs import Program, ticks_that_differ
 from anhyst_rigs.rig.recording import Recording, SignalBound, find_loss, peak
 from anhyst_rigs.study.engine.table import ComparedFigure, Judgement, judge
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 
 Stage = Literal["end", "positions", "moving"]
 Start = Literal["unknown", "demagnetised"]

@@ -23,7 +23,6 @@ from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loop, Loops
 from anhyst.data.path import History
-from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.identification import identify
 from anhyst.identification.run import whole_search
 from anhyst.model.actuator import Model
@@ -44,6 +43,7 @@ from anhyst_rigs.study.engine.table import (
     StudyResult,
     judge,
 )
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

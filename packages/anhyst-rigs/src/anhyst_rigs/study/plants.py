@@ -18,7 +18,6 @@ from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
-from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
 from anhyst.support.jobs import Progress, all_of
@@ -46,6 +45,7 @@ from anhyst_rigs.rig.tables import SPREADS
 from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from anhyst_rigs.study.bearing.responses import position_resolution, step_figures
 from anhyst_rigs.study.engine.monte_carlo import PlantFigure, Plants
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 from anhyst_rigs.study.force_trials import ForceTrial, plan_trials
 from anhyst_rigs.study.piezo import METRICS, find_inverses, follow, judged_from, reference
 from anhyst_rigs.study.tracking.learner import at_work

@@ -347,7 +347,7 @@ def watch_recording(
             f"--least: {least:g} N is not above 0; correct it", code="not-above-zero", key="--least"
         )
     model = model_from(model, "watch")
-    recording = loops_from(recording, "watch: recording", reading, without=DEFAULT_STEPS).loops
+    recording, _ = loops_from(recording, "watch: recording", reading, without=DEFAULT_STEPS)
     if len(recording) != 1 or not is_actuator(recording):
         raise InputError(
             "a recording is one run with columns t_s, I_A, F_N and gap_m", code="columns-missing"

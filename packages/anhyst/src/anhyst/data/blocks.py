@@ -21,8 +21,6 @@ Breaks = Sequence[tuple[int, tuple[str, ...]]]
 """First row of each block, and the remarks above it."""
 
 _MIN_ROWS = 6
-_REVERSAL = 0.02
-"""A reversal counts once the input has come back by this share of its range."""
 _CLOSED = 0.05
 """A loop ends within this share of its input range from its start."""
 _JUMP = 5.0
@@ -106,21 +104,21 @@ def _as_labels(starts: Sequence[int], rows: int, name: str, gaps: Sequence[float
     for gap in each:
         seen[gap] += 1
         numbers.append(f"{name} {seen[gap]}".strip())
-    order = {text: code for code, text in enumerate(dict.fromkeys(numbers))}
-    codes = np.repeat(np.array([order[text] for text in numbers], np.int32), sizes)
+    of_blocks = Texts.of(numbers)
+    labels = Texts(of_blocks.values, np.repeat(of_blocks.codes, sizes))
     note = f"{len(starts)} blocks of rows are loops of their own"
     if gaps is None:
-        return Blocks(Texts(tuple(order), codes), None, note)
+        return Blocks(labels, None, note)
     texts = ", ".join(dict.fromkeys(f"{1e3 * gap:.4g} mm" for gap in gaps))
     note += f", with the gaps that the remarks above them state: {texts}"
-    return Blocks(Texts(tuple(order), codes), np.repeat(np.array(gaps), sizes), note)
+    return Blocks(labels, np.repeat(np.array(gaps), sizes), note)
 
 
 def _are_loops(parts: Sequence[FloatArray]) -> bool:
     """Whether the input reverses in each block, and each closes or begins with a jump."""
     if any(part.size < _MIN_ROWS or np.ptp(part) == 0.0 for part in parts):
         return False
-    if not all(reversal_count(part, _REVERSAL * float(np.ptp(part))) for part in parts):
+    if not all(map(reversal_count, parts)):
         return False
     are_closed = all(abs(part[-1] - part[0]) <= _CLOSED * np.ptp(part) for part in parts)
     pairs = pairwise(parts)
@@ -128,7 +126,6 @@ def _are_loops(parts: Sequence[FloatArray]) -> bool:
 
 
 def _jumps(first: FloatArray, second: FloatArray) -> bool:
-    """Whether the input jumps from one block to the next."""
     largest = float(np.max(np.abs(np.diff(first)))) if first.size > 1 else 0.0
     return bool(abs(second[0] - first[-1]) > _JUMP * largest)
 
@@ -156,11 +153,11 @@ def with_stated_gaps(parts: list[LoopPart]) -> list[LoopPart]:
 
 def _at_gap(part: LoopPart, gap: float) -> LoopPart:
     """Put the loops of a file at the gap that its head states."""
+    is_alone = len(part.loops) == 1
     loops = tuple(
-        replace(loop, label="1", schedule=np.full(loop.n, gap)) if len(part.loops) == 1
-        else replace(loop, schedule=np.full(loop.n, gap))
+        replace(loop, label="1" if is_alone else loop.label, schedule=np.full(loop.n, gap))
         for loop in part.loops
-    )  # fmt: skip
+    )
     note = f"{part.source_name}: gap taken from the head of the file: {1e3 * gap:.4g} mm"
     return replace(part, loops=loops, schedule=QUANTITIES["gap"], notes=(note, *part.notes))
 

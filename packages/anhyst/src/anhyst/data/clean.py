@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from operator import itemgetter
 from types import MappingProxyType
 from typing import Any
 
@@ -16,7 +17,7 @@ from anhyst.data.delay import skew as estimate_skew
 from anhyst.data.estimates import noise as noise_of
 from anhyst.data.filtering import denoise, ripple
 from anhyst.data.holes import cut_holes, find_holes
-from anhyst.data.loops import Loop, Loops, is_even
+from anhyst.data.loops import Loop, Loops, is_even, with_columns
 from anhyst.data.output_map import output_map
 from anhyst.data.path import branches, turning_points
 from anhyst.data.proposals import join_pair, quote_name
@@ -73,32 +74,27 @@ def dedupe(loopset: Loops) -> Loops:
 
     At the same time another value is no repeat: then the clock is coarser than the sampling.
     """
-
-    def repeated(loop: Loop) -> NDArray[np.bool_]:
-        same = _stays(loop.input) & _stays(loop.output)
-        for column in (loop.schedule, loop.time):
-            if column is not None:
-                same &= _stays(column)
-        return same
-
-    keep = [np.concatenate(([True], ~repeated(loop))) for loop in loopset.loops]
+    keep = []
+    for loop in loopset.loops:
+        columns = (loop.input, loop.output, loop.schedule, loop.time)
+        stays = [np.diff(column) == 0.0 for column in columns if column is not None]
+        keep.append(np.concatenate(([True], ~np.logical_and.reduce(stays))))
     return _kept(loopset, keep, "dedupe: {} dropped", "repeated sample")
 
 
 def spikes(loopset: Loops) -> Loops:
     """Drop single output samples far from their neighbours, away from reversals."""
-
-    def good(loop: Loop) -> NDArray[np.bool_]:
+    keep = []
+    for loop in loopset.loops:
         padded = np.pad(loop.output, 2, mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
         away = np.abs(loop.output - np.median(windows, axis=1))
         limit = max(_SPIKE_SIGMA * noise_of(loop.output), _SPIKE_SHARE * float(np.ptp(loop.output)))
         spike = away > limit
-        for turn in turning_points(loop.input, 0.02 * float(np.ptp(loop.input))):
+        for turn in turning_points(loop.input):
             spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is no spike
-        return ~spike
-
-    return _kept(loopset, [good(loop) for loop in loopset.loops], "spikes: {} dropped")
+        keep.append(~spike)
+    return _kept(loopset, keep, "spikes: {} dropped")
 
 
 def steady(loopset: Loops) -> Loops:
@@ -162,7 +158,7 @@ def offset(loopset: Loops) -> Loops:
 
 def skew(loopset: Loops) -> Loops:
     """Shift the output by its delay behind the input (one delay for all loops, their median)."""
-    steps = [estimates.sampling(loop).step or 1.0 for loop in loopset.loops]
+    steps = [estimates.sampling(loop)[0] or 1.0 for loop in loopset.loops]
     delays = [
         found * step
         for found, step in zip(map(estimate_skew, loopset.loops), steps, strict=True)
@@ -183,14 +179,11 @@ def skew(loopset: Loops) -> Loops:
             is_inside &= (later <= clock[hole.row]) | (later >= clock[hole.row + 1])
         if np.count_nonzero(is_inside) < 3:
             return loopset
-        shifted = np.interp(later, clock, loop.output)
-        loops.append(_taken(replace(loop, output=shifted), is_inside))
-    has_clock = loopset.loops[0].time is not None
-    size = (
-        f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)"
-        if has_clock
-        else f"{-delay:.2f} samples"
-    )
+        shifted = np.interp(later, clock, loop.output)[is_inside]
+        loops.append(with_columns(loop, itemgetter(is_inside), output=shifted))
+    size = f"{-delay:.2f} samples"
+    if loopset.loops[0].time is not None:
+        size = f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)"
     return loopset.with_loops(loops, f"skew: output moved by {size}")
 
 
@@ -237,7 +230,7 @@ def _thinned(loop: Loop, most: int) -> Loop:
     fixed = np.zeros(loop.n, bool)
     for part in parts:
         rows = part.rows
-        travelled = np.zeros(part.stop - part.start)
+        travelled = np.zeros(part.size)
         for values, size in ((loop.input[rows], span), (loop.output[rows], height)):
             sign = 1.0 if values[-1] >= values[0] else -1.0
             travelled += np.maximum.accumulate(sign * (values - values[0])) / size
@@ -250,22 +243,13 @@ def _thinned(loop: Loop, most: int) -> Loop:
     starts = np.flatnonzero(edge)
     counts = np.diff(np.concatenate((starts, [loop.n])))
 
-    def mean(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else np.add.reduceat(values, starts) / counts
+    def mean(values: FloatArray) -> FloatArray:
+        averaged: FloatArray = np.add.reduceat(values, starts) / counts
+        return averaged
 
-    drive, answer = mean(loop.input), mean(loop.output)
-    assert drive is not None
-    assert answer is not None
-    schedule = loop.schedule
-    if schedule is not None:
-        constant = loop.schedule_value is not None
-        schedule = np.full(starts.size, schedule[0]) if constant else mean(schedule)
-    return replace(loop, input=drive, output=answer, schedule=schedule, time=mean(loop.time))
-
-
-def _stays(values: FloatArray) -> NDArray[np.bool_]:
-    still: NDArray[np.bool_] = np.diff(values) == 0.0
-    return still
+    if loop.schedule_value is not None:
+        return with_columns(loop, mean, schedule=np.full(starts.size, loop.schedule_value))
+    return with_columns(loop, mean)
 
 
 def _kept(
@@ -274,18 +258,9 @@ def _kept(
     dropped = sum(int(np.count_nonzero(~mask)) for mask in keep)
     if not dropped:
         return loopset
-    loops = [_taken(loop, mask) for loop, mask in zip(loopset.loops, keep, strict=True)]
+    pairs = zip(loopset.loops, keep, strict=True)
+    loops = [with_columns(loop, itemgetter(mask)) for loop, mask in pairs]
     return loopset.with_loops(loops, text.format(count_of(dropped, what)))
-
-
-def _taken(loop: Loop, mask: NDArray[np.bool_]) -> Loop:
-    return replace(
-        loop,
-        input=loop.input[mask],
-        output=loop.output[mask],
-        schedule=None if loop.schedule is None else loop.schedule[mask],
-        time=None if loop.time is None else loop.time[mask],
-    )
 
 
 def _some(texts: Sequence[str]) -> str:
@@ -323,15 +298,12 @@ class ReadOptions:
         options = {name: text for name, text in texts.items() if text is not None}
         columns = _pairs(options.pop("columns", ""), "columns")
         constants = _pairs(options.pop("constants", ""), "constants")
-        steps = options.pop("clean", ",".join(DEFAULT_STEPS))
-        scale = _pairs(options.pop("scale", ""), "scale")
-        flip = tuple(_parts(options.pop("flip", "")))
         return cls(
             columns=columns,
             constants={name: _number_or_text(text) for name, text in constants.items()},
-            clean=names_of(steps, "clean"),
-            scale=scale,
-            flip=flip,
+            clean=names_of(options.pop("clean", ",".join(DEFAULT_STEPS)), "clean"),
+            scale=_pairs(options.pop("scale", ""), "scale"),
+            flip=tuple(_parts(options.pop("flip", ""))),
             **options,
         )
 
@@ -353,22 +325,9 @@ class ReadOptions:
         self, paths: Sequence[PathLike] | Any, progress: Progress | None = None, **more: Any
     ) -> Loops:
         """Read and clean loops; ``more`` are keywords of `read_loops` that are no options."""
-        clean_steps = tuple(self.clean)
-        loops = read_loops(
-            paths,
-            columns=self.columns,
-            history=self.history,
-            schedule=self.schedule,
-            loop=self.loop,
-            constants=self.constants,
-            sidecar=self.sidecar,
-            scale=self.scale,
-            flip=self.flip,
-            drop=self.drop,
-            progress=progress,
-            **more,
-        )
-        return clean(loops, clean_steps)
+        options = {item.name: getattr(self, item.name) for item in fields(self)}
+        steps = options.pop("clean")
+        return clean(read_loops(paths, **options, progress=progress, **more), steps)
 
 
 def names_of(value: object, argument: str) -> tuple[str, ...]:

@@ -83,13 +83,11 @@ def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]
 
 def _without_complex(parts: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], list[str]]:
     """Leave out what no format of measurements holds."""
-    left = [trace.name for part in parts for trace in part.series if trace.values.dtype.kind == "c"]
-    kept = [
-        replace(
-            part, series=tuple(signal for signal in part.series if signal.values.dtype.kind != "c")
-        )
-        for part in parts
-    ]
+    left, kept = [], []
+    for part in parts:
+        left += [signal.name for signal in part.series if signal.values.dtype.kind == "c"]
+        series = tuple(signal for signal in part.series if signal.values.dtype.kind != "c")
+        kept.append(replace(part, series=series))
     return kept, [f"complex channels left out: {', '.join(left)}"] if left else []
 
 

@@ -67,8 +67,6 @@ _KNOTS = np.linspace(0.0, 1.0, 8)[1:-1]
 
 @dataclass(frozen=True, slots=True)
 class _Tip:
-    """A reversal of the input."""
-
     row: int
     width: int  # samples on each side
     sign: float  # +1 where the input is largest
@@ -93,7 +91,7 @@ def skew(loop: Loop) -> float | None:
     if np.ptp(drive) == 0.0:
         return None
     parts = branches(drive)
-    length = float(np.median([part.stop - part.start for part in parts]))
+    length = float(np.median([part.size for part in parts]))
     if len(parts) < 2 or length < _MIN_BRANCH_SAMPLES:
         return None
     seen = _at_reversals(drive, answer, length)
@@ -104,14 +102,11 @@ def skew(loop: Loop) -> float | None:
         is_sharp = _SURE * seen.error < max(1.0, _NO_DELAY_SHARE * length)
         return 0.0 if is_sharp else None
     again = _along_path(drive, answer, parts, length)
-    return seen.delay if again is not None and _agree(seen.delay, again, length) else None
-
-
-def _agree(delay: float, again: float, length: float) -> bool:
-    """Whether the second estimate confirms a delay, in branches of a length."""
-    is_near = abs(again - delay) <= max(0.5, _AGREEMENT * abs(delay))
-    excess = float(np.sign(delay)) * (again - delay)
-    return is_near or 0.0 < excess <= _MAX_EXCESS_SHARE * length
+    if again is None:
+        return None
+    is_near = abs(again - seen.delay) <= max(0.5, _AGREEMENT * abs(seen.delay))
+    excess = float(np.sign(seen.delay)) * (again - seen.delay)
+    return seen.delay if is_near or 0.0 < excess <= _MAX_EXCESS_SHARE * length else None
 
 
 def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
@@ -119,7 +114,7 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
     time = loop.time
     if time is None:
         return loop.input, loop.output
-    step = sampling(loop).step
+    step, _ = sampling(loop)
     edges = [0, *(hole.row + 1 for hole in find_holes(time)), loop.n]
     start, stop = max(itertools.pairwise(edges), key=lambda ends: ends[1] - ends[0])
     rows = slice(start, stop)
@@ -175,7 +170,7 @@ def _tips(drive: FloatArray, answer: FloatArray, parts: int) -> list[_Tip]:
     """Find the reversals of an input, and whether the output has a maximum or a minimum there."""
     tips = []
     for first, second in itertools.pairwise(branches(drive)[: _MAX_TIPS + 1]):
-        length = min(first.stop - first.start, second.stop - second.start)
+        length = min(first.size, second.size)
         row, width = first.stop - 1, min(length // parts, _MAX_WINDOW_SAMPLES)
         away = length // 3
         turn = float(np.sign(2.0 * answer[row] - answer[row - away] - answer[row + away]))

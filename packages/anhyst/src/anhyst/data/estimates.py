@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from anhyst.data.loops import Loop
@@ -38,8 +36,6 @@ _SURE = 4.0
 """Standard errors from which a drift is not noise."""
 _SYMMETRIC = 0.1
 """Tips of a symmetric loop agree in size within this share."""
-
-
 _END = 6
 """Samples at an end of a cycle that show where it begins and ends."""
 
@@ -159,11 +155,6 @@ def saturation(loop: Loop) -> float | None:
     return float(abs(np.mean(slopes[tip:][:2]))) / steepest if steepest else None
 
 
-def len_of(branch: Branch) -> int:
-    """Count the samples of a branch."""
-    return branch.stop - branch.start
-
-
 def _shift(loop: Loop, first: Branch, second: Branch) -> tuple[float, float]:
     """Median distance in output of two branches that repeat each other, and its standard error."""
     x1, y1 = smooth(loop.input[first.rows], loop.output[first.rows])
@@ -173,7 +164,7 @@ def _shift(loop: Loop, first: Branch, second: Branch) -> tuple[float, float]:
     apart = np.interp(grid, x2, y2) - np.interp(grid, x1, y1)
     middle = float(np.median(apart))
     spread = TO_SIGMA * float(np.median(np.abs(apart - middle)))
-    return middle, 1.25 * spread / min(grid.size, len_of(first), len_of(second)) ** 0.5
+    return middle, 1.25 * spread / min(grid.size, first.size, second.size) ** 0.5
 
 
 def _tip_output(drive: FloatArray, answer: FloatArray, level: float) -> float:
@@ -186,19 +177,10 @@ def _tip_output(drive: FloatArray, answer: FloatArray, level: float) -> float:
     return float(answer[int(np.argmax(drive * np.sign(level)))])
 
 
-@dataclass(frozen=True, slots=True)
-class Sampling:
-    """How a loop was sampled: median step in s (``None`` without time) and its unevenness."""
-
-    step: float | None
-    uneven: float | None
-
-
-def sampling(loop: Loop) -> Sampling:
-    """Median time step and the largest deviation from it, relative."""
+def sampling(loop: Loop) -> tuple[float | None, float | None]:
+    """Return the median time step, s, and the largest deviation from it, relative."""
     if loop.time is None:
-        return Sampling(None, None)
+        return None, None
     steps = np.diff(loop.time)
     middle = float(np.median(steps))
-    uneven = float(np.max(np.abs(steps - middle))) / middle if middle > 0.0 else None
-    return Sampling(middle, uneven)
+    return middle, float(np.max(np.abs(steps - middle))) / middle if middle > 0.0 else None

@@ -14,7 +14,7 @@ import numpy as np
 
 from anhyst.data.estimates import noise, sampling
 from anhyst.data.holes import find_holes
-from anhyst.data.loops import Loop, Loops
+from anhyst.data.loops import Loop, Loops, with_columns
 from anhyst.data.path import branches, reversal_count
 from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import count_of
@@ -54,8 +54,6 @@ _MAX_WINDOW_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class _Ripple:
-    """A steady oscillation of an input."""
-
     period: float  # samples
     amplitude: float
     is_followed: bool = False  # whether the output ripples at the same frequency
@@ -69,10 +67,10 @@ def ripple(loopset: Loops) -> Loops:
     for loop, found in zip(loopset.loops, ripples, strict=True):
         loops.append(loop if found is None else _without(loop, found, is_followed=is_followed))
         if found is not None:
-            step, largest = sampling(loop).step, max(largest, found.amplitude)
-            rate = (
-                f"{1.0 / (found.period * step):.4g} Hz" if step else f"{found.period:.3g} samples"
-            )
+            (step, _), largest = sampling(loop), max(largest, found.amplitude)
+            rate = f"{found.period:.3g} samples"
+            if step:
+                rate = f"{1.0 / (found.period * step):.4g} Hz"
             size = f"{found.amplitude:.2g} {loopset.input.unit}"
             texts.append(f"{rate}, {size} in loop '{loop.label}'")
     if not texts:
@@ -110,7 +108,7 @@ def denoise(loopset: Loops) -> Loops:
 def _find_ripple(loop: Loop) -> _Ripple | None:
     """Find the strongest steady line of the input; ``None`` if it is no ripple."""
     drive, span = loop.input, float(np.ptp(loop.input))
-    uneven = sampling(loop).uneven
+    _, uneven = sampling(loop)
     if loop.n < 4 * _MIN_PERIODS or (uneven is not None and uneven > _MAX_UNEVEN):
         return None
     lines = _spectrum(drive)
@@ -148,7 +146,7 @@ def _is_line(lines: FloatArray, peak: int, least: float = _MIN_LINE) -> bool:
 
 def _is_ripple(drive: FloatArray, slow: FloatArray, fast: FloatArray, found: _Ripple) -> bool:
     """Whether an oscillation is steady, turns the input back, and is fast against its cycles."""
-    length = float(np.median([part.stop - part.start for part in branches(slow)]))
+    length = float(np.median([part.size for part in branches(slow)]))
     if length < _MIN_PERIODS_PER_BRANCH * found.period:
         return False
     if reversal_count(drive, 0.5 * found.amplitude) < drive.size / found.period:
@@ -174,24 +172,23 @@ def _without(loop: Loop, found: _Ripple, *, is_followed: bool) -> Loop:
     Iron that follows the ripple is magnetised by its edge: the largest input of a period while the
     mean rises, the smallest while it falls.
     """
-
-    def slow(values: FloatArray | None) -> FloatArray | None:
-        if values is None or np.ptp(values) == 0.0:
-            return None if values is None else values[cut : loop.n - cut][every]
-        return _averaged(_averaged(values, found.period), found.period)[every]
-
     cut = 2 * int(np.ceil((found.period - 1.0) / 2.0))
-    every = slice(None, None, max(1, round(found.period)))  # averages in between say nothing new
-    time = None if loop.time is None else loop.time[cut : loop.n - cut][every]
-    drive, answer = slow(loop.input), slow(loop.output)
-    assert drive is not None
-    assert answer is not None
+    # Averages in between say nothing new.
+    rows = slice(cut, loop.n - cut, max(1, round(found.period)))
+
+    def slow(values: FloatArray) -> FloatArray:
+        if np.ptp(values) == 0.0:
+            return values[rows]
+        return _averaged(_averaged(values, found.period), found.period)[:: rows.step]
+
+    drive = slow(loop.input)
     if is_followed:
         edge = np.zeros_like(drive)
         for part in branches(drive):
             edge[part.rows] = found.amplitude if part.rising else -found.amplitude
         drive = drive + edge
-    return replace(loop, input=drive, output=answer, schedule=slow(loop.schedule), time=time)
+    time = None if loop.time is None else loop.time[rows]
+    return with_columns(loop, slow, input=drive, time=time)
 
 
 def _denoised(loop: Loop) -> Loop:
@@ -209,20 +206,17 @@ def _denoised(loop: Loop) -> Loop:
     from scipy.signal import savgol_filter  # slow to load, and needed for noisy inputs only
 
     parts = branches(drive)
-    length = float(np.median([part.stop - part.start for part in parts]))
+    length = float(np.median([part.size for part in parts]))
     most = int(_MAX_WINDOW_SHARE * length)
     wide = max(5, min(most, int(_WINDOW_SIGMAS * sigma / step) if step else most)) | 1
     smooth = np.array(drive)
     ends = []
     for part in parts:
-        rows = part.rows
-        count = part.stop - part.start
-        if count <= wide:
+        if part.size <= wide:
             continue
-        piece = savgol_filter(drive[rows], wide, 2, mode="interp")
-        ends.append((part.start, piece[0]))
-        ends.append((part.stop - 1, piece[-1]))
-        smooth[rows] = piece
+        piece = savgol_filter(drive[part.rows], wide, 2, mode="interp")
+        ends += [(part.start, piece[0]), (part.stop - 1, piece[-1])]
+        smooth[part.rows] = piece
     # A reversal is where the curves of both sides meet.
     for row in {row for row, _ in ends}:
         smooth[row] = float(np.mean([value for place, value in ends if place == row]))

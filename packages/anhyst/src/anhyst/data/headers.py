@@ -63,13 +63,11 @@ def _without_doubtful_words(headers: list[Header]) -> list[Header]:
         if not header.is_known and header.target is None and header.unit is not None
         if not has_qualifier(header.name) and not is_formula(header.name)
     ]
-    checked = []
-    for header in headers:
+    checked = list(headers)
+    for index, header in enumerate(headers):
         is_rivalled = header.unit is not None and header.unit.dimension in rivals
-        if header.is_by_word and is_rivalled and header.quantity in _PAIRED:
-            checked.append(without_word(header))
-        else:
-            checked.append(header)
+        if is_rivalled and header.quantity in _PAIRED:
+            checked[index] = without_word(header)
     return checked
 
 

@@ -8,11 +8,12 @@ known history begins at that input.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 
-from anhyst.data.loops import Loop, Loops
+from anhyst.data.loops import Loop, Loops, with_columns
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History, is_bipolar
 from anhyst.support.numeric import FloatArray
@@ -106,15 +107,7 @@ def _pieces(loop: Loop, found: list[Hole]) -> list[Loop]:
         rows = slice(begin, stop)
         if stop - begin < _MIN_LOOP_SAMPLES or np.ptp(loop.input[rows]) == 0.0:
             continue
-        new = replace(
-            loop,
-            label=label,
-            input=loop.input[rows],
-            output=loop.output[rows],
-            schedule=None if loop.schedule is None else loop.schedule[rows],
-            time=None if loop.time is None else loop.time[rows],
-            history=past,
-        )
+        new = with_columns(loop, itemgetter(rows), label=label, history=past)
         if new.reverses:
             pieces.append(new)
     return pieces

@@ -18,7 +18,7 @@ from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import rate_line
 from anhyst.data.start import Proposal, carry_histories, propose_histories
 from anhyst.data.symmetry import bias_line, recentre
-from anhyst.data.verdict import Verdict, Width, judge, largest_output, loop_width, single_valued
+from anhyst.data.verdict import Verdict, judge, largest_output, loop_width, single_valued
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, columns_of, dress, few, length_scale, shades
 from anhyst.support.units import Quantity
@@ -96,25 +96,14 @@ class Inspection(Result):
     def as_dict(self) -> dict[str, Any]:
         """All of it, ready for JSON, with units in the keys (``width_A``, ``noise_N``, ...)."""
         units = self._units()
-        verdict = {
-            _key(field.name, units): getattr(self.verdict, field.name)
-            for field in fields(self.verdict)
-        }
         return {
             "input": self.input.column,
             "output": self.output.column,
             "schedule": self.schedule.column if self.schedule else None,
             "schedule_values": list(self.schedule_values),
             "samples": sum(loop.samples for loop in self.loops),
-            "loops": [
-                {
-                    _key(field.name, units): _plain(getattr(loop, field.name))
-                    for field in fields(loop)
-                }
-                for loop in self.loops
-            ],
-            "verdict": {name: _plain(value) for name, value in verdict.items()}
-            | {"worthwhile": self.verdict.worthwhile},
+            "loops": [_keyed(loop, units) for loop in self.loops],
+            "verdict": _keyed(self.verdict, units) | {"worthwhile": self.verdict.worthwhile},
             "rate": self.rate,
             "warnings": list(self.warnings),
             "repairs": list(self.repairs),
@@ -198,11 +187,11 @@ def inspect(loops: Loops) -> Inspection:
 
 
 def _figures(
-    loop: Loop, deviation: FloatArray, proposal: Proposal, width: Width, *, even: bool
+    loop: Loop, deviation: FloatArray, proposal: Proposal, size: tuple[float, float], *, even: bool
 ) -> LoopFigures:
     proposed, reason = proposal
     centre = None if even else estimates.offsets(loop)
-    steps, delay = estimates.sampling(loop), estimate_skew(loop)
+    (step, uneven), delay = estimates.sampling(loop), estimate_skew(loop)
     return LoopFigures(
         label=loop.label,
         schedule=loop.schedule_value,
@@ -212,18 +201,18 @@ def _figures(
         input_high=float(loop.input.max()),
         output_low=float(loop.output.min()),
         output_high=float(loop.output.max()),
-        step=steps.step,
-        uneven=steps.uneven,
+        step=step,
+        uneven=uneven,
         input_offset=centre[0] if centre else None,
         output_offset=centre[1] if centre else None,
         drift=estimates.drift(loop),
         closure=estimates.closure(loop),
         noise=noise_of(loop.output),
         skew=delay,
-        skew_s=delay * steps.step if delay is not None and steps.step else None,
+        skew_s=delay * step if delay is not None and step else None,
         saturation=estimates.saturation(loop),
-        width=width.width,
-        height=width.height,
+        width=size[0],
+        height=size[1],
         single_mean=float(deviation.mean()),
         single_worst=float(deviation.max()),
         history=loop.history,
@@ -264,15 +253,15 @@ def _suffix(quantity: Quantity) -> str:
     return quantity.column.removeprefix(quantity.symbol).lstrip("_")
 
 
-def _key(name: str, units: dict[str, str]) -> str:
-    unit = units.get(name)
-    return f"{name}_{unit}" if unit else name
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, History):
-        return str(value)
-    return list(value) if isinstance(value, tuple) else value
+def _keyed(figures: LoopFigures | Verdict, units: dict[str, str]) -> dict[str, Any]:
+    """Return figures for JSON, with their units in the keys."""
+    values: dict[str, Any] = {}
+    for field in fields(figures):
+        value, unit = getattr(figures, field.name), units.get(field.name)
+        if isinstance(value, History | tuple):
+            value = str(value) if isinstance(value, History) else list(value)
+        values[f"{field.name}_{unit}" if unit else field.name] = value
+    return values
 
 
 def plot_inspection(inspection: Inspection, loopset: Loops) -> Figure:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import PurePath
 
 import numpy as np
@@ -51,22 +51,7 @@ def join(parts: Sequence[LoopPart]) -> Loops:
     alike are named after their files. Scheduling values that differ by rounding become one.
     """
     first = parts[0]
-    for part in parts[1:]:
-        _must_agree(first, part)
-    notes = [note for part in parts for note in part.notes]
-    kept = _Kept()
-    for part in parts:
-        for loop in part.loops:
-            twin = kept.add(loop, part)
-            if twin is not None:
-                name = part.source_name
-                notes.append(f"{name}: loop '{loop.label}' is the one in {twin}: left out")
-    sources = tuple(part.source for part in parts if part.source is not None)
-    return Loops(kept.named(), first.input, first.output, first.schedule, sources, tuple(notes))
-
-
-def _must_agree(first: LoopPart, part: LoopPart) -> None:
-    for role in ("input", "output", "schedule"):
+    for part, role in product(parts[1:], ("input", "output", "schedule")):
         mine, theirs = getattr(first, role), getattr(part, role)
         if mine != theirs:
             texts = [quantity.column if quantity else "none" for quantity in (mine, theirs)]
@@ -75,6 +60,24 @@ def _must_agree(first: LoopPart, part: LoopPart) -> None:
                 f"{texts[0]}; files read together must hold the same quantities",
                 code="quantities-differ",
             )
+    notes = [note for part in parts for note in part.notes]
+    entries: list[_Entry] = []
+    values: list[float] = []
+    by_glance: defaultdict[tuple[float, ...], list[_Entry]] = defaultdict(list)
+    for part in parts:
+        for loop in part.loops:
+            snapped = _snapped(loop, values)
+            entry = _Entry(snapped, snapped.schedule_value, part)
+            alike = by_glance[_glance(snapped)] if entry.known else []
+            twin = next(filter(None, (_find_twin(entry, other) for other in alike)), None)
+            if twin is None:
+                alike.append(entry)
+                entries.append(entry)
+            else:
+                name = part.source_name
+                notes.append(f"{name}: loop '{loop.label}' is the one in {twin}: left out")
+    sources = tuple(part.source for part in parts if part.source is not None)
+    return Loops(_named(entries), first.input, first.output, first.schedule, sources, tuple(notes))
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,59 +94,39 @@ class _Entry:
         return self.loop.schedule is None or self.value is not None
 
 
-class _Kept:
-    """Loops kept so far, found again by a glance at their data."""
-
-    def __init__(self) -> None:
-        self.entries: list[_Entry] = []
-        self.values: dict[float, None] = {}
-        self.by_glance: defaultdict[tuple[float, ...], list[_Entry]] = defaultdict(list)
-
-    def add(self, loop: Loop, part: LoopPart) -> str | None:
-        """Keep a loop, or name the file that holds it already; refuse contradictions."""
-        loop = self._snap(loop)
-        entry = _Entry(loop, loop.schedule_value, part)
+def _named(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
+    """Return the loops, each with a name of its own among those at its scheduling value."""
+    alike: defaultdict[tuple[str, float | None], list[_Entry]] = defaultdict(list)
+    for entry in entries:
         if entry.known:
-            for other in self.by_glance[_glance(loop)]:
-                if _same_data(loop, other.loop) and (twin := _judge_same(entry, other)):
-                    return twin
-            self.by_glance[_glance(loop)].append(entry)
-        self.entries.append(entry)
-        return None
+            alike[entry.loop.label, entry.value].append(entry)
+    paths = {entry.part.source_name: PurePath(entry.part.source_name) for entry in entries}
+    stems = Counter(path.stem for path in paths.values())
+    names = {
+        name: path.stem if stems[path.stem] == 1 else str(path.with_suffix(""))
+        for name, path in paths.items()
+    }
+    labels = {
+        id(entry): _own_label(entry, group[0], names[entry.part.source_name])
+        for group in alike.values()
+        if len(group) > 1
+        for entry in group
+    }
+    return tuple(
+        replace(entry.loop, label=labels.get(id(entry), entry.loop.label)) for entry in entries
+    )
 
-    def named(self) -> tuple[Loop, ...]:
-        """Return the loops, each with a name of its own among those at its scheduling value."""
-        alike: defaultdict[tuple[str, float | None], list[_Entry]] = defaultdict(list)
-        for entry in self.entries:
-            if entry.known:
-                alike[entry.loop.label, entry.value].append(entry)
-        paths = {name: PurePath(name) for name in (e.part.source_name for e in self.entries)}
-        stems = Counter(path.stem for path in paths.values())
-        names = {
-            name: path.stem if stems[path.stem] == 1 else str(path.with_suffix(""))
-            for name, path in paths.items()
-        }
-        labels = {
-            id(entry): _own_label(entry, group[0], names[entry.part.source_name])
-            for group in alike.values()
-            if len(group) > 1
-            for entry in group
-        }
-        return tuple(
-            replace(entry.loop, label=labels.get(id(entry), entry.loop.label))
-            for entry in self.entries
-        )
 
-    def _snap(self, loop: Loop) -> Loop:
-        """Replace a scheduling value by an earlier one that differs only by rounding."""
-        value = loop.schedule_value
-        if value is None or value in self.values:
-            return loop
-        for near in self.values:
-            if abs(near - value) <= 1e-9 * abs(near):
-                return replace(loop, schedule=np.full(loop.n, near))
-        self.values[value] = None
+def _snapped(loop: Loop, values: list[float]) -> Loop:
+    """Replace a scheduling value by an earlier one that differs only by rounding."""
+    value = loop.schedule_value
+    if value is None or value in values:
         return loop
+    for near in values:
+        if abs(near - value) <= 1e-9 * abs(near):
+            return replace(loop, schedule=np.full(loop.n, near))
+    values.append(value)
+    return loop
 
 
 def _own_label(entry: _Entry, first: _Entry, name: str) -> str:
@@ -161,8 +144,13 @@ def _own_label(entry: _Entry, first: _Entry, name: str) -> str:
     return f"{name} {entry.loop.label}"
 
 
-def _judge_same(entry: _Entry, other: _Entry) -> str | None:
+def _find_twin(entry: _Entry, other: _Entry) -> str | None:
     """Name the file of a loop with the same data, if it may be left out for that."""
+    ours, theirs = entry.loop, other.loop
+    if not (
+        np.array_equal(ours.input, theirs.input) and np.array_equal(ours.output, theirs.output)
+    ):
+        return None
     if entry.value != other.value:
         raise InputError(
             f"{entry.part.source_name}: holds the same data at {entry.value:g} as "
@@ -170,10 +158,6 @@ def _judge_same(entry: _Entry, other: _Entry) -> str | None:
             code="same-data-twice",
         )
     return other.part.source_name if entry.part is not other.part else None
-
-
-def _same_data(first: Loop, second: Loop) -> bool:
-    return np.array_equal(first.input, second.input) and np.array_equal(first.output, second.output)
 
 
 def _glance(loop: Loop) -> tuple[float, ...]:
@@ -186,9 +170,6 @@ IN_ONE_RUN = (
     "keeps of those"
 )
 """What a reader is told where that is so."""
-
-_TURN = 0.02
-"""A reversal counts once the input has come back by this share of its range."""
 _NEAR = 0.02
 """Ends within this share of the range are the same."""
 _FEWEST = 8
@@ -249,7 +230,7 @@ def _after(earlier: Sequence[Loop], loop: Loop) -> History:
     points: list[float] = []
     schedule: list[float | None] = []
     for other in earlier:
-        turns = turning_points(other.input, _TURN * float(np.ptp(other.input)))
+        turns = turning_points(other.input)
         points += other.input[turns].tolist()
         same_gap = other.schedule_value == loop.schedule_value
         schedule += [None if same_gap else other.schedule_value] * turns.size

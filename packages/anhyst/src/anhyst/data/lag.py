@@ -80,7 +80,6 @@ def _lag_of(loop: Loop, scale: float) -> tuple[float, float] | None:
 def _best(
     record: EvenRecord, lags: Sequence[float] | FloatArray, *, plays: bool
 ) -> tuple[float, float]:
-    """Return the least rms that a lag leaves, and the lag."""
     return min(
         (static_rms(_lagging(record, float(lag)), record.output, plays=plays), float(lag))
         for lag in lags

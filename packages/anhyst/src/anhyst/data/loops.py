@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,12 +16,12 @@ from anhyst.data.path import (
     SETTLED,
     History,
     HistoryLike,
+    are_measured,
     correlation,
     is_bipolar,
     is_negative,
     reversal_count,
     time_fault,
-    value_fault,
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -41,9 +41,6 @@ from anhyst.support.wording import count_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-_REVERSAL = 0.02
-"""A reversal counts once the input has come back by this share of its range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +118,9 @@ class Loop:
                 code="too-few-samples",
                 key=self.label,
             )
-        if (odd := value_fault(array)) is not None:
+        is_measured = are_measured(array)
+        if not is_measured.all():
+            odd = int(np.argmin(is_measured))
             raise InputError(
                 f"loop '{self.label}': {name} holds {array[odd]:g} at sample {odd + 1}: no "
                 "measured value; remove the sample",
@@ -148,7 +147,7 @@ class Loop:
     @property
     def reversals(self) -> int:
         """Number of reversals of the input larger than 2 % of its range."""
-        return reversal_count(self.input, _REVERSAL * float(np.ptp(self.input)))
+        return reversal_count(self.input)
 
     @property
     def reverses(self) -> bool:
@@ -406,6 +405,17 @@ class Loops(Result):
         """
         write_csv(path, self.to_columns())
         return Path(path)
+
+
+def with_columns(loop: Loop, change: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
+    """Return a loop whose columns are all changed alike, except those that are given."""
+    columns = {name: getattr(loop, name) for name in ("input", "output", "schedule", "time")}
+    changed = {
+        name: change(values)
+        for name, values in columns.items()
+        if values is not None and name not in others
+    }
+    return replace(loop, **changed | others)
 
 
 def is_even(loopset: Loops) -> bool:

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
+REVERSAL = 0.02
+"""A reversal counts once the input has come back by this share of its range."""
 LARGEST = 1e50
 """Nothing measured is larger in any unit; squares and sums of such numbers stay finite."""
 
@@ -40,12 +42,15 @@ def move_plays(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> 
     return states
 
 
-def turning_points(values: FloatArray, threshold: float) -> NDArray[np.intp]:
+def turning_points(values: FloatArray, threshold: float | None = None) -> NDArray[np.intp]:
     """Find the first sample, every reversal larger than the threshold, and the last sample.
+
+    The threshold is `REVERSAL` of the range unless it is given.
 
     >>> turning_points(np.array([0.0, 1.0, 0.99, 2.0, 1.0, 0.0]), 0.1).tolist()
     [0, 3, 5]
     """
+    threshold = REVERSAL * float(np.ptp(values)) if threshold is None else threshold
     extremes = _local_extremes(values)
     heights = values[extremes].tolist()
     kept = [0]
@@ -65,8 +70,8 @@ def turning_points(values: FloatArray, threshold: float) -> NDArray[np.intp]:
     return extremes[selected]
 
 
-def reversal_count(values: FloatArray, threshold: float) -> int:
-    """Count the reversals larger than a threshold."""
+def reversal_count(values: FloatArray, threshold: float | None = None) -> int:
+    """Count the reversals larger than a threshold, as `turning_points`."""
     return max(0, turning_points(values, threshold).size - 2)
 
 
@@ -81,12 +86,6 @@ def crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bo
 def are_measured(values: FloatArray) -> NDArray[np.bool_]:
     """Whether each sample can be a measured value: no NaN, infinity, or beyond `LARGEST`."""
     return np.asarray(np.abs(values) <= LARGEST)
-
-
-def value_fault(values: FloatArray) -> int | None:
-    """Find the index of the first sample that nobody measured: NaN, Inf, or beyond `LARGEST`."""
-    good = are_measured(values)
-    return None if good.all() else int(np.argmin(good))
 
 
 _MARK_DISTANCE = 10.0
@@ -187,7 +186,7 @@ def thinned(drive: FloatArray, most: int, output: FloatArray | None = None) -> N
     if drive.size <= most:
         return np.arange(drive.size)
     nearest = _spread_evenly(_way(drive), most)
-    kept = np.union1d(nearest, turning_points(drive, 0.02 * float(np.ptp(drive))))
+    kept = np.union1d(nearest, turning_points(drive))
     steps = np.zeros(1) if output is None else np.abs(np.diff(output[kept]))
     if output is None or steps.max() <= _MAX_STEP * np.ptp(output):
         return kept
@@ -200,7 +199,6 @@ def thinned(drive: FloatArray, most: int, output: FloatArray | None = None) -> N
 
 
 def _way(values: FloatArray) -> FloatArray:
-    """Return the way travelled up to each sample."""
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
 
 
@@ -228,6 +226,11 @@ class Branch:
     def rows(self) -> slice:
         """The branch's samples."""
         return slice(self.start, self.stop)
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return self.stop - self.start
 
 
 def branches(drive: FloatArray) -> list[Branch]:

@@ -54,9 +54,14 @@ class _Rest:
 
 def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> Plateaus | None:
     """Find the plateaus of a noisy scheduling variable; ``None`` if it is exact or moves."""
-    if values.size < 4 * _MIN_WINDOW_SAMPLES or _is_exact(values):
+    bounds = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [values.size]))
+    is_exact = bounds.size == 2 or int(np.diff(bounds).min()) >= _MIN_RUN_SAMPLES
+    if values.size < 4 * _MIN_WINDOW_SAMPLES or is_exact:
         return None
-    rests = _find_exact_rests(values, drive) or _find_rests(values)
+    long = np.flatnonzero(np.diff(bounds) >= _MIN_RUN_SAMPLES)
+    runs = [slice(int(bounds[index]), int(bounds[index + 1])) for index in long]
+    exact = [_Rest(rows, float(values[rows.start]), 0.0) for rows in runs if has_loop(drive, rows)]
+    rests = exact if len(exact) > 1 else _find_rests(values)
     if not rests or not all(has_loop(drive, rest.rows) for rest in rests):
         return None
     levels = _levels(rests)
@@ -66,30 +71,16 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
     if all(rest.sigma == 0.0 for rest in rests) and not _are_ramps(values, owner):
         return None
     rows = np.flatnonzero(owner >= 0)
-    if rows.size < (1.0 - _MAX_LOST) * values.size and not _is_still_between(drive, owner):
-        return None
+    if rows.size < (1.0 - _MAX_LOST) * values.size:
+        # No loop is cut, however long it takes, if the input rests wherever the gap moves.
+        span = float(np.ptp(drive))
+        if any(np.ptp(drive[moved]) > _REVERSAL * span for moved in runs_of(owner < 0)):
+            return None
     return Plateaus(
         rows,
         np.array(levels)[owner[rows]],
         _describe(rests, levels, values.size - rows.size, quantity),
     )
-
-
-def _is_exact(values: FloatArray) -> bool:
-    edges = np.flatnonzero(np.diff(values)) + 1
-    runs = np.diff(np.concatenate(([0], edges, [values.size])))
-    return edges.size == 0 or int(runs.min()) >= _MIN_RUN_SAMPLES
-
-
-def _find_exact_rests(values: FloatArray, drive: FloatArray) -> list[_Rest]:
-    """Find the stretches of one value that hold a loop; an empty list if there are not two."""
-    edges = np.flatnonzero(np.diff(values)) + 1
-    bounds = np.concatenate(([0], edges, [values.size]))
-    long = np.flatnonzero(np.diff(bounds) >= _MIN_RUN_SAMPLES)
-    runs = [slice(int(bounds[index]), int(bounds[index + 1])) for index in long]
-    rests = [_Rest(rows, float(values[rows.start]), 0.0) for rows in runs]
-    rests = [rest for rest in rests if has_loop(drive, rest.rows)]
-    return rests if len(rests) > 1 else []
 
 
 def _are_ramps(values: FloatArray, owner: NDArray[np.intp]) -> bool:
@@ -102,12 +93,6 @@ def _are_ramps(values: FloatArray, owner: NDArray[np.intp]) -> bool:
         if low == high or between.min() < low or between.max() > high:
             return False
     return True
-
-
-def _is_still_between(drive: FloatArray, owner: NDArray[np.intp]) -> bool:
-    """Whether the input rests wherever the gap moves: then no loop is cut, however long it takes."""
-    span = float(np.ptp(drive))
-    return all(float(np.ptp(drive[rows])) <= _REVERSAL * span for rows in runs_of(owner < 0))
 
 
 def _find_rests(values: FloatArray) -> list[_Rest]:
@@ -175,13 +160,11 @@ def _assign(values: FloatArray, rests: list[_Rest]) -> NDArray[np.intp]:
 
 def _describe(rests: list[_Rest], levels: list[float], lost: int, quantity: Quantity) -> str:
     scatter = max(rest.sigma for rest in rests)
-    shown = list(
-        dict.fromkeys(quantity.show(level).removeprefix(quantity.name) for level in levels)
-    )
+    texts = (quantity.show(level).removeprefix(quantity.name) for level in levels)
+    shown = list(dict.fromkeys(texts))
     size = f"{scatter * 1e6:.2g} µm" if quantity.unit == "m" else f"{scatter:.2g} {quantity.unit}"
     name = quantity.name.replace("_", " ")
     many = f"{len(shown)} plateaus" if len(shown) > 1 else "one plateau"
-    text = f"{name} has {many}:{','.join(shown)} (scatter {size})"
-    if scatter == 0.0:
-        text = f"{name} has {many}:{','.join(shown)}"
+    text = f"{name} has {many}:{','.join(shown)}"
+    text += f" (scatter {size})" if scatter != 0.0 else ""
     return text + (f"; {lost} samples between them left out" if lost else "")

@@ -264,7 +264,7 @@ def _check_sense(loopset: Loops, loop: Loop, name: str, *, even: bool) -> list[s
             share = float(np.ptp(width[0]))
             total += share * float(np.mean(width[1]))
             weight += share
-            samples = min(part.stop - part.start for part in (first, second))
+            samples = min(part.size for part in (first, second))
             variance += 2.0 * (share * noise(answer)) ** 2 / samples
     # What a narrow loop would win or lose may be the noise of the sensor.
     if total < -max(0.005 * height * weight, _CERTAIN * float(np.sqrt(variance))):

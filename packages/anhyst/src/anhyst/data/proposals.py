@@ -10,13 +10,7 @@ import re
 import shlex
 from collections.abc import Collection, Sequence
 
-from anhyst.support.units import (
-    DIMENSIONS,
-    INPUTS,
-    QUANTITIES,
-    Header,
-    find_unit,
-)
+from anhyst.support.units import DIMENSIONS, INPUTS, QUANTITIES, Header, find_unit
 from anhyst.support.vocabulary import (
     RAW_UNITS,
     fold,

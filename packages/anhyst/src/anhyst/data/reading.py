@@ -51,7 +51,7 @@ _DWELL = 6
 """Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
 _MOST_LOOPS = 2000
 _MAX_GAP_NOISE = 0.01
-"""Noise of a gap sensor at contact, as a share of the largest gap."""
+"""Noise of a gap sensor at contact, which may make some gaps negative: share of the largest gap."""
 _ALONE = "1"
 """Label of a loop that nobody labelled."""
 
@@ -181,7 +181,6 @@ def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = 
 
 
 def _listed(paths: PathLike | Sequence[PathLike]) -> list[Path]:
-    """Return the files and folders that are given."""
     listed = [paths] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
     return list(map(Path, listed))
 
@@ -204,7 +203,6 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
 
 
 def _files_in(folder: Path) -> list[Path]:
-    """Return the files of a folder whose names are those of a format."""
     return sorted(file for file in folder.iterdir() if file.suffix.lower() in FORMATS)
 
 
@@ -246,8 +244,9 @@ def _read_table(
     roles = find_roles(source_name, headers, description, words, lambda: find_clocks(table, others))
     parts = (roles.input, roles.output, roles.time, roles.schedule)
     chosen = {name: find_column(source_name, headers, name) for name in description.select}
-    asked = {index: [row[index] for row in head] for index in _unlabelled(roles)}
-    asked = {index: first for index, first in asked.items() if may_label(headers[index], first)}
+    unlabelled = roles.idle if roles.label is None and roles.fixed_label is None else ()
+    firsts = {index: [row[index] for row in head] for index in unlabelled}
+    asked = [index for index, first in firsts.items() if may_label(headers[index], first)]
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
     raw = table.read([index for index in parts if index is not None], sorted(texts), progress)
     keep = _selection(source_name, description, {name: raw.texts[i] for name, i in chosen.items()})
@@ -257,8 +256,6 @@ def _read_table(
     _refuse_hidden_gaps(used, roles, words)
     used, schedule, found = _scheduled(used, roles)
     drive, answer = used.si(roles.input), used.si(roles.output)
-    assert drive is not None
-    assert answer is not None
     idle = {index: used.texts(index) for index in asked}
     roles = roles.with_label(find_label(source_name, headers, idle, drive, answer, schedule))
     takes_gap = _takes_gap(headers, roles, description)
@@ -272,7 +269,7 @@ def _read_table(
             schedule, roles = blocks.gaps, replace(roles, quantity=QUANTITIES["gap"])
     labels = _labels(used, roles, name, drive.size) if blocks is None else blocks.labels
     has_times = roles.time is not None and headers[roles.time].unit is not None
-    time = used.si(roles.time)
+    time = None if roles.time is None else used.si(roles.time)
     columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, used.where)
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
     part = _cut(columns, headers, roles, description, source, [*raw.notes, *remarks, *found])
@@ -320,14 +317,20 @@ def _takes_gap(headers: Sequence[Header], roles: Roles, description: FileDescrip
 
 def _scheduled(used: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray | None, list[str]]:
     """Return the scheduling variable in SI units; rows between its plateaus are left out."""
-    drive, schedule = used.si(roles.input), used.si(roles.schedule)
-    assert drive is not None
+    drive = used.si(roles.input)
     if roles.fixed is not None:
         return used, np.full(drive.size, roles.fixed), []
-    if schedule is None or roles.quantity is None:
-        return used, schedule, []
-    if roles.quantity == QUANTITIES["gap"]:
-        _refuse_negative_gaps(schedule, used.where)
+    if roles.schedule is None or roles.quantity is None:
+        return used, None, []
+    schedule = used.si(roles.schedule)
+    below = np.flatnonzero(schedule < -_MAX_GAP_NOISE * float(np.max(schedule)))
+    if roles.quantity == QUANTITIES["gap"] and below.size:
+        row = int(below[0])
+        raise InputError(
+            f"{used.where(row)}: negative gap {schedule[row]:g} m; {GAP_ADVICE}",
+            code="negative-gap",
+            key="gap_m",
+        )
     plateaus = find_plateaus(schedule, drive, roles.quantity)
     if plateaus is None:
         return used, schedule, []
@@ -339,7 +342,7 @@ def _refuse_hidden_gaps(used: UsedRows, roles: Roles, texts: Sequence[int]) -> N
     output, drive = used.headers[roles.output].quantity, used.si(roles.input)
     if roles.quantity is not None or roles.chosen or roles.label is not None:
         return
-    if drive is None or output is None or output.name not in _OUTPUTS_OF_GAPS:
+    if output is None or output.name not in _OUTPUTS_OF_GAPS:
         return
     for index in roles.idle:
         header = used.headers[index]
@@ -355,28 +358,18 @@ def _refuse_hidden_gaps(used: UsedRows, roles: Roles, texts: Sequence[int]) -> N
         ask_for_gap(used.table.source_name, header, used.headers)
 
 
-def _unlabelled(roles: Roles) -> tuple[int, ...]:
-    """Columns without a part, where none labels the loops yet."""
-    return roles.idle if roles.label is None and roles.fixed_label is None else ()
-
-
 def _selection(
     source_name: str, description: FileDescription, columns: dict[str, Texts]
 ) -> Rows | None:
     """Rows whose columns hold one of the selected values; ``None`` for all."""
     if not columns:
         return None
-    kept: NDArray[np.bool_] | None = None
+    matches = []
     for name, column in columns.items():
         choices = description.select[name]
-        codes = [
-            code
-            for code, text in enumerate(column.values)
-            if any(_same(text, value) for value in choices)
-        ]
-        match = np.isin(column.codes, codes)
-        kept = match if kept is None else kept & match
-    rows = np.flatnonzero(np.asarray(kept))
+        are_chosen = [any(_same(text, value) for value in choices) for text in column.values]
+        matches.append(np.isin(column.codes, np.flatnonzero(are_chosen)))
+    rows = np.flatnonzero(np.logical_and.reduce(matches))
     if rows.size == 0:
         asked = ", ".join(f"{name} = {list(values)}" for name, values in description.select.items())
         raise InputError(
@@ -472,20 +465,7 @@ def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
     return completed
 
 
-def _refuse_negative_gaps(gaps: FloatArray, where: Callable[[int], str]) -> None:
-    """Refuse gaps below contact; near contact, the noise of the sensor may make some negative."""
-    below = np.flatnonzero(gaps < -_MAX_GAP_NOISE * float(np.max(gaps)))
-    if below.size:
-        row = int(below[0])
-        raise InputError(
-            f"{where(row)}: negative gap {gaps[row]:g} m; {GAP_ADVICE}",
-            code="negative-gap",
-            key="gap_m",
-        )
-
-
 def _blocks(columns: _Columns) -> list[Rows]:
-    """Rows of each loop, in their order."""
     blocks: list[Rows] = []
     for rows in columns.labels.groups():
         if columns.schedule is None:
@@ -539,27 +519,26 @@ def _loop(columns: _Columns, rows: Rows) -> Loop:
     """Make one loop, without its history."""
     label = columns.labels.values[columns.labels.codes[rows[0]]]
 
-    def part(values: FloatArray | None) -> FloatArray | None:
-        if values is None:
-            return None
-        start, stop = int(rows[0]), int(rows[-1]) + 1
-        # Rows in one piece are a view: long records are not copied.
-        taken = values[start:stop] if stop - start == rows.size else values[rows]
+    start, stop = int(rows[0]), int(rows[-1]) + 1
+    # Rows in one piece are a view: long records are not copied.
+    places = slice(start, stop) if stop - start == rows.size else rows
+
+    def part(values: FloatArray) -> FloatArray:
+        taken = values[places]
         taken.flags.writeable = False
         return taken
 
-    time = part(columns.time)
+    time = None if columns.time is None else part(columns.time)
+    schedule = None if columns.schedule is None else part(columns.schedule)
     if time is not None and (back := time_fault(time)) is not None:
         raise InputError(
             f"{columns.where(int(rows[back]))}: time going backwards ({time[back]:g} s after "
             f"{time[back - 1]:g} s); sort the rows, or tell loops apart by a column 'loop'",
             code="time-backwards",
         )
-    drive, answer = part(columns.input), part(columns.output)
-    assert drive is not None
-    assert answer is not None
     time = time if columns.has_times else None
+    drive, answer = part(columns.input), part(columns.output)
     try:
-        return Loop(label, drive, answer, part(columns.schedule), time, source=columns.source_name)
+        return Loop(label, drive, answer, schedule, time, source=columns.source_name)
     except InputError as error:
         raise error.at(columns.source_name) from None

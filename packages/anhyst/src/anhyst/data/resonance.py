@@ -50,8 +50,15 @@ def find_resonance(loopset: Loops) -> float | None:
     for misfit, loop in sorted(misfits, key=lambda each: -each[0])[:_MAX_LOOPS]:
         if misfit < MIN_MISFIT * scale:
             break
-        if (frequency := _resonance_of(loop, MIN_MISFIT * scale)) is not None:
-            return frequency
+        for record in _records(loop):
+            frequency = _propose_frequency(record)
+            found = None if frequency is None else _fit_resonance(record, frequency)
+            if found is None:
+                continue
+            resonance_hz, rms = found
+            static = static_rms(record.drive, record.output)
+            if static > MIN_MISFIT * scale and rms < MAX_RATIO * static:
+                return resonance_hz
     return None
 
 
@@ -61,19 +68,6 @@ def resonance_line(loopset: Loops) -> str:
     if frequency is None:
         return ""
     return f"the output resonates near {frequency:.3g} Hz; measure more slowly"
-
-
-def _resonance_of(loop: Loop, least: float) -> float | None:
-    for record in _records(loop):
-        frequency = _propose_frequency(record)
-        found = None if frequency is None else _fit_resonance(record, frequency)
-        if found is None:
-            continue
-        resonance_hz, rms = found
-        static = static_rms(record.drive, record.output)
-        if static > least and rms < MAX_RATIO * static:
-            return resonance_hz
-    return None
 
 
 def _records(loop: Loop) -> Iterator[EvenRecord]:

@@ -93,7 +93,10 @@ def find_roles(
     drive, answer = _pair(source, headers, lambda: {*texts, *clocks()})
     time = _time(source, headers, texts)
     label = _label(source, headers, description)
-    fixed_label = _fixed_label(description.constants)
+    constants = description.constants
+    fixed_label = next(
+        (str(constants[key]) for key in constants if parse_header(key).is_label), None
+    )
     if label is not None and fixed_label is not None:
         raise InputError(
             f"{source}: the loop label is both a column and a constant; keep one",
@@ -260,13 +263,6 @@ def _label(source: str, headers: Sequence[Header], description: FileDescription)
     return indices[0] if indices else None
 
 
-def _fixed_label(constants: Mapping[str, float | str]) -> str | None:
-    for key, value in constants.items():
-        if parse_header(key).is_label:
-            return str(value)
-    return None
-
-
 def _fixed_values(
     source: str, constants: Mapping[str, float | str]
 ) -> dict[str, tuple[Quantity, float]]:
@@ -308,17 +304,17 @@ def _schedule(
                 code="column-and-constant",
                 key=name,
             )
-    names = (
-        ["gap", "temperature"]
-        if description.schedule is None
-        else [_meant(description.schedule, headers)]
-    )
+    names = ["gap", "temperature"]
+    if description.schedule is not None:
+        names = [_meant(description.schedule, headers)]
     for name in names:
         if name in fixed:
             quantity, value = fixed[name]
             return None, value, quantity
-        if description.schedule is None and _has_several_temperatures(headers, name):
-            continue
+        of_name = [header for header in headers if header.quantity == QUANTITIES.get(name)]
+        are_words = len(of_name) > 1 and all(header.is_by_word for header in of_name)
+        if description.schedule is None and name == "temperature" and are_words:
+            continue  # words name several: nobody asks for one, so none is used
         index = _only(source, headers, name)
         if index is not None:
             return index, None, headers[index].quantity
@@ -330,12 +326,6 @@ def _schedule(
             key=description.schedule,
         )
     return None, None, None
-
-
-def _has_several_temperatures(headers: Sequence[Header], name: str) -> bool:
-    """Whether words name several temperatures: nobody asks for one, so none is used."""
-    found = [header for header in headers if header.quantity == QUANTITIES["temperature"]]
-    return name == "temperature" and len(found) > 1 and all(one.is_by_word for one in found)
 
 
 def _meant(schedule: str, headers: Sequence[Header]) -> str:
@@ -355,7 +345,6 @@ Rows = NDArray[np.intp]
 
 SHORTEST = 6
 """Samples that a loop has at least."""
-_REVERSAL = 0.02
 _ALIKE = 0.03
 """Loops whose ranges agree within this share repeat each other: cycles of one record."""
 
@@ -383,9 +372,13 @@ def find_label(
         loops = _loops(column, schedule)
         if loops is not None and _are_loops(loops, drive, answer):
             rows_of_label[index] = loops
-    for index in rows_of_label:
-        if schedule is None:
-            _refuse_schedule(source, headers[index], headers)
+    for header in (headers[index] for index in rows_of_label if schedule is None):
+        # A label would hide a gap or a temperature.
+        otherwise = f'a mere label: --loop "{header.text}"'
+        if may_be_gap(header):
+            ask_for_gap(source, header, headers, "gap", otherwise)
+        if header.unit is not None and header.unit.dimension == "temperature":
+            ask_for_gap(source, header, headers, "temperature", otherwise)
     if not rows_of_label:
         return None
     first = next(iter(rows_of_label))
@@ -430,8 +423,7 @@ def _are_loops(loops: list[Rows], drive: FloatArray, answer: FloatArray) -> bool
     spans = np.array([[np.ptp(drive[rows]), np.ptp(answer[rows])] for rows in loops])
     if (spans[:, 0] == 0.0).any() or not (np.ptp(spans, axis=0) > _ALIKE * spans.max(axis=0)).any():
         return False
-    pairs = zip(loops, spans[:, 0], strict=True)
-    return all(reversal_count(drive[rows], _REVERSAL * span) > 0 for rows, span in pairs)
+    return all(reversal_count(drive[rows]) for rows in loops)
 
 
 _GAP_NAMES = frozenset({"x", "y", "z", "s", "d", "g", "delta"})
@@ -450,29 +442,15 @@ def may_be_gap(header: Header) -> bool:
     return bool(words) and not header.stated and bool(is_named)
 
 
-def _refuse_schedule(source: str, header: Header, headers: Sequence[Header]) -> None:
-    """Ask about a column that may be a gap or a temperature: a label would hide it."""
-    if may_be_gap(header):
-        ask_for_gap(source, header, headers, f'a mere label: --loop "{header.text}"')
-    if header.unit is not None and header.unit.dimension == "temperature":
-        raise InputError(
-            f"{source}: column '{header.text}' stays through each loop: is it the temperature, then "
-            f"map it: {map_as(header, 'temperature', headers)}, or a mere label: "
-            f'--loop "{header.text}"',
-            code="label-or-schedule",
-            key=header.text,
-        )
-
-
 def ask_for_gap(
-    source: str, header: Header, headers: Sequence[Header], otherwise: str = ""
+    source: str, header: Header, headers: Sequence[Header], name: str = "gap", otherwise: str = ""
 ) -> NoReturn:
-    """Ask whether a column that stays through each loop is the gap."""
+    """Ask whether a column that stays through each loop is the gap, or another quantity."""
     other = otherwise or f"no gap: {option('columns', mapped_so_far(headers) | {header.text: ''})}"
     unit = "" if header.unit else ", in its unit such as gap_mm or gap_um"
     raise InputError(
-        f"{source}: column '{header.text}' stays through each loop: is it the gap, then map it"
-        f"{unit}: {map_as(header, 'gap', headers)}, or {other}",
+        f"{source}: column '{header.text}' stays through each loop: is it the {name}, then map it"
+        f"{unit}: {map_as(header, name, headers)}, or {other}",
         code="label-or-schedule",
         key=header.text,
     )

@@ -44,29 +44,19 @@ class FileDescription:
     def from_arguments(
         cls,
         *,
-        columns: Mapping[str, str] | None = None,
         history: HistoryLike | None = None,
-        schedule: str | None = None,
-        loop: str | None = None,
-        constants: Mapping[str, float | str] | None = None,
         select: Mapping[str, object] | None = None,
-        file_name: str | None = None,
-        scale: Mapping[str, float | str] | None = None,
         flip: Sequence[str] | str | None = None,
-        drop: str | None = None,
+        **others: Any,
     ) -> FileDescription:
-        """Collect keyword arguments."""
+        """Collect keyword arguments of `read_loops`; ``others`` are named as the fields are."""
+        for name in ("columns", "constants", "scale"):
+            others[name] = dict(others.get(name) or {})
         return cls(
-            columns=dict(columns or {}),
-            loop=loop,
-            schedule=schedule,
             history=None if history is None else History.of(history),
-            constants=dict(constants or {}),
             select={name: _choices(name, value) for name, value in (select or {}).items()},
-            file_name=file_name,
-            scale=dict(scale or {}),
             flip=(flip,) if isinstance(flip, str) else tuple(flip or ()),
-            drop=drop,
+            **others,
         )
 
     @classmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 from anhyst.data.clean import ReadOptions, names_of
@@ -21,14 +21,6 @@ LoopSource = Loops | PathLike | Sequence[PathLike] | Mapping[str, Any] | Any
 """Loops, a file, a folder, several of them, a data frame, or a dict of arrays."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReadLoops:
-    """Loops, and the options they were read with; ``None`` if the caller had read them."""
-
-    loops: Loops
-    options: ReadOptions | None
-
-
 def loops_from(
     source: LoopSource,
     argument: str,
@@ -36,8 +28,10 @@ def loops_from(
     *,
     without: Collection[str] = (),
     progress: Progress | None = None,
-) -> ReadLoops:
-    """Return the loops that a verb was given; files and data frames are read and cleaned.
+) -> tuple[Loops, ReadOptions | None]:
+    """Return the loops that a verb was given, and the options with which they were read.
+
+    Files and data frames are read and cleaned; there are no options if the caller had read them.
 
     ``argument`` is the verb with its argument, for messages: ``"identify: loops"``. ``reading``
     holds keywords of `read_loops`, and ``clean``, whose default is that of the command line.
@@ -52,7 +46,7 @@ def loops_from(
                 code="option-not-for-this",
                 key=name,
             )
-        return ReadLoops(source, None)
+        return source, None
     verb = argument.partition(":")[0]
     own = {item.name for item in fields(ReadOptions)}
     more = {name: value for name, value in reading.items() if name not in own}
@@ -63,7 +57,7 @@ def loops_from(
     options = options_of(verb, **{name: reading[name] for name in reading if name in own})
     steps = tuple(step for step in options.clean if step not in without)
     options = replace(options, clean=steps)
-    return ReadLoops(options.read(source, **{"progress": progress} | more), options)
+    return options.read(source, **{"progress": progress} | more), options
 
 
 def options_of(verb: str, **reading: Any) -> ReadOptions:

@@ -13,13 +13,9 @@ from anhyst.data.path import reversal_count
 from anhyst.data.verdict import largest_output, loop_width
 from anhyst.support.numeric import FloatArray
 
-_REVERSAL = 0.02
-"""A reversal counts once the input has come back by this share of its range."""
-
 APART = 3.0
 """A loop is fast where another of its gap is that many times slower, in cycles a second as well as in
 change of the input a second: loops that are merely smaller differ in one of these."""
-
 MATTERS = 0.01
 """Of the largest output: rate matters from where it makes a loop higher by this on."""
 
@@ -31,10 +27,7 @@ def rate_of(drive: FloatArray, time: FloatArray | None) -> float:
     """Return the rate of the cycles in a record, Hz; 0 without time or reversals."""
     if time is None or time[-1] <= time[0]:
         return 0.0
-    span = float(np.ptp(drive))
-    if span == 0.0:
-        return 0.0
-    turns = reversal_count(drive, _REVERSAL * span)
+    turns = reversal_count(drive)
     return (turns + 1) / (2.0 * float(time[-1] - time[0])) if turns else 0.0
 
 
@@ -141,12 +134,12 @@ def rate_matters(loops: Loops, speeds: Speeds) -> tuple[float, float] | None:
     even, largest = is_even(loops), largest_output(loops)
     still: dict[float | None, float] = {}
     for loop in speeds.slow.loops:
-        height = loop_width(loop, even=even).height
+        _, height = loop_width(loop, even=even)
         still[loop.schedule_value] = max(height, still.get(loop.schedule_value, 0.0))
     for group in speeds.fast:
         rate = max(rate_of(loop.input, loop.time) for loop in group)
         higher = [
-            (loop_width(loop, even=even).height - still[loop.schedule_value], noise(loop.output))
+            (loop_width(loop, even=even)[1] - still[loop.schedule_value], noise(loop.output))
             for loop in group
         ]
         extra, uncertain = max(higher)

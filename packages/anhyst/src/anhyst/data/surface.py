@@ -16,10 +16,7 @@ from anhyst.support.numeric import FloatArray
 
 
 def midway(members: Sequence[Loop], levels: FloatArray) -> FloatArray:
-    """Return the mean of the least and the largest current at each level of the force.
-
-    As :func:`envelope`.
-    """
+    """Return the mean of the least and the largest current at each level of the force."""
     low, high = envelope(members, levels)
     return 0.5 * (low + high)
 
@@ -52,20 +49,15 @@ def _crossings(
 
 COLUMNS = 129
 """Levels of the force, over its range."""
-
 ROWS = 17
 """Gaps, over the range of the controller."""
-
 WINDOW = 0.25
 """Half-width, over the largest force and over the range of gaps, of what a slope is fitted to."""
-
 TOP = 0.1
 """Share of the known levels that give the slope beyond the last one."""
-
 DEGREE = 5
 SPAN = 11
 """Of the polynomial below the smoothing, and the levels that one smoothed value is made of."""
-
 FLATTEST = 0.01
 """A surface rises at least by this share of its mean slope, so that it can be inverted."""
 
@@ -186,13 +178,8 @@ def fit_plane(surface: Surface, force: float, gap: float, force_max: float) -> T
     forces = _around(force, WINDOW * force_max, _reach(surface, force_max))
     gaps = _around(gap, WINDOW * (high - low), (low, high))
     current = np.concatenate([surface.at(forces, at) for at in gaps.tolist()])
-    over = np.column_stack(
-        [
-            np.ones(current.size),
-            np.tile(forces - force, gaps.size),
-            np.repeat(gaps - gap, forces.size) / (high - low),
-        ]
-    )
+    across = np.repeat(gaps - gap, forces.size) / (high - low)
+    over = np.column_stack([np.ones(current.size), np.tile(forces - force, gaps.size), across])
     factors = np.linalg.lstsq(over, current, rcond=None)[0]
     return Tangent(float(factors[0]), float(factors[1]), float(factors[2]) / (high - low))
 

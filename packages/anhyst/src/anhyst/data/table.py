@@ -29,13 +29,7 @@ from anhyst.support.atomic import PathLike, check_writable, write_error
 from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import (
-    GAP_ADVICE,
-    INPUTS,
-    QUANTITIES,
-    Header,
-    split_header,
-)
+from anhyst.support.units import GAP_ADVICE, INPUTS, QUANTITIES, Header, split_header
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,14 +168,11 @@ def read_columns(
         if not marked:
             break
         texts |= marked
-    held: list[FloatArray | Texts] = []
-    for index in range(len(headers)):
-        if index in texts:
-            held.append(raw.texts[index])
-        else:
-            raw.numbers[index].flags.writeable = False
-            held.append(raw.numbers[index])
-    return DataTable(opened.source_name, raw.sha256, headers, tuple(held), raw.notes, opened)
+    for values in raw.numbers.values():
+        values.flags.writeable = False
+    read: dict[int, FloatArray | Texts] = {**raw.texts, **raw.numbers}
+    held = tuple(read[index] for index in range(len(headers)))
+    return DataTable(opened.source_name, raw.sha256, headers, held, raw.notes, opened)
 
 
 IN_MEMORY = "data frame"
@@ -216,25 +207,27 @@ def check_source(source: object, argument: str, wanted: str = LOOP_SOURCES) -> N
 
 def table_of(frame: Any) -> MemoryTable:
     """Return the columns of a frame as a table whose headers are their names."""
-    if not isinstance(frame, Mapping) and not _has_names(frame):
+    columns = getattr(frame, "columns", None)  # pyarrow's are the columns themselves
+    has_names = columns is not None and all(isinstance(name, str | int) for name in columns)
+    if not isinstance(frame, Mapping) and not has_names:
         frame = _through_arrow(frame)
         names = list(frame.column_names)
     else:
         names = list(getattr(frame, "columns", frame))
-    columns = tuple(_samples_of(name, frame[name]) for name in names)
-    rows = {column.size for column in columns}
+    samples = tuple(_samples_of(name, frame[name]) for name in names)
+    rows = {column.size for column in samples}
     if rows <= {0}:
         raise InputError(f"{IN_MEMORY}: has no rows; give measured values", code="no-data")
     if len(rows) > 1:
         lengths = ", ".join(
-            f"'{name}' {column.size}" for name, column in zip(names, columns, strict=True)
+            f"'{name}' {column.size}" for name, column in zip(names, samples, strict=True)
         )
         raise InputError(
             f"{IN_MEMORY}: columns need the same number of rows (rows: {lengths})",
             code="length-differs",
             key=IN_MEMORY,
         )
-    return MemoryTable(IN_MEMORY, tuple(map(str, names)), columns)
+    return MemoryTable(IN_MEMORY, tuple(map(str, names)), samples)
 
 
 def _samples_of(name: object, values: Any) -> Any:
@@ -250,11 +243,6 @@ def _samples_of(name: object, values: Any) -> Any:
             key=str(name),
         )
     return column
-
-
-def _has_names(frame: Any) -> bool:
-    columns = getattr(frame, "columns", None)  # pyarrow's are the columns themselves
-    return columns is not None and all(isinstance(name, str | int) for name in columns)
 
 
 def _through_arrow(frame: Any) -> Any:
@@ -296,10 +284,10 @@ class ChannelFigures:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> list[ChannelFigures]:
+def list_channels(path: PathLike) -> list[ChannelFigures]:
     """List the channels of a file in any format, one at a time in memory."""
     table = open_table(path, least=1)
-    headers = map_headers(table, columns or {})
+    headers = map_headers(table, {})
     (first,) = table.first_rows(1) or [[""] * len(headers)]
     texts = [column for column, field in enumerate(first) if not is_value(field)]
     roles = _roles(headers, texts)
@@ -405,10 +393,8 @@ def write_sections(path: PathLike, sections: Sequence[ChannelGroup]) -> tuple[st
 
 def write_recording(path: PathLike, columns: Mapping[str, FloatArray]) -> None:
     """Write columns of one length over the first, their clock, by header such as ``gap_m``."""
-    clock, *series = (_series(header, values) for header, values in columns.items())
-    write_sections(path, [ChannelGroup("", clock, tuple(series))])
-
-
-def _series(header: str, values: FloatArray) -> Series:
-    name, unit = split_header(header)
-    return Series(name, unit.replace("_per_", "/"), values)
+    series = []
+    for header, values in columns.items():
+        name, unit = split_header(header)
+        series.append(Series(name, unit.replace("_per_", "/"), values))
+    write_sections(path, [ChannelGroup("", series[0], tuple(series[1:]))])

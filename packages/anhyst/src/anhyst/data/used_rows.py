@@ -40,9 +40,9 @@ class UsedRows:
         column = self.raw.numbers[index]
         return column if self.rows is None else column[self.rows]
 
-    def si(self, index: int | None) -> FloatArray | None:
+    def si(self, index: int) -> FloatArray:
         """Return a column of numbers in SI units."""
-        return None if index is None else self.headers[index].to_si(self.values(index))
+        return self.headers[index].to_si(self.values(index))
 
     def texts(self, index: int) -> Texts:
         """Return a column of texts."""
@@ -71,15 +71,6 @@ class UsedRows:
         breaks = sorted([*known, *((int(row), ()) for row in first)], key=lambda found: found[0])
         return replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
 
-    def _refuse_mark(self, name: str, mark: float, is_mark: NDArray[np.bool_]) -> None:
-        raise InputError(
-            f"{self.where(int(np.argmax(is_mark)))}, column '{name}': {mark:.9g} looks like an "
-            f"overrange mark, because it is far outside all other values, as in "
-            f"{np.count_nonzero(is_mark)} of {is_mark.size} samples; leave them out: --drop invalid",
-            code="overrange-mark",
-            key=name,
-        )
-
     def with_valid(self, drop: str | None, signals: Collection[int]) -> tuple[UsedRows, list[str]]:
         """Leave out rows without a measured value, with a note; refuse them if nobody asks for it."""
         held = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
@@ -88,10 +79,16 @@ class UsedRows:
         for name in tuple(held):
             while (mark := overrange_mark(held[name], is_output=name == main[-1])) is not None:
                 is_mark = held[name] == mark
-                if drop is None:
-                    self._refuse_mark(name, mark, is_mark)
-                held[name] = np.where(is_mark, np.nan, held[name])
                 count = int(np.count_nonzero(is_mark))
+                if drop is None:
+                    raise InputError(
+                        f"{self.where(int(np.argmax(is_mark)))}, column '{name}': {mark:.9g} looks "
+                        "like an overrange mark, because it is far outside all other values, as in "
+                        f"{count} of {is_mark.size} samples; leave them out: --drop invalid",
+                        code="overrange-mark",
+                        key=name,
+                    )
+                held[name] = np.where(is_mark, np.nan, held[name])
                 marks.append(f"column '{name}': {mark:.9g} is an overrange mark, {count} times")
         if drop is None:
             sparse = [

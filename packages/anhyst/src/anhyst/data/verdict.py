@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from anhyst.data.estimates import noise
 from anhyst.data.lag import lag_line
-from anhyst.data.loops import Loop, Loops, folded, is_even
+from anhyst.data.loops import Loop, Loops, folded
 from anhyst.data.output_map import full_scale, name_full_scale
-from anhyst.data.path import Branch, branches, separation, smooth, turning_points
+from anhyst.data.path import branches, separation, smooth
 from anhyst.data.resonance import resonance_line
 from anhyst.data.symmetry import recentre, turning_line
 from anhyst.support.numeric import FloatArray
@@ -30,43 +27,11 @@ MIN_SAMPLES_PER_BRANCH = 200
 _BINS = 4000
 _RUN_IN = 6
 """With more branches than this, the first is left out of the loop's width."""
-
-
-WHERE_IT_PAYS: Mapping[str, str] = MappingProxyType(
-    {
-        # The loops are narrow, or noise covers them.
-        "loops": "it would pay where loops stand well above the noise: iron with wider loops, or "
-        "several cycles averaged",
-        # A bearing steps behind its position feedback.
-        "feedback": "it would pay where feedback does not hide what the force is off: a stage that "
-        "follows set-points with feedforward, a force without a sensor, or iron that hardly "
-        "answers after a reversal",
-        # A force is set without a sensor of it.
-        "force": "it would pay where the gap stands still or moves little: there the iron makes the "
-        "error, and not the map over the gap",
-        # A stage follows set-points with feedforward.
-        "stage": "it would pay where set-points change and move the mass, the calibration holds, and "
-        "the iron keeps its turning points",
-        # A piezo stage follows a reference behind an integrator.
-        "piezo": "it would pay with a faster reference or a slower feedback, which then cannot "
-        "follow the loop",
-    }
+WHERE_IT_PAYS = (
+    "it would pay where loops stand well above the noise: iron with wider loops, or several cycles "
+    "averaged"
 )
-"""What a verdict adds where compensation does not pay, a physical situation each.
-
-The figures behind them: docs/choosing.md, "Does it pay?".
-"""
-
-
-@dataclass(frozen=True, slots=True)
-class Width:
-    """How far apart the branches of a loop are at most.
-
-    ``width`` in the input's unit, at equal output; ``height`` in the output's unit, at equal input.
-    """
-
-    width: float
-    height: float
+"""What a verdict adds where a hysteresis model does not pay: docs/choosing.md, "Does it pay?"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,20 +74,17 @@ def monotone_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
     >>> monotone_fit(np.array([1.0, 3.0, 2.0]), np.ones(3)).tolist()
     [1.0, 2.5, 2.5]
     """
-    means: list[float] = []
-    sums: list[float] = []
-    sizes: list[int] = []
-    for value, weight in zip(values.tolist(), weights.tolist(), strict=True):
-        mean, total, size = value, weight, 1
-        while means and means[-1] >= mean:
-            before = sums.pop()
-            mean = (means.pop() * before + mean * total) / (before + total)
-            total += before
-            size += sizes.pop()
-        means.append(mean)
-        sums.append(total)
-        sizes.append(size)
-    return np.repeat(np.array(means), sizes)
+    blocks: list[tuple[float, float, int]] = []  # mean, weight, number of values
+    for value, own in zip(values.tolist(), weights.tolist(), strict=True):
+        mean, total, size = value, own, 1
+        while blocks and blocks[-1][0] >= mean:
+            before, weight, count = blocks.pop()
+            mean = (before * weight + mean * total) / (weight + total)
+            total += weight
+            size += count
+        blocks.append((mean, total, size))
+    means, _, sizes = zip(*blocks, strict=True)
+    return np.repeat(means, sizes)
 
 
 def single_valued(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
@@ -135,8 +97,11 @@ def single_valued(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
     return [pair for curves in groups.values() for pair in _residuals(curves)]
 
 
-def loop_width(loop: Loop, *, even: bool) -> Width:
-    """Largest distance between neighbouring branches of a loop, noise averaged out."""
+def loop_width(loop: Loop, *, even: bool) -> tuple[float, float]:
+    """Return width and height of a loop: the largest distance of neighbouring branches.
+
+    In the input at equal output, and in the output at equal input; noise averaged out.
+    """
     size, answer = folded(loop, even=even)
     span, height = float(np.ptp(size)), float(np.ptp(answer))
     parts = branches(size)
@@ -148,11 +113,11 @@ def loop_width(loop: Loop, *, even: bool) -> Width:
         if width is None or np.ptp(width[0]) < 0.2 * span:
             continue
         highest = max(highest, float(np.max(np.abs(width[1]))))
-        widest = max(widest, separation_sideways(size, answer, before.rows, after.rows, height))
-    return Width(widest, highest)
+        widest = max(widest, _separation_sideways(size, answer, before.rows, after.rows, height))
+    return widest, highest
 
 
-def separation_sideways(
+def _separation_sideways(
     size: FloatArray, answer: FloatArray, first: slice, second: slice, height: float
 ) -> float:
     """Largest distance in input between two branches at equal output, outer tenths left out."""
@@ -178,7 +143,7 @@ def largest_output(loopset: Loops) -> float:
 def judge(loopset: Loops) -> Verdict:
     """Weigh loop width, the best single-valued curve and the noise against each other."""
     centred, even = recentre(loopset)
-    widths = [loop_width(loop, even=even) for loop in centred.loops]
+    width, height = np.max([loop_width(loop, even=even) for loop in centred.loops], 0).tolist()
     pairs = single_valued(loopset)  # grouped by gap, not in the order of the loops
     pooled = np.abs(np.concatenate([residual for _, residual in pairs]))
     mean, worst = float(pooled.mean()), float(pooled.max())
@@ -193,8 +158,6 @@ def judge(loopset: Loops) -> Verdict:
     largest = largest_output(loopset)
     span = max(float(np.ptp(loop.input)) for loop in loopset.loops)
     gain = max(0.0, 1.0 - band_noise / band_mean) if band_mean > 0.0 else 0.0
-    width = max(measured.width for measured in widths)
-    height = max(measured.height for measured in widths)
     level: Level = "yes"
     if dynamics:
         level = "unknown"
@@ -220,7 +183,7 @@ def judge(loopset: Loops) -> Verdict:
         dynamics=dynamics,
         sentences=(),
     )
-    return _worded(loopset, figures)
+    return replace(figures, sentences=_sentences(loopset, figures))
 
 
 def _in_band(loop: Loop, residual: FloatArray) -> tuple[float, float, int]:
@@ -233,7 +196,7 @@ def _in_band(loop: Loop, residual: FloatArray) -> tuple[float, float, int]:
     return float(np.mean(np.abs(over[inside]))), _MEAN_OF_NORMAL * noise(output[inside]), size
 
 
-def _worded(loopset: Loops, figures: Verdict) -> Verdict:
+def _sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
     drive, answer = loopset.input, loopset.output
     reference = name_full_scale(answer, largest_output(loopset))
     unit, scale = in_small_unit(answer, largest_output(loopset))
@@ -254,7 +217,6 @@ def _worded(loopset: Loops, figures: Verdict) -> Verdict:
         else f"{conclusion}: it can take away at most {figures.gain:.0%} of the mean error of the "
         f"best single-valued curve{band}."
     )
-    needs_more = figures.level in {"little", "no"}
     sentences = (
         f"The widest loop is {figures.width:.4g} {drive.unit} wide ({figures.width_relative:.1%} "
         f"of the {drive.name.replace('_', ' ')}'s range) and {scale * figures.height:.4g} {unit} "
@@ -263,19 +225,13 @@ def _worded(loopset: Loops, figures: Verdict) -> Verdict:
         f"{figures.single_worst_relative:.2%} at worst.",
         f"{noise_alone}, which no model gets below.",
         verdict,
-        *(
-            (f"{WHERE_IT_PAYS['loops'][0].upper()}{WHERE_IT_PAYS['loops'][1:]}.",)
-            if needs_more
-            else ()
-        ),
     )
-    values = {name: getattr(figures, name) for name in Verdict.__slots__}
-    return Verdict(**{**values, "sentences": sentences})
+    needs_more = figures.level in {"little", "no"}
+    more = f"{WHERE_IT_PAYS[0].upper()}{WHERE_IT_PAYS[1:]}."
+    return (*sentences, more) if needs_more else sentences
 
 
-def _residuals(
-    curves: list[tuple[Loop, FloatArray, FloatArray]],
-) -> list[tuple[Loop, FloatArray]]:
+def _residuals(curves: list[tuple[Loop, FloatArray, FloatArray]]) -> list[tuple[Loop, FloatArray]]:
     size = np.concatenate([along for _, along, _ in curves])
     answer = np.concatenate([own for _, _, own in curves])
     order = np.argsort(size, kind="stable")
@@ -290,149 +246,3 @@ def _residuals(
     rising = float(np.dot(x - x.mean(), y - y.mean())) >= 0.0
     curve = monotone_fit(y, counts) if rising else -monotone_fit(-y, counts)
     return [(loop, own - np.interp(along, x, curve)) for loop, along, own in curves]
-
-
-_REACH = 0.5
-"""Widths of the loop after a reversal that count as just after it."""
-_LEVELS = (0.25, 0.9)
-"""Outputs, in parts of the largest, between which reversals count: not where hardly anything
-answers, nor in saturation."""
-_AROUND = 0.1
-"""Share of the range, to either side, over which the slope without memory is taken."""
-_BEFORE = 4
-"""Samples that show where a branch ended."""
-_REVERSAL_BINS = 400
-_FEWEST = 8
-"""Samples from which something is estimated."""
-_UNSURE = 0.05
-"""Standard error above which nothing is estimated."""
-
-
-def reversal_share(loopset: Loops) -> float | None:
-    """Slope of the output just after a rising input was turned back, in parts of the static slope.
-
-    Without hysteresis it is one; an iron that is all pinned does not answer at all at first. The
-    static slope is that of all branches together around the same input. Reversals of all loops are
-    taken together, by least squares. A falling input that is turned leaves more of the slope.
-    """
-    even = is_even(loopset)
-    reach = _REACH * max(loop_width(loop, even=even).width for loop in loopset.loops)
-    expected: list[FloatArray] = []
-    answered: list[FloatArray] = []
-    for loops in loopset.by_schedule().values():
-        curves = [folded(loop, even=even) for loop in loops]
-        every = np.concatenate([size for size, _ in curves])
-        answers = np.concatenate([answer for _, answer in curves])
-        low, high = (level * float(np.max(np.abs(answers))) for level in _LEVELS)
-        middle = smooth(every, answers, _REVERSAL_BINS)
-        for size, answer in curves:
-            for before, after in itertools.pairwise(branches(size)):
-                if not (before.rising and low <= abs(answer[after.start]) <= high):
-                    continue
-                back, change = _after(size, answer, before, after, reach)
-                expected.append(back * _slope(*middle, float(size[after.start])))
-                answered.append(change)
-    return _share(np.concatenate(expected), np.concatenate(answered)) if expected else None
-
-
-def _slope(size: FloatArray, answer: FloatArray, at: float) -> float:
-    near = np.abs(size - at) <= _AROUND * float(np.ptp(size))
-    if np.count_nonzero(near) < _FEWEST:
-        return 0.0
-    # A parabola, so that the bend of the curve does not tilt its slope.
-    return float(np.polynomial.Polynomial.fit(size[near] - at, answer[near], 2).deriv()(0.0))
-
-
-def _after(
-    size: FloatArray, answer: FloatArray, before: Branch, after: Branch, reach: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return how far input and output went back just after a reversal, sample by sample."""
-    tip = after.start
-    rows = slice(max(before.start, tip + 1 - _BEFORE), tip + 1)
-    line = np.polynomial.Polynomial.fit(np.arange(rows.stop - rows.start), answer[rows], 1)
-    end = float(line(rows.stop - rows.start - 1))
-    back = size[tip + 1 : after.stop] - size[tip]
-    beyond = np.flatnonzero(np.abs(back) > reach)
-    count = int(beyond[0]) if beyond.size else back.size
-    return back[:count], answer[tip + 1 : tip + 1 + count] - end
-
-
-def _share(expected: FloatArray, answered: FloatArray) -> float | None:
-    weight = float(expected @ expected)
-    if expected.size < _FEWEST or weight == 0.0:
-        return None
-    share = float(expected @ answered) / weight
-    error = float(np.std(answered - share * expected)) / math.sqrt(weight)
-    return min(max(share, 0.0), 1.0) if error < _UNSURE else None
-
-
-_WINDOW = 0.08
-"""Share of the range, to either side of where a small loop closes, that is looked at."""
-_SAME = 0.02
-"""Share of the range within which an input comes back to where it was turned."""
-
-
-@dataclass(frozen=True, slots=True)
-class Closing:
-    """Where the input comes back to a turning point, a small loop behind it, and goes on.
-
-    An iron that keeps its turning points then goes on as if the small loop had not been.
-    """
-
-    at: float  # input there
-    before: slice  # samples of the branch that was turned there, or of that which leaves from there
-    after: slice  # of the one that passes there again, or leaves from there again
-    beyond: float  # 1 or -1: to which side of it `after` counts; 0 for both
-
-    def step(self, loop: Loop, output: FloatArray) -> float:
-        """Return how far an output without noise is off after the small loop."""
-        ends = []
-        for rows in (self.before, self.after):
-            order = np.argsort(loop.input[rows])
-            ends.append(float(np.interp(self.at, loop.input[rows][order], output[rows][order])))
-        return ends[1] - ends[0]
-
-    def measured(self, loop: Loop, followed: FloatArray) -> tuple[float, float] | None:
-        """Return that of the measured output and its standard error; None of too few samples.
-
-        Seen in what a model that follows the loop leaves of it, which is straight nearby.
-        """
-        window, distances, left = _WINDOW * float(np.ptp(loop.input)), [], []
-        for rows, side in ((self.before, 0.0), (self.after, self.beyond)):
-            distance = (loop.input[rows] - self.at) / window
-            near = (np.abs(distance) <= 1.0) & (side * distance >= 0.0)
-            if np.count_nonzero(near) < _FEWEST // 2:
-                return None
-            distances.append(distance[near])
-            left.append((loop.output - followed)[rows][near])
-        stepped = np.repeat([0.0, 1.0], [on_side.size for on_side in distances])
-        along = np.concatenate(distances)
-        terms = np.column_stack([np.ones_like(along), along, stepped])
-        coefficients, squares, _, _ = np.linalg.lstsq(terms, np.concatenate(left))
-        if squares.size == 0:
-            return None
-        spread = float(squares[0]) / (along.size - 3) * float(np.linalg.inv(terms.T @ terms)[2, 2])
-        return float(coefficients[2]) + self.step(loop, followed), math.sqrt(spread)
-
-
-def closings(loop: Loop) -> Iterator[Closing]:
-    """Yield where the small loops of a record close."""
-    drive, span = loop.input, float(np.ptp(loop.input))
-    turns = turning_points(drive, _SAME / 2.0 * span)
-    ways = [slice(begin, end + 1) for begin, end in itertools.pairwise(turns.tolist())]
-    open_: list[int] = []
-    for number, end in enumerate(drive[turns[1:]].tolist(), start=1):
-        up = math.copysign(1.0, end - drive[turns[number - 1]])
-        while len(open_) > 1:
-            first = open_[-2]
-            at = float(drive[turns[first]])
-            ahead = up * (end - at) / span
-            if ahead < -_SAME:
-                break
-            passed = int(ahead > _SAME)  # else it turns where it was turned before
-            if number - passed < len(ways):
-                yield Closing(at, ways[first - passed], ways[number - passed], passed * up)
-            del open_[-2:]
-            if not passed:
-                break
-        open_.append(number)

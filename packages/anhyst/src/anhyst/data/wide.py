@@ -47,7 +47,6 @@ def refuse_wide(source: str, headers: Sequence[Header]) -> None:
 
 
 def _are_enough(headers: Sequence[Header]) -> bool:
-    """Whether columns hold an input and an output."""
     known = {one.quantity.name for one in headers if one.is_known and one.quantity}
     return not known.isdisjoint(INPUTS) and not known.isdisjoint(OUTPUT_MAPS)
 

@@ -116,7 +116,7 @@ def verdict(subject: ModelSubject) -> tuple[Note, ...]:
     text = (
         f"The loops are so narrow that the best single-valued curve misses by {scale.show(baseline)} "
         f"only ({percent(baseline / fit.largest_output)} of the largest). This model misses by "
-        f"{scale.show(mine)}: {taken}; {WHERE_IT_PAYS['loops']}."
+        f"{scale.show(mine)}: {taken}; {WHERE_IT_PAYS}."
     )
     return (Note("warn", title, text),)
 

@@ -129,13 +129,13 @@ def identify(
         check_writable(out, reads=files or ())
         checkpoint = checkpoint or _checkpoint(Path(out))
     first, then = in_parts(progress, (1.0, 9.0))
-    read = loops_from(loops, "identify: loops", reading, progress=first)
+    read, options = loops_from(loops, "identify: loops", reading, progress=first)
     result = work(
-        read.loops, law=law, gap_map=gap_map, search=search, seed=seed, weights=weights,
+        read, law=law, gap_map=gap_map, search=search, seed=seed, weights=weights,
         offsets=offsets, dead_band=dead_band, rate=rate, progress=then, checkpoint=checkpoint,
     )  # fmt: skip
-    if read.options is not None:
-        result = replace(result, model=result.model.with_read_options(read.options))
+    if options is not None:
+        result = replace(result, model=result.model.with_read_options(options))
     if out is not None:
         result.model.save(out)
     return result

@@ -68,10 +68,10 @@ def inspect(
 
     if plot is not None:
         check_picture(plot)
-    read = loops_from(loops, "inspect: loops", reading, without=("thin",), progress=progress)
-    inspection = work(read.loops)
+    read, _ = loops_from(loops, "inspect: loops", reading, without=("thin",), progress=progress)
+    inspection = work(read)
     if plot is not None:
-        write_figure(plot_inspection(inspection, read.loops), plot)
+        write_figure(plot_inspection(inspection, read), plot)
     return inspection
 
 

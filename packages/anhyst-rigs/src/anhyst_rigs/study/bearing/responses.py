@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anhyst.compensate.methods import MODELS
-from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, rms, sine
@@ -40,6 +39,7 @@ from anhyst_rigs.study.engine.table import (
     judge,
     strongest,
 )
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 
 SETTLED = 0.02  # of a step's height
 _RESOLUTIONS = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived

@@ -13,7 +13,6 @@ import numpy as np
 from scipy.optimize import minimize
 
 from anhyst.compensate.methods import METHODS
-from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.model.actuator import has_layers
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
@@ -41,6 +40,7 @@ from anhyst_rigs.study.engine.table import (
     keep_lost,
     weigh,
 )
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 from anhyst_rigs.study.tracking.learner import Learner, at_work
 from anhyst_rigs.study.tracking.measures import (
     AVERAGE,

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.control.controller_file import ControllerFile
-from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.support import running_version
 from anhyst.support.atomic import atomic_writer, write_json
 from anhyst.support.kinds import PROBED, MethodName
@@ -19,6 +18,7 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.distance import PlantCheck
 from anhyst_rigs.rig.piezo import PiezoRig
 from anhyst_rigs.study.engine.table import Interval, compare
+from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 from anhyst_rigs.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst_rigs.study.tuning.search import FoundGains
 from anhyst_rigs.study.tuning.trial import Limit
