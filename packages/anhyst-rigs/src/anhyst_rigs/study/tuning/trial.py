@@ -242,22 +242,29 @@ Loop = TypeVar("Loop")
 
 def what_helps(
     work: Callable[[tuple[Loop, Aims]], float],
+    loop: Loop,
+    aims: Aims,
     eased: Mapping[str, tuple[str, Loop, Aims]],
     jobs: int | None,
     text: Callable[[str, float, float], str],
 ) -> list[Limit]:
     """Report what lowers the cost of the best gains when it is eased, the most first.
 
-    The key ``""`` is that of nothing eased; a text is made of what is eased, and the costs with and
-    without.
+    One more that is eased is the peak of the sensitivity, by half. A text is made of what is eased,
+    and the costs with and without.
     """
-    tasks = [(loop, aims) for _, loop, aims in eased.values()]
-    costs = dict(zip(eased, all_of(work, tasks, jobs=jobs), strict=True))
-    base = costs.pop("")
+    peak, easier = 1.5 * aims.peak_sensitivity, aims.tightened({"peak_sensitivity": 1.5})
+    eased = {"peak_sensitivity": (f"a peak sensitivity of {peak:g}", loop, easier), **eased}
+    tasks = [(loop, aims), *((one, its_aims) for _, one, its_aims in eased.values())]
+    base, *costs = all_of(work, tasks, jobs=jobs)
     if not math.isfinite(base):
         return []
-    helps = sorted((one, what) for what, one in costs.items() if one < (1.0 - _WORTH) * base)
-    return [Limit(what, text(eased[what][0], one, base)) for one, what in helps]
+    helps = sorted(
+        (cost, what)
+        for what, cost in zip(eased, costs, strict=True)
+        if cost < (1.0 - _WORTH) * base
+    )
+    return [Limit(what, text(eased[what][0], cost, base)) for cost, what in helps]
 
 
 @dataclass(frozen=True)
