@@ -283,10 +283,7 @@ def monte_carlo(
     jobs: int | None = None,
 ) -> MonteCarlo:
     """Run plants that have drifted; a file of results goes on from where it was."""
-
-    def fault(row: Mapping[str, Any]) -> str | None:
-        return fault_of(row, plants)
-
+    fault = partial(fault_of, plants=plants)
     with ResultsFile(path, plants.header(), "plant", fault) as results:
         left = [number for number in range(count) if number not in results.done]
         try:
@@ -309,9 +306,10 @@ def monte_carlo(
 def run_plant(plants: Plants, number: int) -> dict[str, Any]:
     """Run one plant behind every method; returns the line of the file of results."""
     drift, noise = plants.draw(number)
-    variants: dict[str, Any] = {}
-    for method in plants.methods:
-        variants[method] = plain({"lost_s": None, **plants.work.run(method, drift, noise)})
+    variants = {
+        method: plain({"lost_s": None, **plants.work.run(method, drift, noise)})
+        for method in plants.methods
+    }
     return {"plant": number, "drift": drift.as_dict(), "variants": variants}
 
 
