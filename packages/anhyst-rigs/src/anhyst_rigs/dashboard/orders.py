@@ -121,7 +121,6 @@ def _measure(session: LiveSession, improver: Improver, who: str, fields: Fields)
 
 def _do(do: Callable[[Improver], None], text: str) -> _Act:
     def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-        del fields
         do(improver)
         session.note(who, text)
         return {}
@@ -131,7 +130,6 @@ def _do(do: Callable[[Improver], None], text: str) -> _Act:
 
 def _exchange(exchange: Callable[[Improver], int], text: str) -> _Act:
     def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-        del fields
         tick = exchange(improver)
         session.note(who, text)
         session.curves = improver.known.curves
@@ -143,7 +141,6 @@ def _exchange(exchange: Callable[[Improver], int], text: str) -> _Act:
 
 
 def _files(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-    del session, who, fields
     return {"files": improver.files()}
 
 

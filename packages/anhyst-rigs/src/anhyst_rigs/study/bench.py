@@ -197,7 +197,6 @@ def prepare_force(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedForce:
     """Identify the actuator of a rig, and build the firmware that controls its force."""
-    del controller_path
     parts = in_parts(progress, (1.0, 1.0))
     rig = read_rig(rig_path)
     loops = loops_of_rig(rig)
@@ -218,7 +217,6 @@ def prepare_stage(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedStage:
     """Identify the magnets of a stage, and find the gains of both methods."""
-    del controller_path, folder
     parts = in_parts(progress, (2.0, 1.0))
     rig = read_stage(rig_path)
     check_calibration(rig)
@@ -235,7 +233,6 @@ def prepare_piezo(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedPiezo:
     """Find what makes voltages of displacements, with memory and without."""
-    del controller_path, folder, progress
     rig = read_piezo_rig(rig_path)
     inverses = find_inverses(rig)
     return PreparedPiezo(rig, (inverses["single-valued"], inverses["full"]))

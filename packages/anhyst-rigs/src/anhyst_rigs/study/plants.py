@@ -152,7 +152,6 @@ def read_bearing_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
     """Read what plants of a bearing are run with."""
-    del progress
     return bearing_plants(*read_files(rig, controller))
 
 
@@ -204,7 +203,6 @@ def read_force_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
     """Read what plants of a force rig are run with."""
-    del controller, progress
     return force_plants(read_rig(rig))
 
 
@@ -280,7 +278,6 @@ def read_piezo_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
     """Read what plants of a piezo stage are run with."""
-    del controller, progress
     return piezo_plants(read_piezo_rig(rig))
 
 
@@ -373,7 +370,6 @@ def read_stage_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
     """Read what plants of a stage are run with."""
-    del controller
     return stage_plants(read_stage(rig), progress=progress)
 
 

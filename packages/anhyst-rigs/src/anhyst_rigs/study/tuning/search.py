@@ -30,7 +30,6 @@ from anhyst_rigs.study.tuning.trial import (
     Check,
     Condition,
     GainOutcome,
-    GainTrial,
     Tunable,
     run_trial,
 )
@@ -325,7 +324,7 @@ class GainSearch:
 
     def run(self) -> FoundGains:
         """Search."""
-        before = run_trial(GainTrial(self._brief, self.loop.conditions, self.aims, seed=self.seed))
+        before = run_trial(self._brief, self.loop.conditions, self.aims, seed=self.seed)
         checked: list[tuple[float, TriedGains, Check]] = []
         interrupted = False
         try:
@@ -422,12 +421,10 @@ class GainSearch:
     def _try(
         self, points: FloatArray, order: Sequence[Any], aims: Aims, ceiling: float
     ) -> list[GainOutcome]:
-        trials = [
-            GainTrial(self._brief.at(point), tuple(order), aims, ceiling, self.seed)
-            for point in points
-        ]
-        outcomes = all_of(run_trial, trials, lambda *_: self._report(1.0), self.jobs)
-        self._tried += len(trials)
+        loops = [self._brief.at(point) for point in points]
+        work = partial(run_trial, conditions=order, aims=aims, ceiling=ceiling, seed=self.seed)
+        outcomes = all_of(work, loops, lambda *_: self._report(1.0), self.jobs)
+        self._tried += len(loops)
         self._candidates += [
             TriedGains(point, outcome)
             for point, outcome in zip(points, outcomes, strict=True)

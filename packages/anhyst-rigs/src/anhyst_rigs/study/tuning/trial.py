@@ -268,18 +268,6 @@ def what_helps(
 
 
 @dataclass(frozen=True)
-class GainTrial:
-    """Gains to be tried."""
-
-    loop: Tunable  # with these gains
-    conditions: tuple[Any, ...]  # of the loop, tried one after the other
-    aims: Aims
-    # cost from which on gains are given up: the rest of the conditions is not tried
-    ceiling: float = math.inf
-    seed: int = 0  # of the noise
-
-
-@dataclass(frozen=True)
 class GainOutcome:
     """What a trial gave."""
 
@@ -294,23 +282,25 @@ class GainOutcome:
         return worst_of(self.figures.values())
 
 
-def run_trial(trial: GainTrial) -> GainOutcome:
-    """Try gains at every condition, until they are known to be no better than others.
+def run_trial(
+    loop: Tunable, conditions: Sequence[Any], aims: Aims, ceiling: float = math.inf, seed: int = 0
+) -> GainOutcome:
+    """Try the gains of a loop at one condition after the other, until they cost more than a ceiling.
 
     An iron that pins, noise and limits are in it; only the noise seed is one.
     """
     figures: dict[Any, GainFigures] = {}
     cost = 0.0
     try:
-        trial.loop.make()
+        loop.make()
     except InputError:  # gains that fixed point cannot hold
-        return GainOutcome(LOST + len(trial.conditions), figures, complete=False)
-    for index, condition in enumerate(trial.conditions):
-        result = trial.loop.figures(condition, trial.aims, trial.ceiling, trial.seed)
+        return GainOutcome(LOST + len(conditions), figures, complete=False)
+    for index, condition in enumerate(conditions):
+        result = loop.figures(condition, aims, ceiling, seed)
         if result is None:
-            return GainOutcome(LOST + len(trial.conditions) - index, figures, complete=False)
+            return GainOutcome(LOST + len(conditions) - index, figures, complete=False)
         figures[condition] = result
-        cost = trial.aims.cost(worst_of(figures.values()))
-        if cost > trial.ceiling and index + 1 < len(trial.conditions):
+        cost = aims.cost(worst_of(figures.values()))
+        if cost > ceiling and index + 1 < len(conditions):
             return GainOutcome(cost, figures, complete=False)
     return GainOutcome(cost, figures, complete=True)
