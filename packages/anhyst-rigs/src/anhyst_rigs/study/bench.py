@@ -1,9 +1,8 @@
 """Open the bench of a rig file: compile its controller, build the firmware, switch on.
 
-Prepared benches, kept in the user's cache: files that were opened before open soon.
-
-What is kept is found by a hash over all that goes into it: the contents of the files that a rig
-names, where they lie, the sources and the binary that compute, the compiler. So it is never stale.
+Prepared benches are kept in the user's cache under a hash over all that goes into them: the contents
+of the files that a rig names, where they lie, the sources and the binary that compute, the compiler.
+So what is kept is never stale.
 """
 
 from __future__ import annotations

@@ -385,8 +385,7 @@ def _map_plants(
     width = judge(loops).width_relative
     iron = IronFigures(scale, fraction, width, share, None, label)
     runs = {
-        method: [plants.work.run(method, NO_DRIFT, seed) for seed in seeds]
-        for method in plants.methods
+        method: [plants.run(method, NO_DRIFT, seed) for seed in seeds] for method in plants.methods
     }
     held = {
         method: each for method, each in runs.items() if not any("lost_s" in run for run in each)

@@ -1,6 +1,4 @@
-"""What is tuned, and one set of gains of it in the nonlinear loop.
-
-What is searched: a box of numbers; of a bearing, seven, and the controller that a point stands for.
+"""What is tuned, the box of numbers that is searched, and one set of gains in the nonlinear loop.
 
 With the mass m that moves, the poles of the design rule lie at the distance w from the origin; here
 the real one may lie elsewhere, at a w, so that every set of gains can be reached::
@@ -18,7 +16,6 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
-from anhyst.control.pidd2 import Pidd2
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
@@ -107,8 +104,7 @@ class GainSpace(Box):
 
     def per_tick(self, points: FloatArray, like: ControllerTable) -> FloatArray:
         """Return the gains per tick of many points, as :attr:`Pidd2.per_tick`, shape (n, 11)."""
-        found: list[Pidd2] = [self.controller(point, like).pidd2() for point in points]
-        return np.array([one.per_tick for one in found])
+        return np.array([self.controller(point, like).pidd2().per_tick for point in points])
 
 
 def rounded(value: float) -> float:
