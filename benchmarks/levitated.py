@@ -35,7 +35,7 @@ from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.experiments import following
 from anhyst_rigs.study.bearing.ready import Ready, make_ready, read_files
-from anhyst_rigs.study.plants import BearingWork
+from anhyst_rigs.study.plants import run_bearing
 from rows import ROOT, Row
 from tracking import IRONS
 
@@ -56,7 +56,7 @@ def judged(setup: BearingSetup, drift: Drift) -> Figures:
     scenario, begin = following(setup, setup.rig.settings.trajectories[0])
     found = []
     for noise in NOISES:
-        steps = BearingWork({setup.method: setup}).run(setup.method, drift, noise)
+        steps = run_bearing({setup.method: setup}, setup.method, drift, noise)
         plant = drifted_plant(setup.rig, drift, noise)
         run = SimulatedLoop(setup, plant=plant).run(scenario).part(begin, scenario.ticks)
         found.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))

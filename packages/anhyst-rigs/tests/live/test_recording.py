@@ -20,6 +20,7 @@ from anhyst.support.states import Command
 from anhyst_rigs.dashboard.recording import (
     KEPT_S,
     Crossing,
+    RecordingFile,
     Ring,
     Span,
     TickRecorder,
@@ -170,8 +171,9 @@ def test_one_recording_at_a_time(fed: Fed) -> None:
 
 
 def test_a_full_disk_ends_the_recording_and_not_the_bench(fed: Fed) -> None:
-    class Full:
-        path, rows = Path("full.csv"), 0
+    class Full(RecordingFile):
+        def __init__(self) -> None:
+            self.path, self.rows = Path("full.csv"), 0
 
         def put(self, rows: FloatArray) -> None:
             raise OSError(28, "No space left on device")

@@ -27,7 +27,7 @@ from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.experiments import following
 from anhyst_rigs.study.bearing.ready import make_ready, read_files
-from anhyst_rigs.study.plants import BearingWork
+from anhyst_rigs.study.plants import run_bearing
 from anhyst_rigs.study.tracking.bodies import BearingLaw
 from tests.study import bearings
 
@@ -117,7 +117,7 @@ def test_overshoot_after_calibration_is_that_of_a_bearing_that_never_drifted(
 
     def overshoot(of: BearingSetup, drift: Drift) -> float:
         """Of the highest step, which noise moves least, %."""
-        return float(BearingWork({"full": of}).run("full", drift, 1)["overshoot_percent"][-1])
+        return float(run_bearing({"full": of}, "full", drift, 1)["overshoot_percent"][-1])
 
     assert overshoot(after, WRONG) < 1.2 * overshoot(setup(), NO_DRIFT) + 0.05
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from anhyst_rigs.study.tuning import search as module
 from anhyst_rigs.study.tuning.aims import Aims
 from anhyst_rigs.study.tuning.bearing import BearingLoop
 from anhyst_rigs.study.tuning.search import FoundGains, GainSearch
-from anhyst_rigs.study.tuning.trial import Condition, GainOutcome, GainTrial, run_trial
+from anhyst_rigs.study.tuning.trial import Condition, GainOutcome, run_trial
 from tests.study import bearings
 from tests.study.small_tuning import HERE, LESS, loop, setup
 
@@ -83,11 +84,11 @@ def test_aims_that_cannot_be_met_end_with_the_best_and_what_limits() -> None:
 def test_ctrl_c_keeps_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
 
-    def stop(trial: GainTrial) -> GainOutcome:
-        calls.append(trial)
+    def stop(*given: Any, **named: Any) -> GainOutcome:
+        calls.append(given)
         if len(calls) > 12:
             raise KeyboardInterrupt
-        return run_trial(trial)
+        return run_trial(*given, **named)
 
     monkeypatch.setattr(module, "run_trial", stop)
     result = GainSearch(loop(HERE[:1]), Aims(), BUDGET, jobs=1).run()
@@ -99,7 +100,7 @@ def test_ctrl_c_keeps_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_ctrl_c_before_any_gains_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    def stop(_: GainTrial) -> GainOutcome:
+    def stop(*_: Any, **__: Any) -> GainOutcome:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(module, "run_trial", stop)

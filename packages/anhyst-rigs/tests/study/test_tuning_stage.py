@@ -24,7 +24,7 @@ from anhyst_rigs.study.tuning import search, stage, tuning
 from anhyst_rigs.study.tuning.aims import LOST, Aims
 from anhyst_rigs.study.tuning.search import FoundGains, GainSearch
 from anhyst_rigs.study.tuning.stage import TRAINING, UNSEEN, StageLoop, linear_stage
-from anhyst_rigs.study.tuning.trial import GainTrial, run_trial
+from anhyst_rigs.study.tuning.trial import run_trial
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_axes import planar
@@ -83,14 +83,14 @@ def test_corners_that_are_left_out_are_those_of_the_rule() -> None:
 
 
 def test_gains_that_are_unstable_in_the_linear_loop_cost_more_than_any_others() -> None:
-    outcome = run_trial(GainTrial(loop(6000.0), (TRAINING,), AIMS))
+    outcome = run_trial(loop(6000.0), (TRAINING,), AIMS)
     assert outcome.cost > LOST
     assert not outcome.complete
 
 
 def test_gains_whose_margin_is_too_small_are_given_up_without_a_motion() -> None:
     strict = Aims(None, peak_sensitivity=1.2)
-    outcome = run_trial(GainTrial(loop(), loop().conditions, strict, ceiling=1.0))
+    outcome = run_trial(loop(), loop().conditions, strict, ceiling=1.0)
     assert not outcome.complete
     assert outcome.figures[TRAINING].settling_time_s == 0.0
 
@@ -136,7 +136,7 @@ def test_the_gains_of_a_body_of_several_coordinates_are_tuned_too(
     few = replace(rig, settings=rig.settings.model_copy(update={"noise_seeds": 2}))
     several = StageLoop(make_stage(few, bearings.knowledge(), "play"), Feedforward(), most=250.0)
     firmer = several.at(np.array([0.95, 0.3, 0.5, 0.6]))
-    costs = [run_trial(GainTrial(one, (TRAINING,), AIMS)).cost for one in (several, firmer)]
+    costs = [run_trial(one, (TRAINING,), AIMS).cost for one in (several, firmer)]
     assert costs[1] < 0.7 * costs[0]
     monkeypatch.setattr(stage, "find_gains", lambda *_: Feedforward())
     reached = firmer.check(1)

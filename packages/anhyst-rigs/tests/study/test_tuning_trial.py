@@ -11,7 +11,7 @@ import pytest
 from anhyst_rigs.study.bearing.responses import SINE_M, Sensitivity
 from anhyst_rigs.study.tuning.aims import LOST, MISSED, Aims, Figures
 from anhyst_rigs.study.tuning.bearing import BearingLoop, default_conditions, peak_of
-from anhyst_rigs.study.tuning.trial import Condition, GainTrial, run_trial
+from anhyst_rigs.study.tuning.trial import Condition, run_trial
 from tests.study import bearings
 from tests.study.small_tuning import HERE, loop, setup
 
@@ -23,7 +23,7 @@ def test_conditions_are_all_gaps_with_two_loads() -> None:
 
 
 def test_the_gains_of_the_example_hold_and_have_figures() -> None:
-    outcome = run_trial(GainTrial(loop(), HERE, Aims()))
+    outcome = run_trial(loop(), HERE, Aims())
     assert outcome.complete
     assert set(outcome.figures) == set(HERE)
     worst = outcome.worst
@@ -36,8 +36,8 @@ def test_the_gains_of_the_example_hold_and_have_figures() -> None:
 
 
 def test_gains_above_the_ceiling_are_given_up_with_a_bound_of_their_cost() -> None:
-    whole = run_trial(GainTrial(loop(), HERE, Aims(overshoot_percent=0.01)))
-    early = run_trial(GainTrial(loop(), HERE, Aims(overshoot_percent=0.01), ceiling=1e-3))
+    whole = run_trial(loop(), HERE, Aims(overshoot_percent=0.01))
+    early = run_trial(loop(), HERE, Aims(overshoot_percent=0.01), ceiling=1e-3)
     assert not early.complete
     assert len(early.figures) == 1
     assert MISSED < early.cost <= whole.cost
@@ -49,7 +49,7 @@ def test_gains_that_do_not_hold_cost_more_than_any_others() -> None:
     weak = controller.design.model_copy(update={"bandwidth_Hz": 12.0})
     ratio = bearings.with_rig(bearings.single("ratio"), {})
     lost = replace(ratio, controller=controller.model_copy(update={"design": weak}))
-    outcome = run_trial(GainTrial(BearingLoop(lost, HERE), HERE, Aims()))
+    outcome = run_trial(BearingLoop(lost, HERE), HERE, Aims())
     assert not outcome.complete
     assert outcome.cost > LOST
 
@@ -59,13 +59,11 @@ def test_gains_that_fixed_point_cannot_hold_count_as_lost() -> None:
     assert controller.design is not None
     stiff = controller.design.model_copy(update={"bandwidth_Hz": 6000.0})
     outcome = run_trial(
-        GainTrial(
-            BearingLoop(
-                replace(setup(), controller=controller.model_copy(update={"design": stiff})), HERE
-            ),
-            HERE,
-            Aims(),
-        )
+        BearingLoop(
+            replace(setup(), controller=controller.model_copy(update={"design": stiff})), HERE
+        ),
+        HERE,
+        Aims(),
     )
     assert outcome.cost > LOST
 
@@ -87,9 +85,9 @@ def test_a_peak_between_frequencies_is_seen() -> None:
 
 
 def test_another_noise_changes_little_but_something() -> None:
-    first = run_trial(GainTrial(loop(), HERE[:1], Aims())).worst
-    other = run_trial(GainTrial(loop(), HERE[:1], Aims(), seed=1)).worst
-    again = run_trial(GainTrial(loop(), HERE[:1], Aims())).worst
+    first = run_trial(loop(), HERE[:1], Aims()).worst
+    other = run_trial(loop(), HERE[:1], Aims(), seed=1).worst
+    again = run_trial(loop(), HERE[:1], Aims()).worst
     assert first == again
     assert first != other
     assert replace(first).peak_sensitivity == pytest.approx(other.peak_sensitivity, rel=0.1)

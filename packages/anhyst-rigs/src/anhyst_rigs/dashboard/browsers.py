@@ -217,7 +217,9 @@ class Outbox:
             for part in np.split(rows, breaks):
                 self._append(Run(int(part[0, 0]), int(part[-1, 0]), part, False))
             if self.waiting > self._most:
-                self._shrink()
+                kept = list(self._runs)[-_RUNS:]
+                share = max(2, self._most // (2 * len(kept)))
+                self._runs = deque(_thinned(run, share) for run in kept)
 
     def take(self) -> list[Run]:
         """Return all that waits, and forget it."""
@@ -231,12 +233,6 @@ class Outbox:
             rows = np.concatenate((old.rows, new.rows))
             new = Run(old.first, new.last, rows, old.thinned)
         self._runs.append(new)
-
-    def _shrink(self) -> None:
-        while len(self._runs) > _RUNS:
-            self._runs.popleft()
-        share = max(2, self._most // (2 * len(self._runs)))
-        self._runs = deque(_thinned(run, share) for run in self._runs)
 
 
 def _thinned(run: Run, most: int) -> Run:

@@ -14,6 +14,8 @@ from collections import Counter
 from typing import Any
 
 import h11
+import uvicorn
+from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MAX_WAIT_S = 5.0
@@ -24,6 +26,20 @@ MIN_WAIT_S = 0.5
 
 MAX_WAITING = 32
 """Connections that may wait for longer than that at a time; a browser opens six."""
+
+
+def server_of(app: ASGIApp, **options: Any) -> uvicorn.Server:
+    """Return a server that says nothing of itself, on the terminal or to browsers."""
+    config = uvicorn.Config(
+        app,
+        http=Connection,
+        lifespan="off",
+        log_level="critical",
+        access_log=False,
+        server_header=False,
+        **options,
+    )
+    return uvicorn.Server(config)
 
 
 class Connection(H11Protocol):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,28 +23,6 @@ SHAPES: Mapping[str, Callable[[float], float]] = {
 """Each over a period from 0 to 1, between -1 and 1."""
 
 LOWEST_HZ, HIGHEST_HZ = 0.01, 50.0
-
-
-class Wave(Protocol):
-    """What is added to the target."""
-
-    @property
-    def begin(self) -> int:
-        """Tick at which it begins."""
-
-    @property
-    def lasts(self) -> float:
-        """s, from its begin on; infinite until it is switched off."""
-
-    @property
-    def swing(self) -> tuple[float, float]:
-        """Smallest and largest of what it adds, m or N."""
-
-    def at(self, tick: int, rate: float) -> float:
-        """Return what is added to the target at a tick."""
-
-    def as_dict(self) -> dict[str, float | str]:
-        """Return what a page shows of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +67,7 @@ class Generator:
 
     def as_dict(self) -> dict[str, float | str]:
         """Return what a page shows of it."""
-        return {
-            "shape": self.shape,
-            "amplitude": self.amplitude,
-            "frequency": self.frequency,
-        }
+        return {"shape": self.shape, "amplitude": self.amplitude, "frequency": self.frequency}
 
 
 LONGEST_S = 3600.0
@@ -168,7 +142,7 @@ class WaveTable:
 
     @property
     def swing(self) -> tuple[float, float]:
-        """Smallest and largest of what it adds."""
+        """Smallest and largest of what it adds, m or N."""
         return float(self.values.min()), float(self.values.max())
 
     def at(self, tick: int, rate: float) -> float:
@@ -178,6 +152,10 @@ class WaveTable:
     def as_dict(self) -> dict[str, float | str]:
         """Return what a page shows of it."""
         return {"shape": "own CSV", "rows": float(len(self.times)), "lasts": self.lasts}
+
+
+Wave = Generator | Chirp | WaveTable
+"""What is added to the target."""
 
 
 def read_table(text: str, unit: str, begin: int) -> WaveTable:
@@ -271,8 +249,8 @@ class DrivenBench(Bench):
         self._refused = refused
         self._happened = happened
         self.pulled: float | None = None
+        self.generator: Wave | None = None  # added to the target
         self._bench = bench
-        self._generator: Wave | None = None
         self._stretch = max(1, round(_STRETCH_S * bench.rate))
 
     @property
@@ -280,31 +258,23 @@ class DrivenBench(Bench):
         """Number of the last tick."""
         return self._bench.tick
 
-    @property
-    def generator(self) -> Wave | None:
-        """What is added to the target."""
-        return self._generator
-
     def advance(self, ticks: int) -> FloatArray:
         """Go on; a generator that runs sets the target every millisecond."""
         parts, end = [], self.tick + ticks
         while self.tick < end:
             left = end - self.tick
-            if self._generator is not None:
-                self._follow(self._generator)
+            if self.generator is not None:
+                self._follow(self.generator)
                 left = min(left, self._stretch)
             parts.append(self._bench.advance(left))
-            self._heed(self._bench.news())
+            for text in self._bench.news():
+                self.generator = None
+                self.target = self._bench.aim.value
+                self._happened(text)
             self.lost = self._bench.lost
             if self.lost:
                 break
         return np.concatenate(parts)
-
-    def _heed(self, news: Sequence[str]) -> None:
-        for text in news:
-            self._generator = None
-            self.target = self._bench.aim.value
-            self._happened(text)
 
     def _follow(self, generator: Wave) -> None:
         try:
@@ -314,17 +284,17 @@ class DrivenBench(Bench):
             else:
                 self._bench.demand(self.target + generator.at(self.tick + 1, self.rate))
         except InputError as refused:
-            self._generator = None
+            self.generator = None
             self._refused(str(refused))
 
     def generate(self, generator: Wave | None) -> None:
         """Start a generator around the target, or stop it and go back to the target."""
         if generator is not None:
             self._check(self.target, generator)
-        elif self._generator is None:
+        elif self.generator is None:
             return
         self._bench.demand(self.target)
-        self._generator = generator
+        self.generator = generator
 
     def _check(self, target: float, generator: Wave) -> None:
         aim, (least, most) = self.aim, generator.swing
@@ -338,8 +308,8 @@ class DrivenBench(Bench):
 
     def demand(self, value: float) -> None:
         """Set the target, m or N; a generator goes on around it."""
-        if self._generator is not None:
-            self._check(value, self._generator)
+        if self.generator is not None:
+            self._check(value, self.generator)
         self._bench.demand(value)
         self.target = value
 
@@ -351,7 +321,7 @@ class DrivenBench(Bench):
     def command(self, command: Command) -> None:
         """Give a command. A stop ends the generator too, and a run of force begins at zero."""
         if command is Command.STOP:
-            self._generator = None
+            self.generator = None
         self._bench.command(command)
         if command is Command.RUN:
             self.target = 0.0

@@ -29,7 +29,6 @@ from anhyst_rigs.study.improve import (
     known_model,
     limits_of,
     measure_loops,
-    measure_running,
     read_known,
     within,
 )
@@ -212,7 +211,7 @@ class Improver:
             return
 
         def work(progress: Progress, bench: Seat) -> Mapping[str, Any]:
-            return measure_running(progress, bench, prepared, folder, tighter)
+            return measure_loops(progress, prepared, folder, tighter, bench)
 
         self._start("measure", lambda ended: BoardJob(work, seat, ended))
 

@@ -96,7 +96,7 @@ Fields = Mapping[str, Any]
 _Act = Callable[[LiveSession, Improver, str, Fields], Fields]
 
 
-def improve(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def improve(session: LiveSession, who: str, fields: Fields) -> Fields:
     """Do a step, as ``step`` of a message says."""
     step = str(fields.get("step"))
     act = _STEPS.get(step)
@@ -121,7 +121,6 @@ def _measure(session: LiveSession, improver: Improver, who: str, fields: Fields)
 
 def _do(do: Callable[[Improver], None], text: str) -> _Act:
     def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-        del fields
         do(improver)
         session.note(who, text)
         return {}
@@ -131,7 +130,6 @@ def _do(do: Callable[[Improver], None], text: str) -> _Act:
 
 def _exchange(exchange: Callable[[Improver], int], text: str) -> _Act:
     def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-        del fields
         tick = exchange(improver)
         session.note(who, text)
         session.curves = improver.known.curves
@@ -143,7 +141,6 @@ def _exchange(exchange: Callable[[Improver], int], text: str) -> _Act:
 
 
 def _files(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-    del session, who, fields
     return {"files": improver.files()}
 
 
@@ -166,29 +163,24 @@ _STEPS: Mapping[str, _Act] = {
 }
 
 
-Act = Callable[[LiveSession, str, Fields], Mapping[str, Any]]
+Act = Callable[[LiveSession, str, Fields], Fields]
 
 _SWITCHES_MOST = 200
 """Parameters in one message."""
 
 
-def perform(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def perform(session: LiveSession, who: str, fields: Fields) -> Fields:
     """Do what a message asks for; to be called in the thread of the bench."""
     act = _ACTS.get(str(fields.get("do")))
     if act is None:
         raise InputError(f"no order '{str(fields.get('do'))[:40]}'", code="unknown-order", key="do")
-    _check_free(session, fields)
-    return {"tick": session.bench.tick, **act(session, who, fields)}
-
-
-def _check_free(session: LiveSession, fields: Fields) -> None:
-    """Refuse what would disturb a measurement through the controller."""
     order = str(fields.get("name") if fields["do"] == "command" else fields["do"])
     if session.measured and disturbs(order):
         raise InputError(session.measured, code="busy")
+    return {"tick": session.bench.tick, **act(session, who, fields)}
 
 
-def _command(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def _command(session: LiveSession, who: str, fields: Fields) -> Fields:
     name = str(fields.get("name"))
     commands = {command.name.lower(): command for command in session.bench.commands}
     if name not in commands:
@@ -201,36 +193,32 @@ def _command(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any
     return {}
 
 
-def _target(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def _target(session: LiveSession, who: str, fields: Fields) -> Fields:
     value = finite(fields, "value")
     session.bench.demand(value)
     session.note(who, f"target {value:g}")
     return {}
 
 
-def _load(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def _load(session: LiveSession, who: str, fields: Fields) -> Fields:
     value = finite(fields, "value")
     session.bench.load(value)
     session.note(who, f"load {value:g} N")
     return {}
 
 
-def _generator(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def _generator(session: LiveSession, who: str, fields: Fields) -> Fields:
     if fields.get("shape") is None:
         session.generate(None)
         session.note(who, "generator off")
         return {}
     wave = _wave(session, fields)
     session.generate(wave)
-    session.note(who, f"generator {_described(wave, session.bench.aim.unit)}")
-    return {}
-
-
-def _described(wave: Wave, unit: str) -> str:
-    shape, *rest = wave.as_dict().items()
-    units = {"amplitude": f" {unit}", "rows": "", "lasts": " s"}
+    (_, shape), *rest = wave.as_dict().items()
+    units = {"amplitude": f" {session.bench.aim.unit}", "rows": "", "lasts": " s"}
     numbers = [f"{name} {value:g}{units.get(name, ' Hz')}" for name, value in rest]
-    return ", ".join([str(shape[1]), *numbers])
+    session.note(who, f"generator {', '.join([str(shape), *numbers])}")
+    return {}
 
 
 def _wave(session: LiveSession, fields: Fields) -> Wave:
@@ -244,7 +232,7 @@ def _wave(session: LiveSession, fields: Fields) -> Wave:
     return Generator(shape, amplitude, finite(fields, "frequency"), begin)
 
 
-def _apply(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def _apply(session: LiveSession, who: str, fields: Fields) -> Fields:
     staged = fields.get("values")
     if not isinstance(staged, dict) or not 1 <= len(staged) <= _SWITCHES_MOST:
         raise InputError("values: names no parameter", code="missing", key="values")
@@ -254,7 +242,7 @@ def _apply(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     return {"applied": tick, "parameters": parameters_of(session)}
 
 
-def _pace(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def _pace(session: LiveSession, who: str, fields: Fields) -> Fields:
     if session.bench.keeps_time:
         raise InputError(
             "time: goes by itself on a board, at its own speed",
@@ -283,7 +271,7 @@ def _pace(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     return {}
 
 
-def _record(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def _record(session: LiveSession, who: str, fields: Fields) -> Fields:
     tick, name = session.bench.tick, fields.get("file")
     if name is None:
         session.recorder.stop(tick)
@@ -299,7 +287,7 @@ def _record(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]
     return {}
 
 
-def _learn(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def _learn(session: LiveSession, who: str, fields: Fields) -> Fields:
     """Learn from the motion on or off, or forget what was learnt."""
     learner = session.learner
     if learner is None:
@@ -317,14 +305,14 @@ def _learn(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     return {}
 
 
-def _save_set(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def _save_set(session: LiveSession, who: str, fields: Fields) -> Fields:
     name = str(fields.get("name"))
     session.sets.save(name, session.parameters)
     session.note(who, f"saved what is in force as {name}")
     return {"file": f"{name}{ENDING}"}
 
 
-def _read_set(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+def _read_set(session: LiveSession, who: str, fields: Fields) -> Fields:
     held = session.sets.read(str(fields.get("name")))
     return {"parameters": held, "differing": values_for(session.parameters, held)}
 

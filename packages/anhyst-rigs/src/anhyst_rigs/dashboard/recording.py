@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import orjson
@@ -26,7 +26,30 @@ _OFFSETS_KNOWN, _FLOAT, _MASTER, _OF_TIME = 2, 4, 2, 1
 _MARKER, _BY_USER = 6, 4
 
 
-class MdfRecorder:
+class RecordingFile:
+    """A new file that rows and notes are written to as they come."""
+
+    def __init__(self, path: Path, rate: float) -> None:
+        self.path = path
+        self.rows = 0
+        self._rate = rate
+        self._lock = threading.Lock()
+        self._file = path.open("xb", buffering=0)
+
+    def put(self, rows: FloatArray) -> None:
+        """Write rows, column 0 the tick."""
+        raise NotImplementedError
+
+    def note(self, tick: int, text: str) -> None:
+        """Write what was changed after a tick."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class MdfRecorder(RecordingFile):
     """Writes rows and notes to an MDF 4.1 file; a kill leaves a readable one.
 
     Blocks are appended first and linked then, so that a reader at any moment finds whole ones.
@@ -34,11 +57,7 @@ class MdfRecorder:
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
-        self.path = path
-        self.rows = 0
-        self._rate = rate
-        self._lock = threading.Lock()
-        self._file = path.open("xb", buffering=0)
+        super().__init__(path, rate)
         self._end = 0
         self._next_data = self._next_event = self._count = 0
         self._data = (0, 0)  # place of the block of data under way, and its length
@@ -71,10 +90,6 @@ class MdfRecorder:
             self._patch(self._next_event, event)
             self._next_event = event + _HEAD.size
             self._data = (0, 0)
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
     def _begin(self, signals: Sequence[Signal]) -> None:
         """Write all that stands before the rows: header, history, the group and its channels."""
@@ -140,32 +155,11 @@ class MdfRecorder:
         self._file.write(struct.pack("<Q", value))
 
 
-HEADERS = {
-    "gap": "gap_m",
-    "force": "F_N",
-    "current": "I_A",
-    "load": "load_N",
-}
+HEADERS = {"gap": "gap_m", "force": "F_N", "current": "I_A", "load": "load_N"}
 """Names under which a recording's columns are read as a measurement; others keep theirs."""
 
 
-class RecordingFile(Protocol):
-    """A file that rows and notes are written to as they come."""
-
-    path: Path
-    rows: int
-
-    def put(self, rows: FloatArray) -> None:
-        """Write rows, column 0 the tick."""
-
-    def note(self, tick: int, text: str) -> None:
-        """Write what was changed after a tick."""
-
-    def close(self) -> None:
-        """Close the file."""
-
-
-class CsvRecorder:
+class CsvRecorder(RecordingFile):
     """Writes rows as they come, whole lines at a time; a kill leaves a readable file.
 
     Every number is written so that it reads back as it was, bit for bit, and whole ones without a
@@ -173,11 +167,7 @@ class CsvRecorder:
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
-        self._file = path.open("xb", buffering=0)
-        self.path = path
-        self.rows = 0
-        self._rate = rate
-        self._lock = threading.Lock()
+        super().__init__(path, rate)
         heads = [header(one) for one in signals]
         self._write((",".join(["tick", "t_s", *heads]) + "\n").encode())
 
@@ -191,10 +181,6 @@ class CsvRecorder:
     def note(self, tick: int, text: str) -> None:
         """Write a line between the rows; readers take it as a comment."""
         self._write(f"# after tick {tick}, {' '.join(text.split())}\n".encode())
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
     def _write(self, lines: bytes) -> None:
         data = memoryview(lines)

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from starlette.applications import Starlette
 from starlette.responses import FileResponse
-from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -174,11 +174,7 @@ class LiveServer:
         self._token = token
         self._clients: dict[int, Client] = {}
         self._count = 0
-        routes = [
-            Route("/", _page),
-            Mount("/assets", StaticFiles(directory=ASSETS)),
-            WebSocketRoute("/live", self._meet),
-        ]
+        routes = [*page_routes("index.html"), WebSocketRoute("/live", self._meet)]
         self.app = Guard(Starlette(routes=routes), names)
 
     async def _meet(self, socket: WebSocket) -> None:
@@ -310,8 +306,13 @@ class LiveServer:
         return await asyncio.to_thread(self.session.do, act)
 
 
-async def _page(_request: object) -> FileResponse:
-    return FileResponse(ASSETS / "index.html")
+def page_routes(name: str) -> list[BaseRoute]:
+    """Return the routes of a page and of what it loads."""
+
+    async def page(_request: object) -> FileResponse:
+        return FileResponse(ASSETS / name)
+
+    return [Route("/", page), Mount("/assets", StaticFiles(directory=ASSETS))]
 
 
 async def _receive(socket: WebSocket) -> dict[str, Any]:

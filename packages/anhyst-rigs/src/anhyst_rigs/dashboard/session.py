@@ -101,7 +101,9 @@ class LiveSession:
         learner: BenchLearner | None = None,
     ) -> None:
         self.learner = learner
-        self.bench = DrivenBench(bench, self._generator_refused, self._happened)
+        self.bench = DrivenBench(
+            bench, lambda why: self.note("bench", f"generator off: {why}"), self._happened
+        )
         self.curves = tuple(curves)
         self.improver = improver
         self.watched: BenchWatch | None = None
@@ -218,7 +220,6 @@ class LiveSession:
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows beside the signals."""
         pacing, generator = self.paced.pace(), self.bench.generator
-        shown = {} if generator is None else generator.as_dict()
         now = standing(self._values) if self._values else None
         refused = refusals(self.bench, now, self.ended, self.measured)
         return {
@@ -236,7 +237,7 @@ class LiveSession:
             "fault": int(self._values.get("fault", 0)),
             "refused": refused,
             "next": self._next_step(now),
-            "generator": shown or None,
+            "generator": None if generator is None else generator.as_dict(),
             "recording": self.recorder.status(),
             "sets": self.sets.names,
             "lost": self.bench.lost,
@@ -265,13 +266,6 @@ class LiveSession:
         self.log.append(LogEntry(self.bench.tick, "recorder", text))
         self.logged += 1
 
-    def _look_on(self, subscription: Subscription) -> None:
-        while (rows := subscription.get()) is not None:
-            self._hand_on(rows)
-
-    def _generator_refused(self, reason: str) -> None:
-        self.note("bench", f"generator off: {reason}")
-
     def _happened(self, text: str) -> None:
         """Log what happened to the controller; what it has in force is as it says."""
         self.note("controller", text)
@@ -281,14 +275,15 @@ class LiveSession:
                 self.improver.look_again()
                 self.curves = self.improver.known.curves
 
-    def _hand_on(self, rows: FloatArray) -> None:
-        for listener in self._listeners:
-            listener(rows)
-        if self._newest:
-            passed = int(rows[-1, 0]) - self._newest
-            self._missing += passed // self.bench.every - len(rows)
-        self._newest = int(rows[-1, 0])
-        self._values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
+    def _look_on(self, subscription: Subscription) -> None:
+        while (rows := subscription.get()) is not None:
+            for listener in self._listeners:
+                listener(rows)
+            if self._newest:
+                passed = int(rows[-1, 0]) - self._newest
+                self._missing += passed // self.bench.every - len(rows)
+            self._newest = int(rows[-1, 0])
+            self._values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
 
 
 def _begin(

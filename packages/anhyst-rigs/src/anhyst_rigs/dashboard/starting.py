@@ -12,16 +12,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
 
-import uvicorn
 from starlette.applications import Starlette
-from starlette.responses import FileResponse, JSONResponse
-from starlette.routing import Mount, Route
-from starlette.staticfiles import StaticFiles
+from starlette.responses import JSONResponse
+from starlette.routing import Route
 
 from anhyst.support.wording import worded
 from anhyst_rigs.dashboard.browsers import Guard, names_of
-from anhyst_rigs.dashboard.connections import Connection
-from anhyst_rigs.dashboard.server import ASSETS
+from anhyst_rigs.dashboard.connections import server_of
+from anhyst_rigs.dashboard.server import page_routes
 
 _OPEN_S = 2.0
 """A page that has asked within this time is open, s."""
@@ -54,12 +52,7 @@ class Start:
 
     def app(self) -> Starlette:
         """Return the page and what it asks for."""
-        routes = [
-            Route("/", _page),
-            Route("/start", self._tell),
-            Mount("/assets", StaticFiles(directory=ASSETS)),
-        ]
-        return Starlette(routes=routes)
+        return Starlette(routes=[*page_routes("start.html"), Route("/start", self._tell)])
 
     async def _tell(self, _request: object) -> JSONResponse:
         self._asked_at = time.monotonic()
@@ -70,25 +63,12 @@ class Start:
         return JSONResponse(reply)
 
 
-async def _page(_request: object) -> FileResponse:
-    return FileResponse(ASSETS / "start.html")
-
-
 @contextmanager
 def start_page(taken: socket.socket, title: str, work: str) -> Iterator[Start]:
     """Serve the page of a start on a socket that listens, until the start is over."""
     start = Start(title, work)
-    server = uvicorn.Server(
-        uvicorn.Config(
-            Guard(start.app(), names_of(*taken.getsockname()[:2])),
-            http=Connection,
-            timeout_graceful_shutdown=1,
-            lifespan="off",
-            log_level="critical",
-            access_log=False,
-            server_header=False,
-        )
-    )
+    app = Guard(start.app(), names_of(*taken.getsockname()[:2]))
+    server = server_of(app, timeout_graceful_shutdown=1)
     # The server closes its socket in the end; the one of the rig goes on with the same port.
     own = taken.dup()
     thread = Thread(target=server.run, args=([own],), name="anhyst-start", daemon=True)

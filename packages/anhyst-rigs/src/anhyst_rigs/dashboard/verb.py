@@ -16,7 +16,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.kinds import COMPILED, kind_of
 from anhyst_rigs.dashboard.browsers import names_of, read_address
-from anhyst_rigs.dashboard.connections import Connection
+from anhyst_rigs.dashboard.connections import server_of
 from anhyst_rigs.dashboard.improver import BlockHolder, Improver
 from anhyst_rigs.dashboard.recording import RecordingFile, start_recording
 from anhyst_rigs.dashboard.server import MESSAGE_MOST, LiveServer
@@ -61,21 +61,14 @@ def make_server(
     session: LiveSession, title: str, address: tuple[str, int], token: str = ""
 ) -> uvicorn.Server:
     """Return the server of a page for a session."""
-    return uvicorn.Server(
-        uvicorn.Config(
-            LiveServer(session, title, names_of(*address), token).app,
-            http=Connection,
-            ws="websockets-sansio",
-            ws_max_size=MESSAGE_MOST,
-            ws_per_message_deflate=False,
-            ws_ping_timeout=_SLOW_S,
-            limit_concurrency=_HTTP_MOST,
-            timeout_graceful_shutdown=_GO_S,
-            lifespan="off",
-            log_level="critical",
-            access_log=False,
-            server_header=False,
-        )
+    return server_of(
+        LiveServer(session, title, names_of(*address), token).app,
+        ws="websockets-sansio",
+        ws_max_size=MESSAGE_MOST,
+        ws_per_message_deflate=False,
+        ws_ping_timeout=_SLOW_S,
+        limit_concurrency=_HTTP_MOST,
+        timeout_graceful_shutdown=_GO_S,
     )
 
 

@@ -203,19 +203,14 @@ def map_bearing(rig: BodyRig, task: SimulationTask) -> tuple[Benefit, str]:
 
 def map_plants(rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
     """Return what compensation gains on plants of a rig with other irons, and its page."""
-    gains = benefit_of_plants(rig, progress=task.progress)
-    return gains, render(rig, gains, task.command(" --benefit"))
-
-
-def render(rig: AnyRig, gains: Benefit, command: str) -> str:
-    """Return the page of the map of any other rig."""
+    gains, command = benefit_of_plants(rig, progress=task.progress), task.command(" --benefit")
     kind = rig.settings.kind.title
     cases = ", ".join(dict.fromkeys(_case(cell.case) for cell in gains.cells))
     what = f"{kind.capitalize()}, judged in: {cases}."
     runs = f"each with gains of its own where it has some, {gains.seeds} noise seeds each."
     head = _headline(gains, rig.settings.name, what, runs)
     sections = (_section(gains), origin(hashes([rig.path]), command, rig.settings.seed))
-    return page_text(kind.capitalize(), head, sections)
+    return gains, page_text(kind.capitalize(), head, sections)
 
 
 def _section(gains: Benefit) -> Section:

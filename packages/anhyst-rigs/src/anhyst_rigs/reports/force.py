@@ -65,47 +65,37 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
     held = settings.held.gaps_m
     left, middle, right, above, below = 1.3, 4.8, 8.3, 3.2, 1.2
     boxes = {
-        (left, above): DiagramBlock("PC", ("demands, recording",)),
-        (middle, above): DiagramBlock(
+        (left, above): ("PC", "demands, recording"),
+        (middle, above): (
             "embedded controller",
-            (
-                f"board {board}, {settings.timing.rate_Hz:g} ticks/s",
-                "fixed point, one tick of delay",
-            ),
+            f"board {board}, {settings.timing.rate_Hz:g} ticks/s",
+            "fixed point, one tick of delay",
         ),
-        (right, above): DiagramBlock(
+        (right, above): (
             "current amplifier",
-            (
-                f"0 to {amplifier.current_high_A:g} A, {amplifier.dac_bits} bits",
-                f"{amplifier.bandwidth_Hz:g} Hz, {amplifier.slew_A_per_s:g} A/s",
-            ),
+            f"0 to {amplifier.current_high_A:g} A, {amplifier.dac_bits} bits",
+            f"{amplifier.bandwidth_Hz:g} Hz, {amplifier.slew_A_per_s:g} A/s",
         ),
-        (right, below): DiagramBlock(
+        (right, below): (
             actuator,
-            (
-                f"{turns} turns, {settings.force.force_max_N:g} N",
-                f"gap {1e3 * min(held):g} to {1e3 * max(held):g} mm",
-            ),
+            f"{turns} turns, {settings.force.force_max_N:g} N",
+            f"gap {1e3 * min(held):g} to {1e3 * max(held):g} mm",
         ),
-        (middle, below): DiagramBlock(
+        (middle, below): (
             gap.kind,
-            (
-                f"{1e6 * gap.step:.3g} um steps over {1e3 * (gap.high_m - gap.low_m):g} mm",
-                f"{1e6 * gap.noise_m:g} um rms, {gap.bandwidth_Hz:g} Hz",
-            ),
+            f"{1e6 * gap.step:.3g} um steps over {1e3 * (gap.high_m - gap.low_m):g} mm",
+            f"{1e6 * gap.noise_m:g} um rms, {gap.bandwidth_Hz:g} Hz",
         ),
-        (left, below): DiagramBlock(
+        (left, below): (
             "force sensor",
-            (
-                f"{force.adc_bits} bits over {force.high_N - force.low_N:g} N",
-                f"{force.noise_N:g} N rms, {force.bandwidth_Hz:g} Hz",
-            ),
+            f"{force.adc_bits} bits over {force.high_N - force.low_N:g} N",
+            f"{force.noise_N:g} N rms, {force.bandwidth_Hz:g} Hz",
         ),
     }
     figure, ax = new_diagram(9.6, 4.1)
-    for centre, block in boxes.items():
+    for centre, (title, *lines) in boxes.items():
         fill = SOFTWARE if centre == (middle, above) else PLANT
-        draw_box(ax, centre, block.title.replace(" ", "-"), block, fill)
+        draw_box(ax, centre, title.replace(" ", "-"), DiagramBlock(title, tuple(lines)), fill)
     half, lid = 0.5 * WIDE, 0.5 * HIGH
     inner = (left + half, middle - half, middle + half, right - half)
     draw_arrow(ax, [(inner[0], above), (inner[1], above)], arrowstyle="<|-|>")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -55,11 +55,10 @@ def limits(study: TrackingStudy) -> list[str]:
             word = f"little to gain: that is within {1e9 * BANDS_M[-1]:g} nm without it"
         return f"{what}: {1e9 * mine:.3g} nm against {1e9 * its:.3g} nm of '{name}', {word}"
 
-    def peaks(variant: TriedVariant) -> float:
-        return variant.small.peak_m
-
     return [
-        against(peaks(own), peaks(plain), "A tenth of the forces, the same gains, peak"),
+        against(
+            own.small.peak_m, plain.small.peak_m, "A tenth of the forces, the same gains, peak"
+        ),
         against(own.standstill_m, plain.standstill_m, "Standstill, the long stroke moving, rms"),
         against(
             own.repeated.average_m,
@@ -162,10 +161,16 @@ def printed(study: TrackingStudy) -> Printed:
 
 def render(study: TrackingStudy, command: str) -> str:
     """Return the page of a stage."""
+    settled = picture(
+        figure_settling(study.tried, study.rig.settings.scan.cruise_s),
+        "settling",
+        "Histograms of the settling time into 50 and 10 nm, a row a variant.",
+        "Every scan of every noise seed; at the right end those that never settled.",
+    )
     sections = [
         _scan(study),
         Section("cross-talk", "Cross-talk", tuple(cross_tables(study))),
-        _settling(study),
+        Section("settling", "Settling", (settled,)),
         _limits(study),
         _learning(study),
         Section("losses", "What is lost, and lift-off", tuple(loss_tables(study))),
@@ -274,35 +279,20 @@ def _scan(study: TrackingStudy) -> Section:
     return Section("scan", "One scan", blocks)
 
 
-def _settling(study: TrackingStudy) -> Section:
-    figure = figure_settling(study.tried, study.rig.settings.scan.cruise_s)
-    caption = "Every scan of every noise seed; at the right end those that never settled."
-    alt = "Histograms of the settling time into 50 and 10 nm, a row a variant."
-    return Section("settling", "Settling", (picture(figure, "settling", alt, caption),))
-
-
 def _limits(study: TrackingStudy) -> Section:
+    columns: tuple[tuple[str, Callable[[TriedVariant], float]], ...] = (
+        ("small forces: peak [nm]", lambda one: 1e9 * one.small.peak_m),
+        ("mean over the slit [nm]", lambda one: 1e9 * one.small.average_m),
+        ("standstill, rms [nm]", lambda one: 1e9 * one.standstill_m),
+        ("one repeated set-point: peak [nm]", lambda one: 1e9 * one.repeated.peak_m),
+        ("mean over the slit [nm]", lambda one: 1e9 * one.repeated.average_m),
+        ("into 50 nm [ms]", lambda one: 1e3 * one.repeated.settling_50_s),
+    )
     rows = [
-        [
-            name,
-            number(1e9 * variant.small.peak_m, 3),
-            number(1e9 * variant.small.average_m, 3),
-            number(1e9 * variant.standstill_m, 3),
-            number(1e9 * variant.repeated.peak_m, 3),
-            number(1e9 * variant.repeated.average_m, 3),
-            number(1e3 * variant.repeated.settling_50_s, 3),
-        ]
-        for name, variant in study.tried.items()
+        [name, *(number(value(one), 3) for _, value in columns)]
+        for name, one in study.tried.items()
     ]
-    head = [
-        "variant",
-        "small forces: peak [nm]",
-        "mean over the slit [nm]",
-        "standstill, rms [nm]",
-        "one repeated set-point: peak [nm]",
-        "mean over the slit [nm]",
-        "into 50 nm [ms]",
-    ]
+    head = ["variant", *(title for title, _ in columns)]
     return Section(
         "limits",
         "Small forces, standstill, one repeated set-point",
@@ -319,12 +309,11 @@ def _limits(study: TrackingStudy) -> Section:
 
 
 def _learning(study: TrackingStudy) -> Section:
-    lines = []
-    for name, variant in study.tried.items():
-        first, last = variant.trials_m[0], variant.trials_m[-1]
-        lines.append(
-            f"{name}: {1e9 * first:.3g} nm, after {len(variant.trials_m)} trials {1e9 * last:.3g} nm"
-        )
+    lines = [
+        f"{name}: {1e9 * one.trials_m[0]:.3g} nm, after {len(one.trials_m)} trials "
+        f"{1e9 * one.trials_m[-1]:.3g} nm"
+        for name, one in study.tried.items()
+    ]
     blocks = (
         Text(
             "The test set-point repeated; after each trial the force that the model of the loop "

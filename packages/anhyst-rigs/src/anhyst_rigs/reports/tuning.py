@@ -88,12 +88,7 @@ def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
 
 
 def write_pareto(tuning: Tuning, folder: Path) -> None:
-    """Write ``pareto.png`` into a folder."""
-    write_png(pareto(tuning), folder / RESULTS[2])
-
-
-def pareto(tuning: Tuning) -> Figure:
-    """Draw what was made small against peak sensitivity of everything that was tried."""
+    """Draw what was made small against peak sensitivity of all that was tried: ``pareto.png``."""
 
     def candidate(variant: MethodName, aims: Aims, figures: GainFigures) -> GainsPoint:
         kept = keeps_others(aims, figures)
@@ -111,4 +106,5 @@ def pareto(tuning: Tuning) -> Figure:
     }
     least = tuning.first.figures.least
     limits = tuning.aims.limits.get(least), tuning.aims.peak_sensitivity
-    return figure_pareto(candidates, chosen, TITLES[least], limits)
+    figure = figure_pareto(candidates, chosen, TITLES[least], limits)
+    write_png(figure, folder / RESULTS[2])

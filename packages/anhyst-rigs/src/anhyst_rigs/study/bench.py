@@ -1,9 +1,8 @@
 """Open the bench of a rig file: compile its controller, build the firmware, switch on.
 
-Prepared benches, kept in the user's cache: files that were opened before open soon.
-
-What is kept is found by a hash over all that goes into it: the contents of the files that a rig
-names, where they lie, the sources and the binary that compute, the compiler. So it is never stale.
+Prepared benches are kept in the user's cache under a hash over all that goes into them: the contents
+of the files that a rig names, where they lie, the sources and the binary that compute, the compiler.
+So what is kept is never stale.
 """
 
 from __future__ import annotations
@@ -197,7 +196,6 @@ def prepare_force(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedForce:
     """Identify the actuator of a rig, and build the firmware that controls its force."""
-    del controller_path
     parts = in_parts(progress, (1.0, 1.0))
     rig = read_rig(rig_path)
     loops = loops_of_rig(rig)
@@ -218,7 +216,6 @@ def prepare_stage(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedStage:
     """Identify the magnets of a stage, and find the gains of both methods."""
-    del controller_path, folder
     parts = in_parts(progress, (2.0, 1.0))
     rig = read_stage(rig_path)
     check_calibration(rig)
@@ -235,7 +232,6 @@ def prepare_piezo(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedPiezo:
     """Find what makes voltages of displacements, with memory and without."""
-    del controller_path, folder, progress
     rig = read_piezo_rig(rig_path)
     inverses = find_inverses(rig)
     return PreparedPiezo(rig, (inverses["single-valued"], inverses["full"]))

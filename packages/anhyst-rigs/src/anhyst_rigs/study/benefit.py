@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from anhyst.compensate import methods
-from anhyst.control.controller_file import ControllerFile
+from anhyst.control.controller_file import ControllerFile, ControllerTable
 from anhyst.data import Loops
 from anhyst.data.verdict import judge
 from anhyst.support import running_version
@@ -171,14 +172,8 @@ class Benefit:
         }
 
 
-@dataclass(frozen=True)
-class _Work:
-    rig: BodyRig
-    controller: ControllerFile
-    scale: float
-    fraction: float | None
-    heights: tuple[float, ...]
-    seeds: tuple[int, ...]
+_Iron = tuple[float, float | None]
+"""Factor on the pinning, and reversible fraction; None: as it is."""
 
 
 def benefit(
@@ -200,11 +195,9 @@ def benefit(
     tried = rig.settings
     steps = tuple(tried.step.heights_m if heights is None else heights)
     count = tried.noise_seeds if seeds is None else seeds
-    work = [
-        _Work(with_iron(rig, fraction, scale), controller, scale, fraction, steps, (*range(count),))
-        for scale, fraction in product(scales, fractions or fractions_of(rig.settings))
-    ]
-    rows = all_of(_map_iron, work, progress, jobs)
+    irons = list(product(scales, fractions or fractions_of(rig.settings)))
+    work = partial(_map_iron, rig, controller.settings, steps, range(count))
+    rows = all_of(work, irons, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
         seeds=count,
@@ -223,14 +216,21 @@ def fractions_of(file: RigFile) -> Sequence[float | None]:
     return FRACTIONS if is_of_cells else (None,)
 
 
-def _map_iron(work: _Work) -> list[MapCell]:
+def _map_iron(
+    nominal: BodyRig,
+    table: ControllerTable,
+    heights: tuple[float, ...],
+    seeds: Sequence[int],
+    of: _Iron,
+) -> list[MapCell]:
     """Measure a magnet, fit everything to its loops, and step it."""
-    rig, table = work.rig, work.controller.settings
+    scale, fraction = of
+    rig = with_iron(nominal, fraction, scale)
     knowledge = identify_magnet(measure_loops(rig), rig.settings.loops)
     slopes = find_operating_point(rig).slopes
     iron = IronFigures(
-        scale=work.scale,
-        reversible_fraction=work.fraction,
+        scale=scale,
+        reversible_fraction=fraction,
         loop_width=judge(knowledge.loops).width_relative,
         after_reversal=reversal_share(knowledge.loops),
         after_reversal_true=slopes.share,
@@ -242,10 +242,10 @@ def _map_iron(work: _Work) -> list[MapCell]:
     for variant in (*baselines, "full"):
         setup = make_setup(rig, table, knowledge, variant, table.compensation.format)
         gap, load = rig.settings.gap_m, rig.settings.load.force_N
-        runs = [run_steps(StepRun(setup, gap, work.heights, load, seed))[0] for seed in work.seeds]
+        runs = [run_steps(StepRun(setup, gap, heights, load, seed))[0] for seed in seeds]
         if all(runs):
             steps[variant] = runs
-    return [_of_step(iron, height, _at(steps, height), rig) for height in work.heights]
+    return [_of_step(iron, height, _at(steps, height), rig) for height in heights]
 
 
 def _at(
@@ -350,14 +350,6 @@ class HasIrons(Protocol):
         """Measure the loops of a rig with another iron; return them and its plants."""
 
 
-@dataclass(frozen=True)
-class _PlantWork:
-    rig: AnyRig
-    scale: float
-    fraction: float | None
-    seeds: tuple[int, ...]
-
-
 def benefit_of_plants(
     rig: AnyRig,
     scales: Sequence[float] = WIDTHS,
@@ -373,11 +365,8 @@ def benefit_of_plants(
     """
     own = rig.settings.noise_seeds if takes_key(rig.settings, "noise_seeds") else SEEDS
     count = seeds or own
-    work = [
-        _PlantWork(rig, scale, fraction, (*range(1, count + 1),))
-        for scale, fraction in product(scales, fractions or fractions_of(rig.settings))
-    ]
-    rows = all_of(_map_plants, work, progress, jobs)
+    irons = list(product(scales, fractions or fractions_of(rig.settings)))
+    rows = all_of(partial(_map_plants, rig, range(1, count + 1)), irons, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
         seeds=count,
@@ -386,17 +375,18 @@ def benefit_of_plants(
     )
 
 
-def _map_plants(work: _PlantWork) -> tuple[list[MapCell], tuple[Metric, ...]]:
+def _map_plants(
+    rig: AnyRig, seeds: Sequence[int], of: _Iron
+) -> tuple[list[MapCell], tuple[Metric, ...]]:
     """Run one iron behind every method."""
-    kind = capability(work.rig.settings.kind, HasIrons)
-    loops, plants = kind.with_iron(work.rig, work.fraction, work.scale)
+    scale, fraction = of
+    loops, plants = capability(rig.settings.kind, HasIrons).with_iron(rig, fraction, scale)
     share = reversal_share(loops)
     label = "" if share is None else label_of(share)
     width = judge(loops).width_relative
-    iron = IronFigures(work.scale, work.fraction, width, share, None, label)
+    iron = IronFigures(scale, fraction, width, share, None, label)
     runs = {
-        method: [plants.work.run(method, NO_DRIFT, seed) for seed in work.seeds]
-        for method in plants.methods
+        method: [plants.run(method, NO_DRIFT, seed) for seed in seeds] for method in plants.methods
     }
     held = {
         method: each for method, each in runs.items() if not any("lost_s" in run for run in each)
@@ -470,9 +460,10 @@ def _row(cell: MapCell) -> dict[str, Any]:
             for name, rows in cell.figures.items()
         },
         "standstill_rms_m": dict(cell.standstill),
-        "against_strongest": {name: _comparison(value) for name, value in cell.strongest.items()},
-        "against_ratio": {name: _comparison(value) for name, value in cell.ratio.items()},
-        "against_flux": {name: _comparison(value) for name, value in cell.flux.items()},
+        **{
+            f"against_{of}": {name: _comparison(one) for name, one in getattr(cell, of).items()}
+            for of in ("strongest", "ratio", "flux")
+        },
     }
 
 

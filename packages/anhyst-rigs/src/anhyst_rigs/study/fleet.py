@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,6 @@ from anhyst_rigs.study.fleet_magnets import (
     MODEL,
     FleetSettings,
     Member,
-    SharedTask,
     decide,
     find_members,
     judge,
@@ -292,11 +292,7 @@ def _compared(
         )
     index = 0 if spread is None else int(np.argmin(spread.distance))
     typical = judged[index]["name"]
-    model = out / typical / MODEL
     by_name = {member.name: member for member in members}
-    shared = all_of(
-        share,
-        [SharedTask(by_name[result["name"]], model, settings.history) for result in judged],
-        jobs=jobs,
-    )
+    work = partial(share, out / typical / MODEL, settings.history)
+    shared = all_of(work, [by_name[result["name"]] for result in judged], jobs=jobs)
     return Fleet(out, settings, tuple(results), typical, tuple(shared), spread, names)

@@ -21,7 +21,7 @@ from anhyst.data.reading import files_read, read_loops
 from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
 from anhyst.identification.run import IdentifyResult, whole_search
-from anhyst.model.actuator import Model, read_model
+from anhyst.model.actuator import read_model
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, json_text, read_error, write_json
 from anhyst.support.errors import InputError, NegativeResult
@@ -193,22 +193,13 @@ def _judged(task: FleetTask) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class SharedTask:
-    """A magnet that is to be run with the model of another one."""
-
-    member: Member
-    model: Path
-    history: str | None
-
-
-def share(task: SharedTask) -> float:
+def share(file: Path, history: str | None, member: Member) -> float:
     """Return the rms deviation of another magnet's model on this one's loops, parts of the largest.
 
     Not a number where that model cannot be computed on these loops.
     """
-    loops = read_loops(task.member.source, history=task.history)
-    model: Model = read_model(task.model)
+    loops = read_loops(member.source, history=history)
+    model = read_model(file)
     try:
         errors = np.concatenate([model.on(loop) - loop.output for loop in loops.loops])
     except (InputError, NegativeResult):

@@ -171,25 +171,17 @@ def force_control(
     progress: Progress | None = None,
 ) -> ForceControl:
     """Identify, compile, build, and run every trial of a rig: `anhyst.force_control`."""
-    return _run(read_rig(rig), out, board, demand, recordings, progress)
-
-
-def _run(
-    rig: Rig,
-    out: PathLike,
-    board: str,
-    demand: PathLike | None,
-    recordings: str,
-    progress: Progress | None,
-) -> ForceControl:
-    demands = _demands(rig, demand)
+    named = read_rig(rig)
+    demands = _demands(named, demand)
     check_format(Path(out) / f"recording.{recordings}")
-    _check_tools(board)
-    trials = list(plan_trials(rig, demands))
+    check_compiler(board)  # miss a tool before the work, not after it
+    if board == "qemu-mps2":
+        find_qemu()
+    trials = list(plan_trials(named, demands))
     parts = in_parts(progress, [_PREPARED, _PREPARED, len(trials)])
-    loops = loops_of_rig(rig)
-    end = loops_at(loops, rig.settings.force.end_m)
-    force_max = rig.settings.force.force_max_N
+    loops = loops_of_rig(named)
+    end = loops_at(loops, named.settings.force.end_m)
+    force_max = named.settings.force.force_max_N
     ratio = fit_ratio(end, force_max)
     baselines: dict[str, dict[str, Compensator]] = {
         "end": {"ratio": ratio, "single": fit_single_valued(end, force_max)},
@@ -200,21 +192,23 @@ def _run(
         },
     }
     with whole_folder(out) as folder:
-        rig = complete_rig(rig, loops)
-        found_models = all_of(partial(find_model, rig), [end, loops], next(parts))
+        whole = complete_rig(named, loops)
+        found_models = all_of(partial(find_model, whole), [end, loops], next(parts))
         models = dict(zip(baselines, found_models, strict=True))
-        programs = _programs(rig, models, board, folder, next(parts))
+        programs = _programs(whole, models, board, folder, next(parts))
         controllers = {
             scope: Controllers(programs[scope], results, board)
             for scope, results in baselines.items()
         }
-        tasks = [(rig, trial, controllers[SCOPES[trial.stage]]) for trial in trials]
+        tasks = [(whole, trial, controllers[SCOPES[trial.stage]]) for trial in trials]
         outcomes = all_of(_outcome, tasks, next(parts))
-        plant = rig.check(loops, models["stroke"])
-        results = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
+        plant = whole.check(loops, models["stroke"])
+        results = figures(whole, outcomes, board) | {"plant": plant.as_dict()}
         results["verdict"] = None if results["lost_in"] else verdict_of(results["summary"])
-        _write(rig, folder, results, outcomes, recordings)
-    return ForceControl(rig, Path(out), results, tuple(outcomes), plant)
+        for outcome in outcomes:
+            _write_trial(whole, folder / f"{outcome.trial.name}.{recordings}", outcome)
+        write_json(folder / FIGURES, results)
+    return ForceControl(whole, Path(out), results, tuple(outcomes), plant)
 
 
 def _compared(model: Model) -> tuple[MethodName, ...]:
@@ -251,13 +245,6 @@ def _outcome(task: tuple[Rig, ForceTrial, Controllers]) -> ForceOutcome:
     return run_trial(*task)
 
 
-def _check_tools(board: str) -> None:
-    """Miss a tool before the work, not after it."""
-    check_compiler(board)
-    if board == "qemu-mps2":
-        find_qemu()
-
-
 def _programs(
     rig: Rig, models: Mapping[str, Model], board: str, folder: Path, progress: Progress
 ) -> dict[str, tuple[Program, ...]]:
@@ -272,10 +259,8 @@ def _programs(
 
 
 def _demands(rig: Rig, path: PathLike | None) -> list[Demand]:
-    settings, rate = rig.settings, rig.settings.timing.rate_Hz
-    demands = [
-        triangle(shape, settings.force.force_max_N, rate) for shape in settings.force_triangles
-    ]
+    force_max, rate = rig.settings.force.force_max_N, rig.settings.timing.rate_Hz
+    demands = [triangle(shape, force_max, rate) for shape in rig.settings.force_triangles]
     if path is not None:
         demands.append(_read_demand(rig, path))
     names = [demand.name for demand in demands]
@@ -308,18 +293,6 @@ def _read_demand(rig: Rig, path: PathLike) -> Demand:
     ticks = np.arange(round((time[-1] - time[0]) * rig.settings.timing.rate_Hz) + 1)
     sampled = np.interp(time[0] + ticks * rig.dt, time, force)
     return with_lead_in("file", sampled, rig.settings.timing.rate_Hz)
-
-
-def _write(
-    rig: Rig,
-    folder: Path,
-    figures: Mapping[str, Any],
-    outcomes: list[ForceOutcome],
-    recordings: str,
-) -> None:
-    for outcome in outcomes:
-        _write_trial(rig, folder / f"{outcome.trial.name}.{recordings}", outcome)
-    write_json(folder / FIGURES, figures)
 
 
 def _write_trial(rig: Rig, path: Path, outcome: ForceOutcome) -> None:

@@ -25,9 +25,9 @@ from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.bench.protocol import Signal
 from anhyst_rigs.rig.recording import peak
 from anhyst_rigs.study.excite.design import Bound, Specimen
-from anhyst_rigs.study.excite.excite import Excitation, measure, write_excitation
+from anhyst_rigs.study.excite.excite import measure, write_excitation
 from anhyst_rigs.study.excite.on_board import DrivenBoard, measure_on_board
-from anhyst_rigs.study.prepared import Improvable, PreparedBoard, block_of
+from anhyst_rigs.study.prepared import Improvable, block_of
 from anhyst_rigs.study.watch import LEARN, RUN_LENGTH, DriftWatch
 
 SAMPLES_HZ = 250.0
@@ -210,26 +210,21 @@ def limits_of(prepared: Improvable) -> dict[str, Any]:
 
 
 def measure_loops(
-    progress: Progress, prepared: Improvable, folder: Path, tighter: Mapping[str, float]
-) -> dict[str, Any]:
-    """Design a drive, run it on the rig with its armature held, and write the loops."""
-    excitation = measure(within(prepared.specimen(), tighter), progress)
-    return _written(excitation, prepared, folder)
-
-
-def measure_running(
     progress: Progress,
-    bench: DrivenBoard,
-    prepared: PreparedBoard,
+    prepared: Improvable,
     folder: Path,
     tighter: Mapping[str, float],
+    bench: DrivenBoard | None = None,
 ) -> dict[str, Any]:
-    """Design a drive, run it through a controller that runs, and write the loops."""
-    excitation = measure_on_board(within(prepared.specimen(), tighter), bench, progress)
-    return _written(excitation, prepared, folder)
+    """Design a drive, run it with the armature held, and write the loops.
 
-
-def _written(excitation: Excitation, prepared: Improvable, folder: Path) -> dict[str, Any]:
+    It runs on the virtual rig, or through a controller that runs.
+    """
+    specimen = within(prepared.specimen(), tighter)
+    if bench is None:
+        excitation = measure(specimen, progress)
+    else:
+        excitation = measure_on_board(specimen, bench, progress)
     write_excitation(excitation, prepared.rig, folder / LOOPS)
     played = excitation.played
     every = max(1, played.time.size // _DRAWN)

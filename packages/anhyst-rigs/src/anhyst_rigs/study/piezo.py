@@ -96,7 +96,7 @@ class PiezoTracking(StudyResult):
     def errors(self) -> Mapping[str, Mapping[str, float]]:
         """Deviation of every way from the reference, by :data:`METRICS`."""
         judged = {name: run["error_m"][self.judged_from :] for name, run in self.runs.items()}
-        return {name: _deviation(error) for name, error in judged.items()}
+        return {name: {"worst_m": peak(one), "rms_m": rms(one)} for name, one in judged.items()}
 
     @property
     def lost_in(self) -> list[str]:
@@ -296,7 +296,3 @@ def judge_ratio(ratio: float) -> Judgement:
     """Say whether compensation is worth it that leaves this part of the deviation."""
     compared = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
     return judge("compensation", [compared], "measures", WHERE_IT_PAYS["piezo"])
-
-
-def _deviation(error: FloatArray) -> dict[str, float]:
-    return {"worst_m": peak(error), "rms_m": rms(error)}

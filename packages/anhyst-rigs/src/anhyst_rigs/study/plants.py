@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -87,7 +87,7 @@ def bearing_plants(
     files = [*rig.measured.files, rig.model, rig.flux_table, controller.model]
     return Plants(
         file=ready.rig.settings,
-        work=BearingWork(setups),
+        run=partial(run_bearing, setups),
         methods=names,
         own=own if own in names else names[-1],
         figures=(
@@ -102,27 +102,23 @@ def bearing_plants(
     )
 
 
-@dataclass(frozen=True)
-class BearingWork:
-    """Controllers that hold a bearing, by method."""
-
-    setups: Mapping[MethodName, BearingSetup]
-
-    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
-        """Judge one plant; what lost levitation has no figures."""
-        setup = self.setups[method]
-        rig, tried = setup.rig, setup.rig.settings
-        scenario = steps_up_and_down(
-            rig, setup.controller, tried.gap_m, tried.step.heights_m, rest=STANDSTILL_S
-        )
-        loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, noise))
-        recording = loop.run(scenario)
-        lost = lost_at(rig, recording, scenario.lifted)
-        if lost is None and len(recording) < scenario.ticks:
-            lost = float(recording["t_s"][-1])
-        if lost is not None:
-            return {"lost_s": lost}
-        return _judge(rig, drifted_file(tried, drift), scenario, recording)
+def run_bearing(
+    setups: Mapping[MethodName, BearingSetup], method: MethodName, drift: Drift, noise: int
+) -> dict[str, Any]:
+    """Judge one plant; what lost levitation has no figures."""
+    setup = setups[method]
+    rig, tried = setup.rig, setup.rig.settings
+    scenario = steps_up_and_down(
+        rig, setup.controller, tried.gap_m, tried.step.heights_m, rest=STANDSTILL_S
+    )
+    loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, noise))
+    recording = loop.run(scenario)
+    lost = lost_at(rig, recording, scenario.lifted)
+    if lost is None and len(recording) < scenario.ticks:
+        lost = float(recording["t_s"][-1])
+    if lost is not None:
+        return {"lost_s": lost}
+    return _judge(rig, drifted_file(tried, drift), scenario, recording)
 
 
 def _judge(
@@ -152,7 +148,6 @@ def read_bearing_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
     """Read what plants of a bearing are run with."""
-    del progress
     return bearing_plants(*read_files(rig, controller))
 
 
@@ -178,15 +173,14 @@ def force_plants(rig: Rig, model: Model | None = None, loops: Loops | None = Non
         current_max=settings.amplifier.current_high_A,
     )
     sources = Sources(operating, loops, model)
+    compensators = {name: make_compensator(name, sources, "fixed") for name in FORCE_METHODS}
     cases = tuple(trial.name for trial in _trials(rig)), "trial"
     files = [*rig.measured.files]
     if settings.solenoid is not None:
         files.append(rig.path.parent / settings.solenoid.file)
     return Plants(
         file=settings,
-        work=ForceWork(
-            rig, {name: make_compensator(name, sources, "fixed") for name in FORCE_METHODS}
-        ),
+        run=partial(run_force, rig, compensators),
         methods=FORCE_METHODS,
         own="full",
         figures=(
@@ -204,7 +198,6 @@ def read_force_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
     """Read what plants of a force rig are run with."""
-    del controller, progress
     return force_plants(read_rig(rig))
 
 
@@ -214,27 +207,26 @@ def _trials(rig: Rig) -> list[ForceTrial]:
     return [trial for trial in plan_trials(rig, demands) if trial.stage != "end"]
 
 
-@dataclass(frozen=True)
-class ForceWork:
-    """A rig and what was made for it."""
-
-    rig: Rig
-    compensators: Mapping[MethodName, ForceController]
-
-    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
-        """Control the force of a plant in every trial, from demagnetised."""
-        plant = drifted_rig(self.rig, drift)
-        figures: dict[str, list[float]] = {"rms_N": [], "worst_N": []}
-        for trial in _trials(self.rig):
-            gap, seed = trial.gap(self.rig), [noise, trial.number]
-            known = self.rig.instruments(seed)["gap"].read(gap) + drift.gap_offset
-            asked = self.compensators[method].fresh().run(trial.demand.force, known)
-            current = (1.0 + drift.first_scale) * asked
-            force = run_open_loop(ActuatorStand(plant, seed), gap, current)["force_N"]
-            error = (force - trial.demand.force)[trial.demand.lead_in :]
-            figures["rms_N"].append(rms(error))
-            figures["worst_N"].append(peak(error))
-        return figures
+def run_force(
+    rig: Rig,
+    compensators: Mapping[MethodName, ForceController],
+    method: MethodName,
+    drift: Drift,
+    noise: int,
+) -> dict[str, Any]:
+    """Control the force of a plant in every trial, from demagnetised."""
+    plant = drifted_rig(rig, drift)
+    figures: dict[str, list[float]] = {"rms_N": [], "worst_N": []}
+    for trial in _trials(rig):
+        gap, seed = trial.gap(rig), [noise, trial.number]
+        known = rig.instruments(seed)["gap"].read(gap) + drift.gap_offset
+        asked = compensators[method].fresh().run(trial.demand.force, known)
+        current = (1.0 + drift.first_scale) * asked
+        force = run_open_loop(ActuatorStand(plant, seed), gap, current)["force_N"]
+        error = (force - trial.demand.force)[trial.demand.lead_in :]
+        figures["rms_N"].append(rms(error))
+        figures["worst_N"].append(peak(error))
+    return figures
 
 
 def drifted_rig(rig: Rig, drift: Drift) -> Rig:
@@ -262,7 +254,7 @@ def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
     inverses = find_inverses(rig, loops)
     return Plants(
         file=rig.settings,
-        work=PiezoWork(rig, {name: inverses[way] for name, way in METHODS.items()}),
+        run=partial(run_piezo, rig, {name: inverses[way] for name, way in METHODS.items()}),
         methods=tuple(METHODS),
         own="full",
         figures=(
@@ -280,25 +272,23 @@ def read_piezo_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
     """Read what plants of a piezo stage are run with."""
-    del controller, progress
     return piezo_plants(read_piezo_rig(rig))
 
 
-@dataclass(frozen=True)
-class PiezoWork:
-    """A nominal stage and what was made for it."""
-
-    rig: PiezoRig
-    inverses: Mapping[MethodName, ForceController]
-
-    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
-        """Follow the triangle; the controller knows the nominal stage alone."""
-        plant = replace(self.rig, settings=drifted_file(self.rig.settings, drift))
-        run = follow(self.rig, reference(self.rig), self.inverses[method], plant, noise)
-        if run.loss is not None:
-            return {"lost_s": run.dt * run.loss.tick}
-        error = run["error_m"][judged_from(self.rig) :]
-        return {"rms_m": rms(error), "worst_m": peak(error)}
+def run_piezo(
+    rig: PiezoRig,
+    inverses: Mapping[MethodName, ForceController],
+    method: MethodName,
+    drift: Drift,
+    noise: int,
+) -> dict[str, Any]:
+    """Follow the triangle; the controller knows the nominal stage alone."""
+    plant = replace(rig, settings=drifted_file(rig.settings, drift))
+    run = follow(rig, reference(rig), inverses[method], plant, noise)
+    if run.loss is not None:
+        return {"lost_s": run.dt * run.loss.tick}
+    error = run["error_m"][judged_from(rig) :]
+    return {"rms_m": rms(error), "worst_m": peak(error)}
 
 
 _SPREADS = SPREADS["tracking"]
@@ -350,11 +340,12 @@ def stage_plants(
     made, _ = make_variants(rig, known, names)
     refuse_unstable(made[OWN])
     gains = all_of(partial(_find, known), list(made.values()), progress, jobs)
+    variants = dict(zip(made, zip(made.values(), gains, strict=True), strict=True))
     errors = errors or errors_of(rig.settings)
     cases = tuple(errors), "error"
     return Plants(
         file=rig.settings,
-        work=StageWork(known, made, dict(zip(made, gains, strict=True)), errors),
+        run=partial(run_stage, known, variants, errors),
         methods=tuple(made),
         own=OWN,
         figures=tuple(
@@ -373,7 +364,6 @@ def read_stage_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
     """Read what plants of a stage are run with."""
-    del controller
     return stage_plants(read_stage(rig), progress=progress)
 
 
@@ -381,33 +371,31 @@ def _find(magnet: IdentifiedMagnet, setup: StageSetup) -> Feedforward:
     return settle(setup, magnet)[0]
 
 
-@dataclass(frozen=True)
-class StageWork:
-    """Variants and their gains."""
+def run_stage(
+    magnet: IdentifiedMagnet,
+    variants: Mapping[MethodName, tuple[StageSetup, Feedforward]],
+    errors: Mapping[str, tuple[str, ...]],
+    method: MethodName,
+    drift: Drift,
+    noise: int,
+) -> dict[str, Any]:
+    """Follow the test set-point with each error alone and with all of them.
 
-    magnet: IdentifiedMagnet
-    setups: Mapping[MethodName, StageSetup]
-    gains: Mapping[MethodName, Feedforward]
-    errors: Mapping[str, tuple[str, ...]]
-
-    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
-        """Follow the test set-point with each error alone and with all of them.
-
-        A stage that calibrates itself has worked on the training set-point before.
-        """
-        setup, gains = self.setups[method], self.gains[method]
-        scan = setup.rig.settings.scan
-        motion = motion_of(scan, scan.test_m_per_s2)
-        figures: dict[str, list[float]] = {}
-        for names in self.errors.values():
-            plant = replace(setup, drift=drift.alone(names))
-            learner = at_work(plant, self.magnet, gains, noise + LEARNING)
-            run = track(learner.stage(plant.drift) if learner else plant, motion, gains, noise)
-            if run.loss is not None:
-                return {"lost_s": run.dt * run.loss.tick}
-            measures = measure(run, motion, scan.slit_s)
-            for metric in (AVERAGE, PEAK, SETTLING):
-                figures.setdefault(metric.key, []).append(getattr(measures, metric.key))
-            for key, largest in cross_talk(run, motion, still_axes(setup.rig.settings)).items():
-                figures.setdefault(key, []).append(largest)
-        return figures
+    A stage that calibrates itself has worked on the training set-point before.
+    """
+    setup, gains = variants[method]
+    scan = setup.rig.settings.scan
+    motion = motion_of(scan, scan.test_m_per_s2)
+    figures: dict[str, list[float]] = {}
+    for names in errors.values():
+        plant = replace(setup, drift=drift.alone(names))
+        learner = at_work(plant, magnet, gains, noise + LEARNING)
+        run = track(learner.stage(plant.drift) if learner else plant, motion, gains, noise)
+        if run.loss is not None:
+            return {"lost_s": run.dt * run.loss.tick}
+        measures = measure(run, motion, scan.slit_s)
+        for metric in (AVERAGE, PEAK, SETTLING):
+            figures.setdefault(metric.key, []).append(getattr(measures, metric.key))
+        for key, largest in cross_talk(run, motion, still_axes(setup.rig.settings)).items():
+            figures.setdefault(key, []).append(largest)
+    return figures

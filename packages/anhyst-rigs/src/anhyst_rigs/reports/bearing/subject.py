@@ -23,7 +23,6 @@ from anhyst_rigs.reports.study.page import Printed, case_table, hashes, interval
 from anhyst_rigs.rig.bearing.held import lost_at
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.distance import PlantCheck
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.loop import ReferenceStep, Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
@@ -161,14 +160,11 @@ def subject_of(simulation: Simulation, command: str) -> SimulationSubject:
         experiments=simulation.experiments,
         files=hashes([rig.path, simulation.controller.path, *rig.measured.files]),
         command=command,
-        notes=plant_notes(simulation.plant),
+        notes=(
+            Note("info", "The plant", f"{'; '.join(simulation.plant.lines)}."),
+            *(Note("warn", "The plant", f"{text}.") for text in simulation.plant.warnings),
+        ),
     )
-
-
-def plant_notes(plant: PlantCheck) -> tuple[Note, ...]:
-    """Say how far the plant is from its loops, and what that takes from the results."""
-    known = Note("info", "The plant", f"{'; '.join(plant.lines)}.")
-    return (known, *(Note("warn", "The plant", f"{text}.") for text in plant.warnings))
 
 
 def _part(
@@ -351,12 +347,7 @@ def step_tables(subject: SimulationSubject) -> list[PageTable]:
     """Return one table for each figure of the steps."""
     steps = {subject.situation(step): step.cells for step in subject.steps}
     return [
-        case_table(
-            metric,
-            steps,
-            caption,
-            _remark if metric.key == OVERSHOOT else None,
-        )
+        case_table(metric, steps, caption, _remark if metric.key == OVERSHOOT else None)
         for metric, caption in STEP_TABLES.items()
         if any(metric.key in one.figures for row in steps.values() for one in row.values())
     ]

@@ -53,30 +53,20 @@ SHADE = "#8C8C8C"
 PALE = "#C4C4C4"
 
 # Okabe and Ito, and dashes beside them, for print without colour.
-COLOURS: Mapping[MethodName, str] = {
-    "ratio": FALLING,
-    "secant": "#7A4B21",
-    "linearised": "#E69F00",
-    "single-valued": "#CC79A7",
-    "play": "#882255",
-    "simplified": "#009E73",
-    "at-rest": "#8C8C8C",
-    "full": RISING,
-    "flux": "#56B4E9",
-    "fused": "#6A3D9A",
+_LOOKS: Mapping[MethodName, tuple[str, Any]] = {
+    "ratio": (FALLING, "-"),
+    "secant": ("#7A4B21", (0, (1, 1))),
+    "linearised": ("#E69F00", (0, (6, 1.5))),
+    "single-valued": ("#CC79A7", (0, (3, 1))),
+    "play": ("#882255", (0, (4, 1, 1, 1, 1, 1))),
+    "simplified": ("#009E73", (0, (6, 1.5, 1, 1.5))),
+    "at-rest": ("#8C8C8C", (0, (5, 2))),
+    "full": (RISING, "-"),
+    "flux": ("#56B4E9", (0, (2, 1, 1, 1))),
+    "fused": ("#6A3D9A", (0, (8, 1))),
 }
-DASHES: Mapping[MethodName, Any] = {
-    "ratio": "-",
-    "secant": (0, (1, 1)),
-    "linearised": (0, (6, 1.5)),
-    "single-valued": (0, (3, 1)),
-    "play": (0, (4, 1, 1, 1, 1, 1)),
-    "simplified": (0, (6, 1.5, 1, 1.5)),
-    "at-rest": (0, (5, 2)),
-    "full": "-",
-    "flux": (0, (2, 1, 1, 1)),
-    "fused": (0, (8, 1)),
-}
+COLOURS = {name: colour for name, (colour, _) in _LOOKS.items()}
+DASHES = {name: dashes for name, (_, dashes) in _LOOKS.items()}
 _WIDTH_DIGITS, _MEAN_DIGITS, _PLACES = 2, 4, 3
 MOST_POINTS = 1200
 """Points of a curve in a figure at most."""

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -55,19 +55,14 @@ class PlantFigure(Metric):
         return tuple(f"{1e6 * c:g} um" if isinstance(c, float) else c for c in self.cases)
 
 
-class PlantWork(Protocol):
-    """What runs plants of one kind of rig; goes to other processes."""
-
-    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
-        """Return every figure, infinite or null where it was not reached; or ``lost_s`` alone."""
-
-
 @dataclass(frozen=True)
 class Plants:
     """A rig, what controls it, and what is measured of its plants."""
 
     file: RigFile  # says what it is and by how much plants differ
-    work: PlantWork
+    # runs a plant behind a method, with a seed of its noise; goes to other processes. It returns
+    # every figure, infinite or null where it was not reached; or ``lost_s`` alone
+    run: Callable[[MethodName, Drift, int], dict[str, Any]]
     methods: tuple[MethodName, ...]
     own: MethodName  # what the others are the baselines of
     figures: tuple[PlantFigure, ...]
@@ -283,10 +278,7 @@ def monte_carlo(
     jobs: int | None = None,
 ) -> MonteCarlo:
     """Run plants that have drifted; a file of results goes on from where it was."""
-
-    def fault(row: Mapping[str, Any]) -> str | None:
-        return fault_of(row, plants)
-
+    fault = partial(fault_of, plants=plants)
     with ResultsFile(path, plants.header(), "plant", fault) as results:
         left = [number for number in range(count) if number not in results.done]
         try:
@@ -309,9 +301,10 @@ def monte_carlo(
 def run_plant(plants: Plants, number: int) -> dict[str, Any]:
     """Run one plant behind every method; returns the line of the file of results."""
     drift, noise = plants.draw(number)
-    variants: dict[str, Any] = {}
-    for method in plants.methods:
-        variants[method] = plain({"lost_s": None, **plants.work.run(method, drift, noise)})
+    variants = {
+        method: plain({"lost_s": None, **plants.run(method, drift, noise)})
+        for method in plants.methods
+    }
     return {"plant": number, "drift": drift.as_dict(), "variants": variants}
 
 

@@ -1,8 +1,6 @@
-"""The currents of a measurement: what is run at one gap, within limits that are known by then.
+"""The currents of a measurement at one gap, what they must keep to, and the key that says so.
 
 Shares are of the largest current at the gap.
-
-What a drive must keep to, and which key of the rig file says so.
 """
 
 from __future__ import annotations
@@ -369,14 +367,13 @@ def records(specimen: Specimen, peak: float, operating: float) -> list[Record]:
         "below": _below(peak, operating, step),
     }
     begun = tuple(before), approach
-    slow = [Record(name, *begun, path, history, specimen.sample) for name, path in paths.items()]
-    cycles = [0.0, *[peak, 0.0] * FAST_CYCLES]
+    found = [Record(name, *begun, path, history, specimen.sample) for name, path in paths.items()]
+    cycles = straight([0.0, *[peak, 0.0] * FAST_CYCLES], 2.0 * peak / FAST_SAMPLES)
     for speed in speeds_of(specimen):
         sample = 2.0 * peak / (FAST_SAMPLES * speed)
-        path = straight(cycles, 2.0 * peak / FAST_SAMPLES)
         name = f"{speed:.4g}{specimen.units[0]}/s"
-        slow.append(Record(name, *begun, path, history, sample, fast=True))
-    return slow
+        found.append(Record(name, *begun, cycles, history, sample, fast=True))
+    return found
 
 
 def speeds_of(specimen: Specimen) -> list[float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -481,14 +481,10 @@ def excite(
 
 def write_excitation(measured: Excitation, rig: Path, out: Path) -> None:
     """Write measured loops, and the sidecar that says how they begin."""
+    lines = [f"# measured by anhyst excite {rig.name}", *(f"# {note}" for note in measured.notes)]
     histories = {loop.label: str(loop.history) for loop in measured.loops.loops}
-    with atomic_writer(out.with_suffix(".toml")) as file:
-        file.write(_sidecar(rig, histories, measured.notes))
-    measured.loops.save(out)
-
-
-def _sidecar(rig: Path, histories: Mapping[str, str], notes: tuple[str, ...]) -> str:
-    lines = [f"# measured by anhyst excite {rig.name}", *(f"# {note}" for note in notes)]
     lines += ["", "[history]"]
     lines += [f"{toml_key(label)} = {toml_value(past)}" for label, past in histories.items()]
-    return "\n".join(lines) + "\n"
+    with atomic_writer(out.with_suffix(".toml")) as file:
+        file.write("\n".join(lines) + "\n")
+    measured.loops.save(out)

@@ -25,7 +25,6 @@ from anhyst_rigs.study.bearing.linear import CurrentLoop
 from anhyst_rigs.study.bearing.responses import (
     Sensitivity,
     StepCell,
-    StepResult,
     StepRun,
     compare_steps,
     default_seeds,
@@ -94,10 +93,13 @@ class BearingLoop:
         steps, lost = run_steps(StepRun(setup, condition.gap, heights, condition.load, seed))
         if lost is not None:
             return None
-        outcome = of_steps(steps)
+        rows = [merged(steps, height) for height in dict.fromkeys(step.height for step in steps)]
+        outcome = _worst([row for row in rows if row is not None])
         if aims.cost(outcome) > ceiling:
             return outcome  # a sine cannot make it better
-        tried = search_frequencies(setup.rig)
+        # The few frequencies where a loop that is fast enough has its peak.
+        rate = setup.rig.settings.timing.rate_Hz
+        tried = spaced(rate / 160.0, rate / 10.0, 11)
         measured = sweep(setup, condition.gap, condition.load, tried, seed)
         if measured is None:
             return None
@@ -206,30 +208,12 @@ class BearingLoop:
         ]
 
 
-def of_steps(steps: Sequence[StepResult]) -> Figures:
-    """Sum up the steps of a run; the peak sensitivity is left at 0."""
-    rows = [merged(steps, height) for height in dict.fromkeys(step.height for step in steps)]
-    return _worst([row for row in rows if row is not None])
-
-
 def _worst(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> Figures:
     """Return the worst of each figure, with a peak of the sensitivity."""
     names = set(rows[0]) & set(Figures().named())
     return Figures(
         peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names}
     )
-
-
-def search_frequencies(rig: BodyRig) -> FloatArray:
-    """Return the few frequencies of a search, Hz: where a loop that is fast enough has its peak."""
-    rate = rig.settings.timing.rate_Hz
-    return spaced(rate / 160.0, rate / 10.0, 11)
-
-
-def check_frequencies(rig: BodyRig) -> FloatArray:
-    """Return the frequencies of a check, Hz."""
-    rate = rig.settings.timing.rate_Hz
-    return spaced(rate / 500.0, rate / 8.0, 40)
 
 
 def peak_of(measured: Sensitivity) -> float:
@@ -244,13 +228,14 @@ def peak_of(measured: Sensitivity) -> float:
 
 
 def _sweep(setup: BearingSetup, condition: Condition) -> Sensitivity | None:
-    return sweep(setup, condition.gap, condition.load, check_frequencies(setup.rig), 0)
+    rate = setup.rig.settings.timing.rate_Hz
+    tried = spaced(rate / 500.0, rate / 8.0, 40)
+    return sweep(setup, condition.gap, condition.load, tried, 0)
 
 
 def _figures(cells: Sequence[StepCell], measured: Sensitivity | None) -> Figures:
     if measured is None or any(cell.lost or not cell.figures for cell in cells):
         return Figures.lost()
-
     means = [{name: one.mean for name, one in cell.figures.items()} for cell in cells]
     return _worst(means, peak_of(measured))
 
@@ -331,48 +316,30 @@ def _would_help(loop: BearingLoop, aims: Aims, seed: int, jobs: int | None) -> l
     """Tune linear loops again with one thing eased at a time."""
     screen = make_screen(loop.setup, loop.conditions)
     loops = screen.loops
+    overshoot = 2.0 * (aims.overshoot_percent or 0.0)
+    looser = aims.tightened({"overshoot_percent": 2.0})
+    sooner = [
+        replace(one, chain=replace(one.chain, delay_ticks=0.5 * one.chain.delay_ticks))
+        for one in loops
+    ]
     eased: dict[str, tuple[str, Screen, Aims]] = {
-        "": ("", screen, aims),
-        "peak_sensitivity": (
-            f"a peak sensitivity of {1.5 * aims.peak_sensitivity:g}",
-            screen,
-            aims.tightened({"peak_sensitivity": 1.5}),
-        ),
-        "overshoot_percent": (
-            f"an overshoot of {2.0 * (aims.overshoot_percent or 0.0):g} %",
-            screen,
-            aims.tightened({"overshoot_percent": 2.0}),
-        ),
+        "overshoot_percent": (f"an overshoot of {overshoot:g} %", screen, looser),
         "force": ("half as much force again for the largest step", screen.stronger(1.5), aims),
-        "delay": (
-            "half the delay from sample to current",
-            screen.around(
-                [
-                    replace(one, chain=replace(one.chain, delay_ticks=0.5 * one.chain.delay_ticks))
-                    for one in loops
-                ]
-            ),
-            aims,
-        ),
+        "delay": ("half the delay from sample to current", screen.around(sooner), aims),
         "pinning": ("an iron without pinning", screen.of(range(0, len(loops), 2)), aims),
     }
-    if isinstance(loops[0].amplifier, CurrentLoop):
-        quick = [
-            CurrentLoop(gain=2.0 * amplifier.gain, reset=2.0 * amplifier.reset)
-            for amplifier in (one.amplifier for one in loops)
-            if isinstance(amplifier, CurrentLoop)
-        ]
-        eased["amplifier"] = (
-            "an amplifier of twice the bandwidth",
-            screen.around(
-                [replace(one, amplifier=two) for one, two in zip(loops, quick, strict=True)]
-            ),
-            aims,
-        )
-    text = "with {0} linear loops would settle in {1:.2g} instead of {2:.2g} ms"
-    return what_helps(
-        partial(loop.least_settling, seed),
-        eased,
-        jobs,
-        lambda what, one, base: text.format(what, 1e3 * one, 1e3 * base),
-    )
+    quick = [
+        replace(one, amplifier=CurrentLoop(2.0 * one.amplifier.gain, 2.0 * one.amplifier.reset))
+        for one in loops
+        if isinstance(one.amplifier, CurrentLoop)
+    ]
+    if quick:
+        faster = screen.around(quick)
+        eased["amplifier"] = ("an amplifier of twice the bandwidth", faster, aims)
+
+    def text(what: str, cost: float, base: float) -> str:
+        would = f"{1e3 * cost:.2g} instead of {1e3 * base:.2g} ms"
+        return f"with {what} linear loops would settle in {would}"
+
+    work = partial(loop.least_settling, seed)
+    return what_helps(work, screen, aims, eased, jobs, text)

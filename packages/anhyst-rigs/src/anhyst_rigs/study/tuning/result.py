@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -139,13 +139,15 @@ def worth(tuning: Tuning) -> str:
             f"worth it or not remains open: {names} alone was tuned; --all-variants tunes the "
             "baselines for the same aims, and 'anhyst simulate' compares at the same gains"
         )
-    mine, other = _best(models), _best(baselines)
-    return f"{_judged(mine, other)}{_flux(tuning)}"
+    text = _judged(_ordered(models)[0], _ordered(baselines)[0])
+    if (flux := tuning.tuned.get("flux")) is not None:
+        text += f"; measured flux: {'misses the aims' if flux.misses else _value(flux)}"
+    return text
 
 
-def _best(ones: Sequence[Tuned]) -> Tuned:
-    """Return the one that settles first of those that meet the aims."""
-    return min(ones, key=lambda one: (bool(one.misses), one.figures.cost))
+def _ordered(ones: Iterable[Tuned]) -> list[Tuned]:
+    """Return the best that meets its aims first."""
+    return sorted(ones, key=lambda one: (bool(one.misses), one.figures.cost))
 
 
 def _judged(mine: Tuned, other: Tuned) -> str:
@@ -162,13 +164,6 @@ def _judged(mine: Tuned, other: Tuned) -> str:
         return f"worth it: {both}, {100.0 * (1.0 - found.ratio):.2g} % less"
     rest = "certainly less" if found.more else "the same within the noise"
     return f"not worth it here: {both}, {rest}; {pays}"
-
-
-def _flux(tuning: Tuning) -> str:
-    flux = tuning.tuned.get("flux")
-    if flux is None:
-        return ""
-    return f"; measured flux: {'misses the aims' if flux.misses else _value(flux)}"
 
 
 def _value(one: Tuned) -> str:
@@ -188,10 +183,12 @@ _NOTES = 3
 """Things that limit, of each kind, which a note or a line names; all stand in ``tuning.json``."""
 
 
-def verdict(tuned: Tuned) -> str:
-    """Say in a line which aims are missed, the best reached, and what limits."""
-    limits = tuned.aims.limits
-    texts = []
+def shortfall(tuning: Tuning) -> str | None:
+    """Say which aims the file's own variant misses, the best reached, and what limits; None if none."""
+    tuned = tuning.tuned.get(tuning.own)
+    if tuned is None or not tuned.misses:
+        return None
+    limits, texts = tuned.aims.limits, []
     for name in tuned.misses:
         text = text_of(name, getattr(tuned.figures, name))
         if name in limits:
@@ -202,12 +199,6 @@ def verdict(tuned: Tuned) -> str:
     return f"no gains of '{tuned.variant}' meet the aims, the best reach {', '.join(texts)}" + (
         f"; what limits: {because}" if because else ""
     )
-
-
-def shortfall(tuning: Tuning) -> str | None:
-    """Say why the aims are not met, in a line; None if they are, by the file's own variant."""
-    own = tuning.tuned.get(tuning.own)
-    return verdict(own) if own is not None and own.misses else None
 
 
 def file_note(tuned: Tuned, tuning: Tuning) -> str:
@@ -253,8 +244,7 @@ def write_results(tuning: Tuning, folder: Path) -> None:
 
 def rows(tuning: Tuning) -> list[list[str]]:
     """Return the table of all variants, the best that meets its aims first."""
-    ordered = sorted(tuning.tuned.values(), key=lambda each: (bool(each.misses), each.figures.cost))
-    return [_row(one) for one in ordered]
+    return [_row(one) for one in _ordered(tuning.tuned.values())]
 
 
 def _row(tuned: Tuned) -> list[str]:

@@ -21,7 +21,6 @@ from anhyst.support.errors import NegativeResult
 from anhyst.support.jobs import Progress, all_of
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bearing.loop import BearingSetup
-from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import changed
 from anhyst_rigs.study.bearing.linear import LinearLoop
 from anhyst_rigs.study.bearing.operating import find_operating_point, linear_loop
@@ -31,7 +30,6 @@ from anhyst_rigs.study.tuning.trial import (
     Check,
     Condition,
     GainOutcome,
-    GainTrial,
     Tunable,
     run_trial,
 )
@@ -148,7 +146,11 @@ class Screen:
             into = (matrix @ into[..., None])[..., 0] + into
             matrix = matrix @ matrix
         c = np.concatenate([loop.plant[2], np.zeros(3)])
-        asks, jump = _demand(loop, per_tick)
+        p, _, d, e, _, _, s, t, weight = per_tick.T[:9]
+        own = np.stack([d * s + e * s * t, e * t, np.ones(p.size)], axis=1)
+        feedback = (-p - d * s - e * s * t)[:, None] * loop.plant[2]
+        asks = np.concatenate([feedback, own], axis=1)  # the controller, of each state
+        jump = weight * p  # and at once, N/m
         count = round(self.horizon * self._rate / _LOOK_EVERY)
         state = np.zeros_like(into)
         seen = np.empty((count, into.shape[0]))
@@ -164,15 +166,6 @@ class Screen:
         last = count - 1 - np.argmax(outside[::-1], axis=0)
         time = np.where(outside.any(axis=0), (last + 1) * _LOOK_EVERY / self._rate, 0.0)
         return overshoot, np.where(outside[-1], np.inf, time), force / self._reserves[at]
-
-
-def _demand(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what the controller asks for: for each state, shape (n, m), and at once, N/m."""
-    p, _, d, e, _, _, s, t, weight = per_tick.T[:9]
-    feedback = -p - d * s - e * s * t
-    own = np.stack([d * s + e * s * t, e * t, np.ones(p.size)], axis=1)
-    asks: FloatArray = np.concatenate([feedback[:, None] * loop.plant[2], own], axis=1)
-    return asks, np.asarray(weight * p)
 
 
 def closed_loop(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -197,17 +190,11 @@ def closed_loop(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, Flo
     return matrix, into
 
 
-def spread_over(size: int, seed: int) -> FloatArray:
-    """Return :data:`SPREAD` points spread evenly over the unit box."""
-    from scipy.stats import qmc  # slow to load, and used here alone
-
-    points: FloatArray = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SPREAD)
-    return points
-
-
 def refine(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> FloatArray:
     """Return the point of a box that costs least, beginning at the best of many points."""
-    points = spread_over(size, seed)
+    from scipy.stats import qmc  # slow to load, and used here alone
+
+    points = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SPREAD)
     cost = costs(points)
     best: FloatArray = points[int(np.argmin(cost))]
     least = float(np.min(cost))
@@ -241,15 +228,8 @@ def least_cost(space: Box, seed: int, eased: tuple[LinearLoops, Aims]) -> float:
 
 HORIZON_S = 0.03
 """How long linear steps are looked at, s."""
-
-
 FIRMNESS = (0.3, 0.5, 0.75)
 """Of softened loops: how much small steps feel of the pinning is not known beforehand."""
-
-
-def at_condition(rig: BodyRig, condition: Condition) -> BodyRig:
-    """Return the rig with its operating point there."""
-    return changed(rig, {"gap_m": condition.gap, "load.force_N": condition.load})
 
 
 def make_screen(
@@ -265,7 +245,7 @@ def make_screen(
     loops: list[LinearLoop] = []
     reserves: list[float] = []
     for condition in conditions:
-        rig = at_condition(setup.rig, condition)
+        rig = changed(setup.rig, {"gap_m": condition.gap, "load.force_N": condition.load})
         at = find_operating_point(rig)
         own = linear_loop(replace(setup, rig=rig), at)
         share = min(max(at.slopes.share, 0.0), 1.0)
@@ -344,7 +324,7 @@ class GainSearch:
 
     def run(self) -> FoundGains:
         """Search."""
-        before = run_trial(GainTrial(self._brief, self.loop.conditions, self.aims, seed=self.seed))
+        before = run_trial(self._brief, self.loop.conditions, self.aims, seed=self.seed)
         checked: list[tuple[float, TriedGains, Check]] = []
         interrupted = False
         try:
@@ -421,7 +401,9 @@ class GainSearch:
 
     def _generations(self, path: _Path, aims: Aims, count: int) -> None:
         for _ in range(count):
-            order = _hardest_first(self._best(aims)[0].outcome, self.loop.conditions, aims)
+            # Hardest first, so that gains which are no good are given up early.
+            best = self._best(aims)[0].outcome.figures
+            order = sorted(self.loop.conditions, key=lambda each: -aims.cost(best[each]))
             points = path.strategy.ask()
             costs = np.array([one.cost for one in self._try(points, order, aims, path.ceiling)])
             path.strategy.tell(costs)
@@ -439,12 +421,10 @@ class GainSearch:
     def _try(
         self, points: FloatArray, order: Sequence[Any], aims: Aims, ceiling: float
     ) -> list[GainOutcome]:
-        trials = [
-            GainTrial(self._brief.at(point), tuple(order), aims, ceiling, self.seed)
-            for point in points
-        ]
-        outcomes = all_of(run_trial, trials, lambda *_: self._report(1.0), self.jobs)
-        self._tried += len(trials)
+        loops = [self._brief.at(point) for point in points]
+        work = partial(run_trial, conditions=order, aims=aims, ceiling=ceiling, seed=self.seed)
+        outcomes = all_of(work, loops, lambda *_: self._report(1.0), self.jobs)
+        self._tried += len(loops)
         self._candidates += [
             TriedGains(point, outcome)
             for point, outcome in zip(points, outcomes, strict=True)
@@ -469,10 +449,3 @@ class _Path:
     strategy: Strategy
     ceiling: float = math.inf
     least: float = math.inf
-
-
-def _hardest_first(outcome: GainOutcome, conditions: Sequence[Any], aims: Aims) -> list[Any]:
-    """Order conditions so that gains which are no good are given up early."""
-    return sorted(
-        conditions, key=lambda each: -aims.cost(outcome.figures[each]) if outcome.complete else 0.0
-    )

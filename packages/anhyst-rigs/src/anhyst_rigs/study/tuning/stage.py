@@ -269,6 +269,7 @@ class StageLoop:
         unseen, widths = _means(judged[:count]) if whole else (StageFigures.lost(), {})
         others = [one or StageFigures.lost() for one in judged[count : count + 2]]
         figures = dict(zip((UNSEEN, GENTLE, STILL), (unseen, *others), strict=True))
+        plants, note = _of_plants(drawn)
         return Check(
             figures=figures,
             peaks=dict.fromkeys(figures, self.margin()[1]),
@@ -281,9 +282,9 @@ class StageLoop:
                     "jerk_s": feedforward.jerk,
                     "snap_s2": feedforward.snap,
                 },
-                "plants": _of_plants(drawn),
+                "plants": plants,
             },
-            notes=_plants_note(drawn),
+            notes=(note,),
         )
 
     def _checked(
@@ -319,33 +320,19 @@ class StageLoop:
     def _would_help(self, aims: Aims, seed: int, jobs: int | None) -> list[Limit]:
         """Tune linear loops again with one thing eased at a time."""
         loop = self.linear
-        peak = 1.5 * aims.peak_sensitivity
+        sooner = replace(loop, late=0.5 * (loop.late + 0.5 / loop.rate))
+        faster = replace(loop, bandwidth=2.0 * loop.bandwidth)
         eased = {
-            "": ("", loop, aims),
-            "peak_sensitivity": (
-                f"a peak sensitivity of {peak:g}",
-                loop,
-                aims.tightened({"peak_sensitivity": 1.5}),
-            ),
-            "delay": (
-                "half the delay from sample to current",
-                replace(loop, late=0.5 * (loop.late + 0.5 / loop.rate)),
-                aims,
-            ),
-            "amplifier": (
-                "an amplifier of twice the bandwidth",
-                replace(loop, bandwidth=2.0 * loop.bandwidth),
-                aims,
-            ),
+            "delay": ("half the delay from sample to current", sooner, aims),
+            "amplifier": ("an amplifier of twice the bandwidth", faster, aims),
         }
-        return what_helps(
-            partial(least_cost, self.space, seed),
-            eased,
-            jobs,
-            lambda what, one, base: (
-                f"with {what} linear loops would leave {100.0 * one / base:.0f} % of the moving average"
-            ),
-        )
+
+        def text(what: str, cost: float, base: float) -> str:
+            left = 100.0 * cost / base
+            return f"with {what} linear loops would leave {left:.0f} % of the moving average"
+
+        work = partial(least_cost, self.space, seed)
+        return what_helps(work, loop, aims, eased, jobs, text)
 
     def gains(self) -> dict[str, float]:
         """Return the gains as files hold them."""
@@ -388,22 +375,16 @@ def _means(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, dict[str,
     return StageFigures(**means), widths
 
 
-def _of_plants(drawn: Sequence[StageFigures | None]) -> dict[str, Any]:
-    """Return what drawn plants did, for tuning.json."""
-    held = [one for one in drawn if one is not None]
-    return {
-        "drawn": len(drawn),
-        "lost": len(drawn) - len(held),
-        "average_m": [one.average_m for one in held],
-        "error_peak_m": [one.error_peak_m for one in held],
-    }
-
-
-def _plants_note(drawn: Sequence[StageFigures | None]) -> tuple[str, ...]:
-    held = [1e9 * one.average_m for one in drawn if one is not None]
-    if len(held) < len(drawn):
-        return (f"{len(drawn) - len(held)} of {len(drawn)} drawn plants were lost",)
-    return (
-        f"{len(drawn)} plants drawn as [spread] says: moving average {np.median(held):.3g} nm in "
-        f"the middle, {max(held):.3g} nm at most",
+def _of_plants(drawn: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:
+    """Return what drawn plants did, for tuning.json and in a sentence."""
+    count, held = len(drawn), [one for one in drawn if one is not None]
+    lost, averages = count - len(held), [one.average_m for one in held]
+    peaks = [one.error_peak_m for one in held]
+    plants = {"drawn": count, "lost": lost, "average_m": averages, "error_peak_m": peaks}
+    if lost:
+        return plants, f"{lost} of {count} drawn plants were lost"
+    shown = [1e9 * one for one in averages]
+    return plants, (
+        f"{count} plants drawn as [spread] says: moving average {np.median(shown):.3g} nm in "
+        f"the middle, {max(shown):.3g} nm at most"
     )

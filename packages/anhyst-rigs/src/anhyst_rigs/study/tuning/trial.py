@@ -1,6 +1,4 @@
-"""What is tuned, and one set of gains of it in the nonlinear loop.
-
-What is searched: a box of numbers; of a bearing, seven, and the controller that a point stands for.
+"""What is tuned, the box of numbers that is searched, and one set of gains in the nonlinear loop.
 
 With the mass m that moves, the poles of the design rule lie at the distance w from the origin; here
 the real one may lie elsewhere, at a w, so that every set of gains can be reached::
@@ -18,7 +16,6 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
-from anhyst.control.pidd2 import Pidd2
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import all_of
 from anhyst.support.kinds import MethodName
@@ -107,8 +104,7 @@ class GainSpace(Box):
 
     def per_tick(self, points: FloatArray, like: ControllerTable) -> FloatArray:
         """Return the gains per tick of many points, as :attr:`Pidd2.per_tick`, shape (n, 11)."""
-        found: list[Pidd2] = [self.controller(point, like).pidd2() for point in points]
-        return np.array([one.per_tick for one in found])
+        return np.array([self.controller(point, like).pidd2().per_tick for point in points])
 
 
 def rounded(value: float) -> float:
@@ -242,34 +238,29 @@ Loop = TypeVar("Loop")
 
 def what_helps(
     work: Callable[[tuple[Loop, Aims]], float],
+    loop: Loop,
+    aims: Aims,
     eased: Mapping[str, tuple[str, Loop, Aims]],
     jobs: int | None,
     text: Callable[[str, float, float], str],
 ) -> list[Limit]:
     """Report what lowers the cost of the best gains when it is eased, the most first.
 
-    The key ``""`` is that of nothing eased; a text is made of what is eased, and the costs with and
-    without.
+    One more that is eased is the peak of the sensitivity, by half. A text is made of what is eased,
+    and the costs with and without.
     """
-    tasks = [(loop, aims) for _, loop, aims in eased.values()]
-    costs = dict(zip(eased, all_of(work, tasks, jobs=jobs), strict=True))
-    base = costs.pop("")
+    peak, easier = 1.5 * aims.peak_sensitivity, aims.tightened({"peak_sensitivity": 1.5})
+    eased = {"peak_sensitivity": (f"a peak sensitivity of {peak:g}", loop, easier), **eased}
+    tasks = [(loop, aims), *((one, its_aims) for _, one, its_aims in eased.values())]
+    base, *costs = all_of(work, tasks, jobs=jobs)
     if not math.isfinite(base):
         return []
-    helps = sorted((one, what) for what, one in costs.items() if one < (1.0 - _WORTH) * base)
-    return [Limit(what, text(eased[what][0], one, base)) for one, what in helps]
-
-
-@dataclass(frozen=True)
-class GainTrial:
-    """Gains to be tried."""
-
-    loop: Tunable  # with these gains
-    conditions: tuple[Any, ...]  # of the loop, tried one after the other
-    aims: Aims
-    # cost from which on gains are given up: the rest of the conditions is not tried
-    ceiling: float = math.inf
-    seed: int = 0  # of the noise
+    helps = sorted(
+        (cost, what)
+        for what, cost in zip(eased, costs, strict=True)
+        if cost < (1.0 - _WORTH) * base
+    )
+    return [Limit(what, text(eased[what][0], cost, base)) for cost, what in helps]
 
 
 @dataclass(frozen=True)
@@ -287,23 +278,25 @@ class GainOutcome:
         return worst_of(self.figures.values())
 
 
-def run_trial(trial: GainTrial) -> GainOutcome:
-    """Try gains at every condition, until they are known to be no better than others.
+def run_trial(
+    loop: Tunable, conditions: Sequence[Any], aims: Aims, ceiling: float = math.inf, seed: int = 0
+) -> GainOutcome:
+    """Try the gains of a loop at one condition after the other, until they cost more than a ceiling.
 
     An iron that pins, noise and limits are in it; only the noise seed is one.
     """
     figures: dict[Any, GainFigures] = {}
     cost = 0.0
     try:
-        trial.loop.make()
+        loop.make()
     except InputError:  # gains that fixed point cannot hold
-        return GainOutcome(LOST + len(trial.conditions), figures, complete=False)
-    for index, condition in enumerate(trial.conditions):
-        result = trial.loop.figures(condition, trial.aims, trial.ceiling, trial.seed)
+        return GainOutcome(LOST + len(conditions), figures, complete=False)
+    for index, condition in enumerate(conditions):
+        result = loop.figures(condition, aims, ceiling, seed)
         if result is None:
-            return GainOutcome(LOST + len(trial.conditions) - index, figures, complete=False)
+            return GainOutcome(LOST + len(conditions) - index, figures, complete=False)
         figures[condition] = result
-        cost = trial.aims.cost(worst_of(figures.values()))
-        if cost > trial.ceiling and index + 1 < len(trial.conditions):
+        cost = aims.cost(worst_of(figures.values()))
+        if cost > ceiling and index + 1 < len(conditions):
             return GainOutcome(cost, figures, complete=False)
     return GainOutcome(cost, figures, complete=True)

@@ -6,16 +6,16 @@ import math
 import os
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
+from anhyst.control.controller_file import ControllerFile, write_controller
 from anhyst.support.atomic import PathLike, check_writable, seen_from
 from anhyst.support.errors import InputError, Interrupted
-from anhyst.support.jobs import Progress, all_of
+from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.kinds import PROBED, MethodName, capability
 from anhyst.support.toml_file import take_rig
 from anhyst.support.toml_text import Path as KeyPath
@@ -88,7 +88,8 @@ def tune(
     aims = subject.completed(aims)
     names = subject.names() if all_variants else (subject.own,)
     places = subject.places(out, names, tunes.files(rig, controller))
-    tuned, interrupted = _Task(aims, budget, seed, jobs).run(subject.loops(names, jobs), progress)
+    search = partial(GainSearch, aims=aims, budget=budget, seed=seed, jobs=jobs)
+    tuned, interrupted = _tune_all(search, subject.loops(names, jobs), progress)
     out.mkdir(parents=True, exist_ok=True)
     result = Tuning(
         rig=subject.rig,
@@ -197,9 +198,12 @@ class BearingSubject(TuningSubject):
     def write(self, tuned: Tuned, path: Path, note: str) -> None:
         """Write the controller file with the gains that were found."""
         assert isinstance(tuned.found.loop, BearingLoop)
-        settings = _portable(tuned.found.loop.setup.controller, self.controller, path.parent)
-        named = settings.model_copy(update={"name": f"tuned, {tuned.variant}"})
-        write_controller(path, named, note)
+        settings = tuned.found.loop.setup.controller
+        changes: dict[str, Any] = {"name": f"tuned, {tuned.variant}"}
+        if self.controller.model is not None:
+            model = seen_from(path.parent, self.controller.model)
+            changes["compensation"] = settings.compensation.model_copy(update={"model": model})
+        write_controller(path, settings.model_copy(update=changes), note)
 
 
 class StageSubject(TuningSubject):
@@ -259,61 +263,29 @@ class PiezoSubject(TuningSubject):
         return {name: PiezoLoop(self.rig, name, inverses[METHODS[name]]) for name in names}
 
 
-@dataclass(frozen=True)
-class _Task:
-    """What is the same for every variant."""
-
-    aims: Aims
-    budget: int
-    seed: int
-    jobs: int | None
-
-    def run(
-        self, loops: Mapping[MethodName, Tunable], progress: Progress | None
-    ) -> tuple[dict[MethodName, Tuned], bool]:
-        """Tune one after the other; ctrl-C ends it and keeps what there is."""
-        tuned: dict[MethodName, Tuned] = {}
-        for index, (name, loop) in enumerate(loops.items()):
-            part = _part(progress, index, len(loops))
-            search = GainSearch(loop, self.aims, self.budget, self.seed, part, self.jobs)
-            try:
-                gains = search.run()
-                reached = gains.check
-                limits = (
-                    gains.loop.limits(self.aims, reached, self.seed, self.jobs) if reached else []
-                )
-                if part is not None:
-                    part(1, 1)
-            except KeyboardInterrupt:
-                if not tuned:
-                    raise Interrupted("too early for any gains, nothing written") from None
-                return tuned, True
-            tuned[name] = Tuned(name, gains, tuple(limits), self.aims)
-            if gains.interrupted:
-                return tuned, True
-        return tuned, False
-
-
-def _portable(
-    settings: ControllerTable, controller: ControllerFile, folder: Path
-) -> ControllerTable:
-    """Return settings whose model is named as seen from another folder."""
-    if controller.model is None:
-        return settings
-    model = seen_from(folder, controller.model)
-    compensation = settings.compensation.model_copy(update={"model": model})
-    return settings.model_copy(update={"compensation": compensation})
-
-
-def _part(progress: Progress | None, index: int, count: int) -> Progress | None:
-    """Return the progress of one variant as a part of the whole."""
-    if progress is None:
-        return None
-
-    def update(done: float, total: float) -> None:
-        progress(index + done / total, count)
-
-    return update
+def _tune_all(
+    search: Callable[..., GainSearch],
+    loops: Mapping[MethodName, Tunable],
+    progress: Progress | None,
+) -> tuple[dict[MethodName, Tuned], bool]:
+    """Tune one after the other; ctrl-C ends it and keeps what there is."""
+    tuned: dict[MethodName, Tuned] = {}
+    parts = in_parts(progress, [1.0] * len(loops))
+    for (name, loop), part in zip(loops.items(), parts, strict=True):
+        one = search(loop, progress=part)
+        try:
+            gains = one.run()
+            reached = gains.check
+            limits = gains.loop.limits(one.aims, reached, one.seed, one.jobs) if reached else []
+            part(1, 1)
+        except KeyboardInterrupt:
+            if not tuned:
+                raise Interrupted("too early for any gains, nothing written") from None
+            return tuned, True
+        tuned[name] = Tuned(name, gains, tuple(limits), one.aims)
+        if gains.interrupted:
+            return tuned, True
+    return tuned, False
 
 
 def _processor_time() -> float:
