@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.holding import SECONDS, Held, hold
-from anhyst.compensate.measure import BudgetPart, PathRun, Trial
+from anhyst.compensate.measure import BudgetPart, PathRun, CompensatorTrial
 from anhyst.compensate.plan import Plan
 from anhyst.model.actuator import Model
 from anhyst.support.errors import NegativeResult
@@ -46,7 +46,7 @@ class Budget:
 def measure_budget(plan: Plan) -> Budget:
     """Measure what a plan costs."""
     fit = _model_fit(plan)
-    trial = Trial(plan.builder, plan.sizes, plan.block, plan.still)
+    trial = CompensatorTrial(plan.builder, plan.sizes, plan.block, plan.still)
     compiled = trial.compiled()
     parts = (fit, *trial.parts(plan.largest))
     known = [part for part in parts if part.name in {"model_fit", "sample_rate", "rate"}]

@@ -11,7 +11,7 @@ from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, Tab
 from anhyst.compensate.cells import cell_law
 from anhyst.compensate.force_controller import Io
 from anhyst.compensate.full import full_law
-from anhyst.compensate.packing import Frame
+from anhyst.compensate.packing import BlockFrame
 from anhyst.compensate.paths import Reach, find_reach
 from anhyst.compensate.simplified import ClosedForm, fit_closed_form, simplified_law
 from anhyst.model.actuator import Model
@@ -118,7 +118,7 @@ def build_block(
     `law` is the outcome of `fit_closed_form`, which the simplified kinds need: ``"simplified"``, and
     ``"euler"``, the paper's Euler form of the same five numbers, with ``sizes.substeps``.
     """
-    frame = Frame(model, scales, limits, sizes or TableSizes(), conditioning or Conditioning())
+    frame = BlockFrame(model, scales, limits, sizes or TableSizes(), conditioning or Conditioning())
     if kind == "full":
         tables = full_law(frame)
     elif kind == "cells":

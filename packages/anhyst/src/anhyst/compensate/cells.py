@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from anhyst.compensate.block import DemandLimits, TableSizes
 from anhyst.compensate.circuit import WEIGHT, Arms, cell_weights
-from anhyst.compensate.packing import Frame, LawTables, Packer
+from anhyst.compensate.packing import BlockFrame, LawTables, Packer
 from anhyst.laws.cells import CellWeights, curve_value
 from anhyst.model.dynamics import Layers
 from anhyst.support.errors import InputError
@@ -167,7 +167,7 @@ def cell_rows(
     return CellRows(reach, few.thresholds[1:], grid, grids[grid][0])
 
 
-def cell_law(frame: Frame, *, still: bool) -> LawTables:
+def cell_law(frame: BlockFrame, *, still: bool) -> LawTables:
     """Return the tables of a model of cells; a field of 1 is the largest.
 
     `still` leaves out what answers late, but for the reach of layers.
@@ -179,7 +179,7 @@ def cell_law(frame: Frame, *, still: bool) -> LawTables:
     return LawTables(law_arms, partial(_pack, frame, rows, None if still else model.layers))
 
 
-def _pack(frame: Frame, rows: CellRows, layers: Layers | None, pack: Packer) -> None:
+def _pack(frame: BlockFrame, rows: CellRows, layers: Layers | None, pack: Packer) -> None:
     reach = rows.reach
     pack.set_single("UNIT_FIELD", reach)
     pack.table("CELLS_THRESHOLDS", rows.thresholds / reach, 32768.0, least=1)

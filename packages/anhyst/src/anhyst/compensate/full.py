@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from anhyst._core import langevin
 from anhyst.compensate.block import DemandLimits, TableSizes
 from anhyst.compensate.circuit import Arms, iron_of
-from anhyst.compensate.packing import Frame, LawTables, Packer
+from anhyst.compensate.packing import BlockFrame, LawTables, Packer
 from anhyst.laws.jiles_atherton import ascending_branch
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -106,7 +106,7 @@ class FullTables:
     inverse: FloatArray  # field over the anhysteretic from 0 to 1; shape (2**m + 1,)
 
 
-def full_law(frame: Frame) -> LawTables:
+def full_law(frame: BlockFrame) -> LawTables:
     """Return the tables of a model of the full law; a field of 1 is the largest."""
     law = normal(iron_of(frame.model), frame.arms)
     tables = full_tables(law, frame.limits, frame.sizes)

@@ -194,7 +194,7 @@ class BudgetPart:
 
 
 @dataclass(frozen=True)
-class Trial:
+class CompensatorTrial:
     """A compensator on trial: what its parts are measured on is built once."""
 
     builder: Builder

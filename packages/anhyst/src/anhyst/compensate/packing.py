@@ -215,7 +215,7 @@ class LawTables:
 
 
 @dataclass(frozen=True)
-class Frame:
+class BlockFrame:
     """What a block has whatever its law: limits, start-up, and the tables over the gap."""
 
     model: Model

@@ -22,7 +22,7 @@ from scipy.special import lambertw
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import DemandLimits, TableSizes
 from anhyst.compensate.circuit import flux_unit
-from anhyst.compensate.packing import Frame, LawTables, Packer
+from anhyst.compensate.packing import BlockFrame, LawTables, Packer
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
@@ -351,7 +351,7 @@ def _search(groups: list[list[_Task]], sizes: TableSizes) -> tuple[float, float]
     return float(np.exp(end.x[0])), float(1.0 / (1.0 + np.exp(-end.x[1])))
 
 
-def simplified_law(frame: Frame, law: ClosedForm) -> LawTables:
+def simplified_law(frame: BlockFrame, law: ClosedForm) -> LawTables:
     """Return the closed form over the gap; the place of the field takes the bounded state."""
     offset = None if law.offset is None else np.interp(frame.at, law.at, law.offset)
     return LawTables(law.over(frame.at), partial(_pack, law, frame.sizes), offset)
