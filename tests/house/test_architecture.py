@@ -1,4 +1,4 @@
-"""What holds the parts together: who may import whom, and no file that grew too long."""
+"""What holds the parts together: imports, lengths of files, and the page that shows a newcomer around."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.repository import ROOT
+from tools import house
 
 
 def test_imports_go_one_way() -> None:
@@ -94,3 +95,92 @@ def _without_comments(path: Path) -> str:
     lines = path.read_text(encoding="utf-8").splitlines()
     text = "\n".join(line for line in lines if not line.lstrip().startswith("//"))
     return re.sub(r"\s// .*|\$\{scheme\}://\$\{location\.host\}", "", text)
+
+
+PAGE = house.PAGE.read_text(encoding="utf-8")
+_QUOTED = re.compile(r"`([^`\n]+)`")
+
+
+def _sources(name: str) -> list[Path]:
+    """Return the files that a name of the page stands for; `{a,b}` is one of several, `*` is any."""
+    before, brace, rest = name.partition("{")
+    if brace:
+        choices, _, after = rest.partition("}")
+        each = [_sources(f"{before}{choice}{after}") for choice in choices.split(",")]
+        return [path for paths in each for path in paths] if all(each) else []
+    return [*ROOT.glob(name), *ROOT.glob(f"packages/*/src/{name}")]
+
+
+def _rows(heading: str) -> list[list[str]]:
+    """Return the cells of the rows of all tables of a section, without the heads."""
+    section = PAGE.split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    tables = re.findall(r"^\| --- .*\n((?:\|.*\n?)+)", section, re.M)
+    lines = [line for table in tables for line in table.splitlines()]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def _is_defined(symbol: str, path: Path) -> bool:
+    """Whether a file defines a symbol; in a file that is not Python, whether it contains it."""
+    text, name = path.read_text(encoding="utf-8"), re.escape(symbol)
+    if path.suffix == ".py":
+        return bool(re.search(rf"^((def|class) {name}\b|{name}(: .*)? = )", text, re.M))
+    return bool(re.search(rf"\b{name}\b", text))
+
+
+def _missing_in(cell: str) -> list[str]:
+    """Return the files of a cell that do not exist, and the symbols that the file before lacks."""
+    missing, path = [], None
+    for name in _QUOTED.findall(cell):
+        if " " in name:  # a command
+            continue
+        if "/" in name:
+            path = next(iter(_sources(name)), None)
+            missing += [] if path else [name]
+        elif path and path.is_file() and not _is_defined(name, path):
+            missing.append(f"{path.relative_to(ROOT)}: {name}")
+    return missing
+
+
+TASKS = _rows("Where do I ...?")
+
+
+@pytest.mark.parametrize("row", TASKS, ids=[row[0] for row in TASKS])
+def test_each_task_of_the_page_names_files_and_symbols_that_exist(row: list[str]) -> None:
+    _, change, test = row
+    assert _missing_in(change) == []
+    assert _missing_in(test) == []
+
+
+def test_a_file_or_symbol_that_does_not_exist_is_found() -> None:
+    cell = "`anhyst/laws/law.py` `Law`, `NoLaw`; `core/src/no.c`, `make x`, `core/{core,no}.cmake`"
+    assert _missing_in(cell) == [
+        "packages/anhyst/src/anhyst/laws/law.py: NoLaw",
+        "core/src/no.c",
+        "core/{core,no}.cmake",
+    ]
+
+
+def test_every_room_of_the_page_begins_with_a_file_that_exists() -> None:
+    rows = _rows("Rooms")
+    assert len(rows) > 15
+    names = [
+        f"*/{_QUOTED.findall(room)[0]}/{one}"
+        for room, _, files in rows
+        for one in _QUOTED.findall(files)
+    ]
+    assert [name for name in names if not _sources(name)] == []
+
+
+def test_every_path_of_the_page_exists() -> None:
+    rooms = PAGE.split("\n## Rooms\n")[1].split("\n## ")[0]
+    named = [name for name in _QUOTED.findall(PAGE.replace(rooms, "")) if "/" in name]
+    paths = [name for name in named if " " not in name]
+    assert len(paths) > 80
+    assert [name for name in paths if not _sources(name)] == []
+
+
+def test_the_page_stays_short() -> None:
+    text = house.TABLE.sub("", PAGE)
+    assert len(text.splitlines()) <= 200
+    assert len(text.split()) <= house.BUDGETS["architecture"]
+    assert len(TASKS) >= 15
