@@ -11,14 +11,22 @@ import pytest
 from tests.repository import ROOT
 from tools.docs.c_reference import c_reference
 from tools.docs.command_line import command_line
-from tools.docs.pages import CHAPTERS
+from tools.docs.pages import CHAPTERS, without_outside_links
 
 SCRIPTS = sorted((ROOT / "examples" / "gallery").glob("plot_*.py"))
 
 
 def test_every_page_has_its_place_on_the_site() -> None:
     pages = [page for chapter in CHAPTERS.values() for page in chapter]
-    assert sorted(pages) == sorted(path.stem for path in (ROOT / "docs").glob("*.md"))
+    hand_written = [path.stem for path in (ROOT / "docs").glob("*.md")]
+    assert sorted(pages) == sorted([*hand_written, "decisions/index"])
+
+
+def test_a_link_out_of_the_docs_becomes_a_name() -> None:
+    text = "[a](../core/x.h) [b](theory.md#c)"
+    assert without_outside_links(text, 0) == "a (`core/x.h`) [b](theory.md#c)"
+    text = "[a](../../core/x.h) [b](../theory.md#c)"
+    assert without_outside_links(text, 1) == "a (`core/x.h`) [b](../theory.md#c)"
 
 
 def test_what_users_expect_is_shown_by_tests_that_exist() -> None:

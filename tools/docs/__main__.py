@@ -1,12 +1,12 @@
 """Build the documentation site into build/site: ``make docs``.
 
-The pages of docs/ are taken as they are, but that links to files beside docs/ become their names;
-the reference is generated, and every script of examples/gallery is run. Warnings are errors.
+The pages of docs/ are copied. Links to files outside docs/ become the names of these files, and the
+page of the decisions gets the navigation to its notes. The reference is generated, and every script
+of examples/gallery is run. Warnings are errors.
 """
 
 from __future__ import annotations
 
-import re
 import shutil
 import subprocess
 import sys
@@ -17,11 +17,10 @@ sys.path.insert(0, str(ROOT))
 
 from tools.docs.c_reference import c_reference  # noqa: E402
 from tools.docs.command_line import command_line  # noqa: E402
-from tools.docs.pages import chapters, index  # noqa: E402
+from tools.docs.pages import chapters, decisions, index, without_outside_links  # noqa: E402
 from tools.docs.python_names import python_names  # noqa: E402
 
 SOURCE, SITE = ROOT / "build" / "site-source", ROOT / "build" / "site"
-_OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)#]+)[^)]*\)")
 
 
 def assemble(place: Path) -> None:
@@ -30,9 +29,13 @@ def assemble(place: Path) -> None:
     (place / "reference").mkdir(parents=True)
     shutil.copytree(ROOT / "docs" / "img", place / "img")
     shutil.copytree(ROOT / "examples" / "gallery", place / "gallery_scripts")
-    for page in (ROOT / "docs").glob("*.md"):
-        text = page.read_text(encoding="utf-8")
-        (place / page.name).write_text(_OUTSIDE.sub(r"\1 (`\2`)", text), encoding="utf-8")
+    (place / "decisions").mkdir()
+    for page in (ROOT / "docs").rglob("*.md"):
+        name = page.relative_to(ROOT / "docs")
+        text = without_outside_links(page.read_text(encoding="utf-8"), len(name.parts) - 1)
+        (place / name).write_text(text, encoding="utf-8")
+    with (place / "decisions" / "index.md").open("a", encoding="utf-8") as notes:
+        notes.write(decisions(ROOT / "docs" / "decisions"))
     pages = {
         "index": index(),
         **chapters(),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 CHAPTERS: dict[str, tuple[str, ...]] = {
     "Start": (
         "install",
@@ -42,7 +45,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
     ),
     "While it runs": ("live", "bench", "excite", "firmware", "link", "boards", "xcp"),
     "Results": ("results-models", "results-controller", "results-bearing", "results-tracking"),
-    "Background": ("theory", "reproducibility", "faq", "contributing"),
+    "Background": ("theory", "reproducibility", "faq", "contributing", "decisions/index"),
 }
 """Hand-written pages of docs/, by chapter; the gallery and the reference follow."""
 
@@ -69,6 +72,21 @@ def chapters() -> dict[str, str]:
     found = {slug(title): f"# {title}\n\n{_tree(pages)}" for title, pages in CHAPTERS.items()}
     pages = tuple(f"reference/{name}" for name in REFERENCE)
     return found | {"reference": f"# Reference\n\n{_tree(pages)}"}
+
+
+def without_outside_links(text: str, depth: int) -> str:
+    """Return a page whose links to files outside docs/ are replaced by the names of these files.
+
+    ``depth`` is the number of folders between docs/ and the page.
+    """
+    up = r"\.\./" * (depth + 1)
+    return re.sub(rf"\[([^\]]+)\]\({up}([^)#]+)[^)]*\)", r"\1 (`\2`)", text)
+
+
+def decisions(folder: Path) -> str:
+    """Return the navigation to the notes of a folder, in the order of their numbers."""
+    notes = sorted(note.stem for note in folder.glob("[0-9]*.md"))
+    return f"\n{_tree(tuple(notes)).replace(':maxdepth: 1', ':hidden:')}"
 
 
 def slug(title: str) -> str:
