@@ -230,16 +230,27 @@ class SearchBench:
             strategy.tell(criterion.of_many(held | variables.outward(strategy.ask())))
         return values | _numbers(variables.outward(strategy.best)), criterion.evaluations
 
-    def search(
-        self, gap: int, values: Values, names: Sequence[str], begin: Values | None = None
-    ) -> tuple[Values, int]:
-        """Search one gap in full: evolution, then simplex from its end or from a better beginning."""
+    def search(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
+        """Search one gap in full: evolution, then simplex from its end or from where it began.
+
+        A beginning without a value of every name is none.
+        """
         evolved, spent = self.evolve(gap, values, names)
-        beginnings = [evolved] if begin is None else [begin, evolved]
+        beginnings = [values, evolved] if set(names) <= values.keys() else [evolved]
         criterion = self._criterion(gap, _SAMPLES_SIMPLEX)
         best = min(beginnings, key=criterion.of_one)
         refined, more = self.refine(gap, best, names, self.effort.final)
         return refined, spent + more
+
+    def search_all(
+        self, stage: str, sets: Sequence[Values], names: Sequence[str]
+    ) -> tuple[list[Values], int]:
+        """Search every gap in full, each in a stage; return the sets and the evaluations."""
+        ends = [
+            self.run.stage(stage.format(gap), partial(self.search, gap, values, names))
+            for gap, values in enumerate(sets)
+        ]
+        return [values for values, _ in ends], sum(spent for _, spent in ends)
 
 
 def _numbers(arrays: Mapping[str, FloatArray]) -> Values:
@@ -249,25 +260,13 @@ def _numbers(arrays: Mapping[str, FloatArray]) -> Values:
 def search_each_gap(bench: SearchBench) -> Stand:
     """Find the paper's free model: an optimal set for every gap, offsets common to all."""
     names = bench.variables.names
-    alone = [
-        bench.run.stage(
-            f"gap {gap} from scratch", partial(bench.search, gap, dict(bench.known), names)
-        )
-        for gap in range(bench.gaps)
-    ]
-    sets, spent = [result[0] for result in alone], sum(result[1] for result in alone)
+    sets, spent = bench.search_all("gap {} from scratch", [bench.known] * bench.gaps, names)
     offsets = [name for name in names if name in OFFSETS]
     if offsets and bench.gaps > 1:
         means = {name: mean_over_gaps(name, [values[name] for values in sets]) for name in offsets}
         common = [values | means for values in sets]
-        again = [
-            bench.run.stage(
-                f"gap {gap} with common offsets",
-                partial(bench.search, gap, values, bench.searched, values),
-            )
-            for gap, values in enumerate(common)
-        ]
-        sets, spent = [result[0] for result in again], spent + sum(result[1] for result in again)
+        sets, more = bench.search_all("gap {} with common offsets", common, bench.searched)
+        spent += more
     return bench.stand(sets, bench.searched, spent)
 
 

@@ -103,9 +103,10 @@ def reductions(
         tried = {name: _tried(bench, stand, name) for name in stand.varying if name != last}
         costs = {name: trial.cost for name, trial in tried.items()}
         frozen, before = _cheapest(stand, costs), stand
-        stand = _kept(bench, tried[frozen])
         spent = before.evaluations + sum(trial.evaluations for trial in tried.values())
-        stand = replace(stand, evaluations=spent + stand.evaluations)
+        stage = _stage(tried[frozen].varying, "in full at gap {}")
+        sets, more = bench.search_all(stage, tried[frozen].sets, tried[frozen].varying)
+        stand = bench.stand(sets, tried[frozen].varying, spent + more)
         yield stand, ReductionStep(frozen, before.cost, stand.cost, costs)
 
 
@@ -123,19 +124,6 @@ def _tried(bench: SearchBench, stand: Stand, name: str) -> Stand:
         return asdict(bench.stand([result[0] for result in results], rest, spent))
 
     return Stand.from_plain(bench.run.stage(_stage(stand.varying, f"without {name}"), work))
-
-
-def _kept(bench: SearchBench, tried: Stand) -> Stand:
-    """Search what is left in full, at every gap, from where the trial has come to."""
-    candidates = [
-        bench.run.stage(
-            _stage(tried.varying, f"in full at gap {gap}"),
-            partial(bench.search, gap, values, tried.varying, values),
-        )
-        for gap, values in enumerate(tried.sets)
-    ]
-    spent = sum(candidate[1] for candidate in candidates)
-    return bench.stand([candidate[0] for candidate in candidates], tried.varying, spent)
 
 
 def _stage(varying: Sequence[str], what: str) -> str:
@@ -224,7 +212,10 @@ def _model(bench: SearchBench, stand: Stand, gap_map: str) -> tuple[Model, Found
     model = model_at_nodes(stand, bench.run, bench.loopset)
     sets = [local_of(values, bench.run.form.power) for values in stand.sets]
     h = float(np.mean([local.h for local in sets]))
-    if stand.varying == ("alpha",) and _may_be_reluctance(bench, gap_map):
+    # Alpha over the schedule can be a reluctance: of a gap, and in no law of 1986.
+    of_a_gap = gap_map == "reluctance" or is_over_gap(bench.loopset)
+    circuit = "c_H" in bench.searched and not bench.run.form.kernel.coupled
+    if stand.varying == ("alpha",) and of_a_gap and circuit and bench.gaps > 1:
         fit = _found(bench, stand, "reluctance", _in_series(sets, h), h)
         outputs = Objective(fit.space).outputs(fit.sets)
         if mean_deviation(bench.run.records, outputs) <= _ALIKE * stand.cost:
@@ -238,13 +229,6 @@ def _found(
     form = replace(bench.run.form, h=h)
     space = CoordinateSpace(gap_map, bench.run.records, form, bench.run.held)
     return FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
-
-
-def _may_be_reluctance(bench: SearchBench, gap_map: str) -> bool:
-    """Whether alpha over the schedule can be a reluctance: of a gap, and in no law of 1986."""
-    of_a_gap = gap_map == "reluctance" or is_over_gap(bench.loopset)
-    circuit = "c_H" in bench.searched and not bench.run.form.kernel.coupled
-    return of_a_gap and circuit and bench.gaps > 1
 
 
 def _in_series(sets: list[Local], h: float) -> list[Local]:

@@ -165,7 +165,11 @@ def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Loc
     """Best sets of a screening at the only gap of a space, far enough apart to differ."""
     free = "omega" not in space.held
     begins = _best_of(space, sample_sets(space.records, count, seed, free), keep)
-    if "in_0" not in space.held and _may_be_biased(space.form, space.records):
+    # A bias would show in an output that is even in the flux, driven to both sides.
+    low = min(float(loop.input.min()) for loop in space.records.loops)
+    high = max(float(loop.input.max()) for loop in space.records.loops)
+    both_sides = low < -_BOTH_SIDES * high and high > -_BOTH_SIDES * low
+    if "in_0" not in space.held and space.form.power == 2 and both_sides:
         begins += _best_of(space, sample_sets(space.records, count, seed, free, biased=True), keep)
     if not begins:
         raise NowhereNearError
@@ -186,13 +190,6 @@ def _best_of(space: CoordinateSpace, sets: FloatArray, keep: int) -> list[Local]
     kappa, c, omega, scale, in_0 = sets
     best = np.stack([kappa, c, omega, scale, gain, in_0, out_0], axis=1)[chosen]
     return [space.form.local(values) for values in best.tolist()]
-
-
-def _may_be_biased(form: ResponseForm, records: FitRecords) -> bool:
-    """Whether a bias would show: an output that is even in the flux, driven to both sides."""
-    ends = [(float(loop.input.min()), float(loop.input.max())) for loop in records.loops]
-    low, high = min(low for low, _ in ends), max(high for _, high in ends)
-    return form.power == 2 and low < -_BOTH_SIDES * high and high > -_BOTH_SIDES * low
 
 
 def scan_gap(

@@ -228,8 +228,11 @@ def only_demanded(
         goal = _MAX_MEASURED_COST * fit.cost
     held = follow(space, start, tolerance, most, fit.tie, goal)
     better = score(held.cost, held.space, held.theta) <= whole
-    enough = _responds(held) and (better or (bool(wrong) and held.cost <= goal))
-    best = held if enough else fit
+    best = held if better or (wrong and held.cost <= goal) else fit
+    try:
+        Objective(best.space).outputs(best.sets)
+    except NoResponseError:  # a fit that finds no answer ends at any cost
+        best = fit
     return replace(best, evaluations=fit.evaluations + held.evaluations + 1)
 
 
@@ -242,15 +245,6 @@ def _contradicted(fit: FoundModel) -> frozenset[str]:
     pairs = zip(fit.space.entries, fit.theta, strict=True)
     names = (name for (name, gap), value in pairs if gap is None and abs(float(value)) > most)
     return frozenset(names) & {"in_0"}
-
-
-def _responds(fit: FoundModel) -> bool:
-    """Whether the law has an answer there at all: a fit that finds none ends at any cost."""
-    try:
-        Objective(fit.space).outputs(fit.sets)
-    except NoResponseError:
-        return False
-    return True
 
 
 def _lasting(deviation: FloatArray) -> float:
