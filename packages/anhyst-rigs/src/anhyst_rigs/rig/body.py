@@ -139,23 +139,23 @@ class BodyRig:
             )
         return read_calibration(self.calibration, self.path, self.settings, self.numbers)
 
-    def _beside(self, name: str | None) -> Path | None:
+    def _path_of(self, name: str | None) -> Path | None:
         return None if name is None else self.path.parent / name
 
     @property
     def calibration(self) -> Path | None:
         """File of what motion taught of its magnets."""
-        return self._beside(self.settings.calibration)
+        return self._path_of(self.settings.calibration)
 
     @property
     def model(self) -> Path | None:
         """Model file of a magnet whose force an identified law makes."""
-        return self._beside(self.settings.magnet.model)
+        return self._path_of(self.settings.magnet.model)
 
     @property
     def flux_table(self) -> Path | None:
         """Flux table of such a magnet, if it has one."""
-        return self._beside(self.settings.magnet.flux_table)
+        return self._path_of(self.settings.magnet.flux_table)
 
     @cached_property
     def law(self) -> Model | None:

@@ -17,7 +17,7 @@ from anhyst.support.toml_file import (
     Positive,
     Share,
     Table,
-    one_of,
+    discriminate_by,
     ordered,
 )
 from anhyst_rigs.rig.magnet_table import OPENS, Direction
@@ -158,5 +158,5 @@ CaseEntry = Annotated[
     | Annotated[HeldCase, Tag(f"{BRANCH}held")]
     | Annotated[MovingCase, Tag(f"{BRANCH}moving")]
     | Annotated[DisplacementCase, Tag(f"{BRANCH}displacement")],
-    one_of("kind", *_KINDS, "displacement", sine="triangle"),
+    discriminate_by("kind", *_KINDS, "displacement", sine="triangle"),
 ]

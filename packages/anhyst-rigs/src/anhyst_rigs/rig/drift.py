@@ -192,7 +192,7 @@ def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
     return iron_magnet(poles, steel, lag, file.gap_m, magnet.solid_iron)
 
 
-def each_value(value: Parameter, change: Callable[[float], float]) -> Parameter:
+def change_values(value: Parameter, change: Callable[[float], float]) -> Parameter:
     """Return a parameter changed, at every node of the gap if it depends on the gap."""
     return tuple(map(change, value)) if isinstance(value, tuple) else change(value)
 

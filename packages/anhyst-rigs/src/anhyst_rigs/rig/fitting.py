@@ -22,7 +22,7 @@ from anhyst.support.errors import CreepWarning
 from anhyst.support.kinds import PROBED, MethodName, NumberFormat
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.distance import PlantCheck, along, follower
-from anhyst_rigs.rig.drift import Drift, drifted_law, each_value
+from anhyst_rigs.rig.drift import Drift, change_values, drifted_law
 from anhyst_rigs.rig.from_loops import check_fitted
 from anhyst_rigs.rig.measurement_table import identify_loops, misclosures
 
@@ -122,8 +122,8 @@ def calibrated(
     model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
     parameters, valid = model.parameters, model.valid
     moved = {
-        "c_H": each_value(parameters["c_H"], lambda value: more * value),
-        "in_0": each_value(parameters["in_0"], lambda value: 1.0 / more * value),
+        "c_H": change_values(parameters["c_H"], lambda value: more * value),
+        "in_0": change_values(parameters["in_0"], lambda value: 1.0 / more * value),
     }
     if valid is not None and valid.schedule is not None:
         (low, high), (near, far) = valid.input, valid.schedule

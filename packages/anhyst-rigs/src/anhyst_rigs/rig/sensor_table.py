@@ -24,7 +24,7 @@ from anhyst.support.toml_file import (
     Number,
     Positive,
     Table,
-    one_of,
+    discriminate_by,
     ordered,
 )
 from anhyst_rigs.rig.magnet_table import Direction, Place
@@ -182,7 +182,7 @@ SensorEntry = Annotated[
     | Annotated[ForceSensorTable, Tag(f"{BRANCH}force")]
     | Annotated[FluxSensorTable, Tag(f"{BRANCH}flux")]
     | Annotated[PositionSensorTable, Tag(f"{BRANCH}position")],
-    one_of("of", "gap", "current", "force", "flux", "position"),
+    discriminate_by("of", "gap", "current", "force", "flux", "position"),
 ]
 
 

@@ -19,7 +19,7 @@ from anhyst.support.toml_file import (
     Number,
     Positive,
     Table,
-    one_of,
+    discriminate_by,
     ordered,
 )
 from anhyst_rigs.rig.magnet_table import ORIGIN, Place
@@ -94,7 +94,7 @@ class StackAmplifierTable(Table):
 AmplifierEntry = Annotated[
     Annotated[AmplifierTable, Tag(f"{BRANCH}current")]
     | Annotated[StackAmplifierTable, Tag(f"{BRANCH}stack")],
-    one_of("mode", "current", "voltage", "stack", default="current", voltage="current"),
+    discriminate_by("mode", "current", "voltage", "stack", default="current", voltage="current"),
 ]
 
 
@@ -365,5 +365,5 @@ ControlEntry = Annotated[
     | Annotated[TrackingTable, Tag(f"{BRANCH}tracking")]
     | Annotated[ForceTable, Tag(f"{BRANCH}force")]
     | Annotated[DisplacementTable, Tag(f"{BRANCH}displacement")],
-    one_of("kind", "levitation", "tracking", "force", "displacement"),
+    discriminate_by("kind", "levitation", "tracking", "force", "displacement"),
 ]

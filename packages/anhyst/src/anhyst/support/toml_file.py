@@ -223,7 +223,7 @@ def ordered(low_key: str, low: float, high_key: str, high: float) -> None:
         raise InputError(f"{low_key} must be below {high_key}; correct them", code="range-reversed")
 
 
-def one_of(key: str, *words: str, default: str = "", **same: str) -> Discriminator:
+def discriminate_by(key: str, *words: str, default: str = "", **same: str) -> Discriminator:
     """Return what tells tables of a list apart by a key: its value, or that of a like one."""
 
     def tag(value: Any) -> str:

@@ -19,7 +19,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.rig.drift import each_value
+from anhyst_rigs.rig.drift import change_values
 from anhyst_rigs.rig.force.file import Rig
 from anhyst_rigs.rig.measurement_table import identify_loops
 
@@ -141,7 +141,9 @@ def _spanning(model: Model, least: float) -> Model:
     """Return a model whose dead band, if its law has one, is at least so wide, A/m."""
     wide: dict[str, Parameter] = {}
     for spec in model.operator_law.with_role("dead band"):
-        wide[spec.name] = each_value(model.parameters[spec.name], lambda value: max(value, least))
+        wide[spec.name] = change_values(
+            model.parameters[spec.name], lambda value: max(value, least)
+        )
     return replace(model, parameters={**model.parameters, **wide}) if wide else model
 
 

@@ -18,7 +18,15 @@ from pydantic import Field, Tag, field_validator, model_validator
 from anhyst._core import Steel, exp, log
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, power
-from anhyst.support.toml_file import BRANCH, Name, NotNegative, Positive, Share, Table, one_of
+from anhyst.support.toml_file import (
+    BRANCH,
+    Name,
+    NotNegative,
+    Positive,
+    Share,
+    Table,
+    discriminate_by,
+)
 
 CURVE = {
     "sharp": "saturation_sharp_T",
@@ -42,9 +50,9 @@ class AnySteel(Table):
     knee_sharp_A_per_m: Positive
     saturation_slow_T: Positive
     knee_slow_A_per_m: Positive
-    told: ClassVar[tuple[str, ...]]  # what a diagram says of it
-    pinned: ClassVar[str]  # key of what its pinning goes with
-    saturated: ClassVar[tuple[str, ...]] = ("saturation_sharp_T", "saturation_slow_T")
+    diagram_lines: ClassVar[tuple[str, ...]]  # what a diagram says of it
+    pinning_key: ClassVar[str]  # key of what its pinning goes with
+    saturation_keys: ClassVar[tuple[str, ...]] = ("saturation_sharp_T", "saturation_slow_T")
 
     @model_validator(mode="after")
     def _makes_an_iron(self) -> Self:
@@ -66,12 +74,12 @@ class AnySteel(Table):
     def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
         """Return the keys of an iron that has drifted, by parts of each quantity."""
         del reversible  # of cells alone
-        keys = {key: getattr(self, key) * (1.0 + saturation) for key in self.saturated}
-        return {self.pinned: getattr(self, self.pinned) * (1.0 + pinning), **keys}
+        keys = {key: getattr(self, key) * (1.0 + saturation) for key in self.saturation_keys}
+        return {self.pinning_key: getattr(self, self.pinning_key) * (1.0 + pinning), **keys}
 
     def lines(self) -> list[str]:
         """Return what a diagram says of it."""
-        return [line.format(self) for line in self.told]
+        return [line.format(self) for line in self.diagram_lines]
 
 
 class CellSteel(AnySteel):
@@ -82,12 +90,12 @@ class CellSteel(AnySteel):
     thresholds are quantiles of a Weibull distribution; cells without one are the reversible part.
     """
 
-    told = (
+    diagram_lines = (
         "iron of {0.cells} pinned cells",
         "reversible fraction {0.reversible_fraction:.3g}",
         "pinning {0.pinning_scale_A_per_m:.3g} A/m",
     )
-    pinned = "pinning_scale_A_per_m"
+    pinning_key = "pinning_scale_A_per_m"
     family: Literal["cells"] = "cells"
     cells: Annotated[int, Field(ge=1, le=1000)]  # pinned ones, of equal weights
     reversible_fraction: Share  # weight of the iron that nothing pins
@@ -142,8 +150,8 @@ class DuhemSteel(AnySteel):
     wipes smaller ones out only as fast as it forgets all else.
     """
 
-    told = ("Duhem iron", "coercivity {0.coercivity_A_per_m:.3g} A/m")
-    pinned = "coercivity_A_per_m"
+    diagram_lines = ("Duhem iron", "coercivity {0.coercivity_A_per_m:.3g} A/m")
+    pinning_key = "coercivity_A_per_m"
     family: Literal["duhem"]
     coercivity_A_per_m: Positive  # half the width of a wide loop about zero
     turning_T: Positive  # way on which this part turns round after a reversal, by a factor e
@@ -213,9 +221,9 @@ class PreisachSteel(AnySteel):
     share of the polarisation.
     """
 
-    told = ("Preisach iron", "pinning {0.pinning_A_per_m:.3g} A/m")
-    pinned = "pinning_A_per_m"
-    saturated = ("saturation_T", *AnySteel.saturated)
+    diagram_lines = ("Preisach iron", "pinning {0.pinning_A_per_m:.3g} A/m")
+    pinning_key = "pinning_A_per_m"
+    saturation_keys = ("saturation_T", *AnySteel.saturation_keys)
     family: Literal["preisach"]
     saturation_T: Positive  # of the relays, ``mu0*M``
     pinning_A_per_m: Positive  # median
@@ -345,7 +353,7 @@ class NamedDuhem(DuhemSteel):
 
 
 NamedIron = NamedCells | NamedPreisach | NamedDuhem
-BY_FAMILY = one_of("family", "cells", "preisach", "duhem", default="cells")
+BY_FAMILY = discriminate_by("family", "cells", "preisach", "duhem", default="cells")
 """By it an iron of a file is read as the table of its family."""
 IronEntry = Annotated[
     Annotated[NamedCells, Tag(f"{BRANCH}cells")]
