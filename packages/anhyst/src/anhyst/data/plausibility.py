@@ -64,15 +64,21 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     ]
     for loop in loopset.loops:
         name = loopset.describe(loop)
-        if answer.even and any(loop is record for record in largest):
+        is_largest = any(loop is record for record in largest)
+        if answer.even and is_largest:
             _check_force_sign(loopset, loop, name)
             # A biased force starts steep.
             if loopset.input.name == "current" and (even_output or not is_bipolar(loop.input)):
                 warnings += _check_swap(loop, name)
-        if answer.of_flux and not answer.even:
-            _check_flux_sign(loopset, loop, name)
-        even = even_output and is_bipolar(loop.input)
-        if not even or any(loop is record for record in largest):
+        if answer.of_flux and not answer.even and correlation(loop.input, loop.output) < -0.5:
+            what = loopset.output.name.replace("_", " ")
+            raise InputError(
+                f"{name}: the {what} falls as the {loopset.input.name} grows; reverse the sign "
+                f"of one: --flip {loopset.output.symbol}",
+                code="flux-falls",
+                key=name,
+            )
+        if is_largest or not (even_output and is_bipolar(loop.input)):
             warnings += _check_sense(loopset, loop, name, even=even_output)
         _check_order(loopset, loop, name)
         warnings += _check_clipping(loopset, loop, name)
@@ -128,11 +134,8 @@ def _check_schedule(loopset: Loops) -> list[str]:
 def _check_size(loopset: Loops) -> list[str]:
     """Warn of a quantity whose largest value no actuator has."""
     warnings = []
-    sizes = (
-        (loopset.input, max(float(np.max(np.abs(loop.input))) for loop in loopset.loops)),
-        (loopset.output, max(float(np.max(np.abs(loop.output))) for loop in loopset.loops)),
-    )
-    for quantity, largest in sizes:
+    for quantity, name in ((loopset.input, "input"), (loopset.output, "output")):
+        largest = max(float(np.max(np.abs(getattr(loop, name)))) for loop in loopset.loops)
         if quantity.name not in _PLAUSIBLE or largest == 0.0:
             continue
         least, most, small, large = _PLAUSIBLE[quantity.name]
@@ -163,17 +166,6 @@ def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
             f"{name}: the force is negative ({what}) and falls as the {drive} grows; attraction "
             f"counts positive: --flip {loopset.output.symbol}",
             code="force-negative",
-            key=name,
-        )
-
-
-def _check_flux_sign(loopset: Loops, loop: Loop, name: str) -> None:
-    if correlation(loop.input, loop.output) < -0.5:
-        what = loopset.output.name.replace("_", " ")
-        raise InputError(
-            f"{name}: the {what} falls as the {loopset.input.name} grows; reverse the sign "
-            f"of one: --flip {loopset.output.symbol}",
-            code="flux-falls",
             key=name,
         )
 

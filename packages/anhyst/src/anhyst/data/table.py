@@ -279,10 +279,6 @@ class ChannelFigures:
     high: float | None
     role: str  # the quantity that it holds, "?" behind a guess; empty where there is none
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        return {name: getattr(self, name) for name in self.__slots__}
-
 
 def list_channels(path: PathLike) -> list[ChannelFigures]:
     """List the channels of a file in any format, one at a time in memory."""

@@ -64,13 +64,6 @@ class UsedRows:
                 merged[at] = (*merged.get(at, ()), *texts)
         return sorted(merged.items())
 
-    def with_breaks(self, rows: Rows) -> UsedRows:
-        """Begin new blocks at some used rows."""
-        first = rows if self.rows is None else self.rows[rows]
-        known = self.raw.breaks or ((0, ()),)
-        breaks = sorted([*known, *((int(row), ()) for row in first)], key=lambda found: found[0])
-        return replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
-
     def with_valid(self, drop: str | None, signals: Collection[int]) -> tuple[UsedRows, list[str]]:
         """Leave out rows without a measured value, with a note; refuse them if nobody asks for it."""
         held = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
@@ -116,5 +109,10 @@ class UsedRows:
             raise InputError(f"{self.table.source_name}: {note}; none remains", code="no-data")
         if holes.max() > _MAX_HOLE * is_valid.size:
             note += "; the history after such a hole is not known"
-        are_empty = ~np.logical_or.reduce([is_good[name] for name in main])
-        return self.with_breaks(np.flatnonzero(are_empty)).at(valid), [note, *marks]
+        # A new block begins at a row with neither an input nor an output.
+        empty = np.flatnonzero(~np.logical_or.reduce([is_good[name] for name in main]))
+        first = empty if self.rows is None else self.rows[empty]
+        known = self.raw.breaks or ((0, ()),)
+        breaks = sorted([*known, *((int(row), ()) for row in first)], key=lambda found: found[0])
+        separated = replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
+        return separated.at(valid), [note, *marks]

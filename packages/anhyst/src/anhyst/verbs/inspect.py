@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -95,7 +96,7 @@ def preview(given: Mapping[str, Any]) -> Iterator[TerminalTable]:
 def as_json(result: Inspection, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the result for JSON."""
     listed = _channels(given)
-    channels = {"channels": [channel.as_dict() for channel in listed]} if listed else {}
+    channels = {"channels": [asdict(channel) for channel in listed]} if listed else {}
     return result.as_dict() | channels
 
 
