@@ -12,7 +12,6 @@ import numpy as np
 
 from anhyst.compensate.force_controller import ForceController
 from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.drift import draw_plant, drifted_file
 from anhyst_rigs.rig.file import RigFile
@@ -182,7 +181,6 @@ class PiezoLoop:
     """A way from displacement to voltage behind the feedback of a piezo stage."""
 
     rig: PiezoRig
-    variant: MethodName
     inverse: ForceController
     conditions: tuple[PiezoCondition, ...] = CONDITIONS
 
