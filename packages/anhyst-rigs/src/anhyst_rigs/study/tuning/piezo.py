@@ -231,14 +231,9 @@ class PiezoLoop:
 
     def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return what finds the points that linear loops like best, for several peaks, and its own."""
-        linear = self.linear(self.conditions)
-        return [
-            partial(self.space.point, self.gains()),
-            *(
-                partial(liked, linear, self.space, seed, aims.tightened({"peak_sensitivity": part}))
-                for part in _STRICTER
-            ),
-        ]
+        linear, own = self.linear(self.conditions), partial(self.space.point, self.gains())
+        tried = [aims.tightened({"peak_sensitivity": part}) for part in _STRICTER]
+        return [own, *(partial(liked, linear, self.space, seed, one) for one in tried)]
 
     def check(self, jobs: int | None = None) -> Check:
         """Judge on what nothing was searched on: all noise seeds, and plants that are drawn afresh."""

@@ -234,10 +234,8 @@ class StageLoop:
 
     def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return what finds the points that linear loops like best, for several peaks."""
-        return [
-            partial(liked, self.linear, self.space, seed, aims.tightened({"peak_sensitivity": p}))
-            for p in _STRICTER
-        ]
+        tried = [aims.tightened({"peak_sensitivity": part}) for part in _STRICTER]
+        return [partial(liked, self.linear, self.space, seed, one) for one in tried]
 
     def check(self, jobs: int | None = None) -> Check:
         """Find the feedforward as a simulation does, and judge on what nothing was found on.
