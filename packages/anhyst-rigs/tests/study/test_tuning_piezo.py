@@ -33,7 +33,7 @@ def straight_rig(folder: Path, **keys: float) -> PiezoRig:
 
 def loop_of(rig: PiezoRig) -> PiezoLoop:
     """The same behind a constant, which is its inverse."""
-    return PiezoLoop(rig, "ratio", piezo._constant(piezo.measure(rig), rig))
+    return PiezoLoop(rig, piezo._constant(piezo.measure(rig), rig))
 
 
 class Sine:

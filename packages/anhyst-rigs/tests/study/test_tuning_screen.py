@@ -101,7 +101,7 @@ def test_refined_gains_meet_the_aims_of_linear_loops_and_use_what_they_are_given
         def costs(places: FloatArray) -> FloatArray:
             return one.look(SPACE.per_tick(places, LIKE)).costs(aims, one.horizon)
 
-        best = refine(costs, SPACE.size, 0)
+        best = refine(costs, len(SPACE.axes), 0)
         found = one.look(SPACE.per_tick(best[None, :], LIKE))
         assert found.overshoot_percent[0] <= 2.0
         assert found.peak_sensitivity[0] <= aims.peak_sensitivity

@@ -67,7 +67,8 @@ def test_a_loop_is_called_stable_where_its_poles_are_within_the_unit_circle() ->
         late = replace(linear_stage(rig), bandwidth=1e9, late=1.5 * rig.dt)
         control = rig.settings.tracking
         names = ("crossover_Hz", "integral_ratio", "lead_ratio", "rolloff_ratio")
-        (peak,) = late.look({name: np.array([getattr(control, name)]) for name in names}).peak
+        columns = {name: np.array([getattr(control, name)]) for name in names}
+        peak = late.look(columns)[0].item()
         b0, b1, b2, a1, a2 = pid(rig).values()
         body = rig.dt**2 / (2.0 * rig.settings.body.mass_kg)
         # A mass behind a hold and one tick: body*(z + 1)/(z*(z - 1)^2).

@@ -52,11 +52,6 @@ class Connection(H11Protocol):
         """Address of the client."""
         return self.client[0] if self.client else ""
 
-    @property
-    def waiting_until(self) -> float | None:
-        """Time of the event loop at which it is closed, s; None if it does not wait."""
-        return self._timer.when() if self._timer else None
-
     def drop(self) -> None:
         """Close it whatever its client still has to send or to read."""
         self._stop_waiting()
@@ -101,9 +96,11 @@ class Connection(H11Protocol):
         everyone: set[Any] = self.connections
         latest = self.loop.time() + MAX_WAIT_S - MIN_WAIT_S
         waiting = {
-            one: until
+            one: until  # time of the event loop at which it is closed, s
             for one in everyone
-            if isinstance(one, Connection) and (until := one.waiting_until or latest) < latest
+            if isinstance(one, Connection)
+            and one._timer is not None
+            and (until := one._timer.when()) < latest
         }
         while len(waiting) > MAX_WAITING:
             (host, _), *_ = Counter(one.host for one in waiting).most_common(1)

@@ -245,26 +245,23 @@ def _map_iron(
         runs = [run_steps(StepRun(setup, gap, heights, load, seed))[0] for seed in seeds]
         if all(runs):
             steps[variant] = runs
-    return [_of_step(iron, height, _at(steps, height), rig) for height in heights]
-
-
-def _at(
-    steps: Mapping[MethodName, list[list[StepResult]]], height: float
-) -> Mapping[MethodName, _Runs]:
-    """Return the figures of the steps of a height: up and down, seed by seed."""
-    return {
-        name: [
-            [step.figures for step in run if math.isclose(step.height, height, rel_tol=1e-6)]
-            for run in runs
-        ]
-        for name, runs in steps.items()
-    }
+    return [_of_step(iron, height, steps, rig) for height in heights]
 
 
 def _of_step(
-    iron: IronFigures, height: float, runs: Mapping[MethodName, _Runs], rig: BodyRig
+    iron: IronFigures,
+    height: float,
+    steps: Mapping[MethodName, list[list[StepResult]]],
+    rig: BodyRig,
 ) -> MapCell:
     """Return the cell of a step, whose overshoot is none within a standstill."""
+    runs: dict[MethodName, _Runs] = {  # up and down, seed by seed
+        name: [
+            [step.figures for step in run if math.isclose(step.height, height, rel_tol=1e-6)]
+            for run in each
+        ]
+        for name, each in steps.items()
+    }
     hold = rig.settings.step.hold_s
     values = {
         name: {metric.key: _values(pairs, metric.key, hold) for metric in OF_STEPS}

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -286,20 +287,16 @@ def _choice_of(task: FleetTask) -> IdentifyResult | None:
 
 
 def _made_from(pilots: Sequence[Member], settings: FleetSettings) -> dict[str, Any]:
-    """Return all that a decision rests on."""
+    """Return all that a decision rests on; files that cannot be read have no hash."""
+    digests = dict.fromkeys((member.name for member in pilots), "")
+    for member in pilots:
+        with suppress(InputError):
+            digests[member.name] = member.digest()
     return {
         "version": running_version(),
         "wanted": [settings.law, settings.gap_map, settings.seed, settings.history],
-        "sha256": {member.name: _digest(member) for member in pilots},
+        "sha256": digests,
     }
-
-
-def _digest(member: Member) -> str:
-    """Return the hash of a magnet's files, nothing where they cannot be read."""
-    try:
-        return member.digest()
-    except InputError:
-        return ""
 
 
 def _known_choice(

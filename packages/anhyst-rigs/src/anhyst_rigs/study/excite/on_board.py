@@ -257,7 +257,15 @@ class BoardDrive:
         while parts[-1][-1, 0] - parts[0][0, 0] < ticks - self._bench.every:
             parts.append(self._look())
         rows = np.concatenate(parts)
-        self._check_runs(rows[-1])
+        last = rows[-1]
+        state, fault = State(int(last[self._at["state"]])), Fault(int(last[self._at["fault"]]))
+        if state is not State.RUN:
+            why = "" if fault is Fault.NONE else f" ({fault.name.lower().replace('_', ' ')})"
+            raise InputError(
+                f"measure: the controller is in the state {state.name.lower()}{why}",
+                code="wrong-state",
+                key="measure",
+            )
         force, limit = rows[:, self._at["force"]], self._specimen.force
         worst = int(np.argmax(force))
         if not force[worst] <= limit.value:  # no number where the sensor has no value
@@ -270,16 +278,6 @@ class BoardDrive:
                 key=limit.key,
             )
         return rows
-
-    def _check_runs(self, row: FloatArray) -> None:
-        state, fault = State(int(row[self._at["state"]])), Fault(int(row[self._at["fault"]]))
-        if state is not State.RUN:
-            why = "" if fault is Fault.NONE else f" ({fault.name.lower().replace('_', ' ')})"
-            raise InputError(
-                f"measure: the controller is in the state {state.name.lower()}{why}",
-                code="wrong-state",
-                key="measure",
-            )
 
     def _state(self) -> State:
         return State(int(self._look()[-1, self._at["state"]]))

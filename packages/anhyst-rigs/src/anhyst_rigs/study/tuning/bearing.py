@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, spaced
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
@@ -57,11 +56,6 @@ class BearingLoop:
 
     setup: BearingSetup
     conditions: tuple[Condition, ...]
-
-    @property
-    def variant(self) -> MethodName:
-        """The kind of compensation."""
-        return self.setup.method
 
     @property
     def space(self) -> GainSpace:
@@ -116,7 +110,7 @@ class BearingLoop:
 
     def _liked(self, seed: int, task: tuple[Screen, Aims]) -> FloatArray:
         screen, aims = task
-        return refine(partial(self._costs, screen, aims), self.space.size, seed)
+        return refine(partial(self._costs, screen, aims), len(self.space.axes), seed)
 
     def _costs(self, screen: Screen, aims: Aims, points: FloatArray) -> FloatArray:
         gains = self.space.per_tick(points, self.setup.controller)

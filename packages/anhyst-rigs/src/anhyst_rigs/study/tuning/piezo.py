@@ -12,7 +12,6 @@ import numpy as np
 
 from anhyst.compensate.force_controller import ForceController
 from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.drift import draw_plant, drifted_file
 from anhyst_rigs.rig.file import RigFile
@@ -182,7 +181,6 @@ class PiezoLoop:
     """A way from displacement to voltage behind the feedback of a piezo stage."""
 
     rig: PiezoRig
-    variant: MethodName
     inverse: ForceController
     conditions: tuple[PiezoCondition, ...] = CONDITIONS
 
@@ -233,14 +231,9 @@ class PiezoLoop:
 
     def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return what finds the points that linear loops like best, for several peaks, and its own."""
-        linear = self.linear(self.conditions)
-        return [
-            partial(self.space.point, self.gains()),
-            *(
-                partial(liked, linear, self.space, seed, aims.tightened({"peak_sensitivity": part}))
-                for part in _STRICTER
-            ),
-        ]
+        linear, own = self.linear(self.conditions), partial(self.space.point, self.gains())
+        tried = [aims.tightened({"peak_sensitivity": part}) for part in _STRICTER]
+        return [own, *(partial(liked, linear, self.space, seed, one) for one in tried)]
 
     def check(self, jobs: int | None = None) -> Check:
         """Judge on what nothing was searched on: all noise seeds, and plants that are drawn afresh."""

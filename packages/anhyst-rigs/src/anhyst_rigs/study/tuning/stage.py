@@ -6,12 +6,11 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import draw_plant
@@ -61,29 +60,22 @@ TRAINING, GENTLE, STILL, UNSEEN = (
 )
 
 
+@dataclass(frozen=True)
 class StageSpace(Box):
     """What is searched of a stage: the keys of ``[control]`` that make its PID."""
 
-    def __init__(self, rate: float, most: float) -> None:
-        self._axes = {
-            "crossover_Hz": Axis(rate / SLOWEST, min(rate / 20.0, most), True),
-            "integral_ratio": Axis(2.0, 50.0, True),
-            "lead_ratio": Axis(1.2, 10.0, True),
-            "rolloff_ratio": Axis(1.5, 30.0, True),
-        }
+    rate: float  # of the controller, Hz
+    most: float  # highest crossover, Hz
 
     @property
     def axes(self) -> dict[str, Axis]:
         """Every number by name."""
-        return self._axes
-
-
-class Looked(NamedTuple):
-    """What linear loops of n sets of gains do, shape (n,)."""
-
-    peak: FloatArray  # of the sensitivity; infinite where the loop is unstable
-    at: FloatArray  # where that is, Hz
-    average: FloatArray  # moving average that a force of flat spectrum leaves, m/(N/sqrt(Hz))
+        return {
+            "crossover_Hz": Axis(self.rate / SLOWEST, min(self.rate / 20.0, self.most), True),
+            "integral_ratio": Axis(2.0, 50.0, True),
+            "lead_ratio": Axis(1.2, 10.0, True),
+            "rolloff_ratio": Axis(1.5, 30.0, True),
+        }
 
 
 @dataclass(frozen=True)
@@ -99,8 +91,13 @@ class LinearStage:
     bandwidth: float  # of the current, Hz
     slit: float  # s
 
-    def look(self, gains: Mapping[str, FloatArray]) -> Looked:
-        """Judge gains, given as columns of the keys of ``[control]``."""
+    def look(self, gains: Mapping[str, FloatArray]) -> tuple[FloatArray, ...]:
+        """Judge n sets of gains, given as columns of the keys of ``[control]``.
+
+        Returned are the peaks of the sensitivity, infinite where a loop is unstable, their
+        frequencies, Hz, and the moving averages that a force of flat spectrum leaves,
+        m/(N/sqrt(Hz)); shape (n,).
+        """
         frequency = np.geomspace(_LOWEST * self.rate, 0.499 * self.rate, _FREQUENCIES)
         s, z = 2j * math.pi * frequency, np.exp(2j * math.pi * frequency / self.rate)
         body = 1.0 / (self.mass * s**2)
@@ -126,18 +123,16 @@ class LinearStage:
         stable = np.abs(turned[:, -1] - turned[:, 0] - 1.5 * math.pi) < 0.5 * math.pi
         size = np.where(stable[:, None], 1.0 / np.abs(1.0 + loop), np.inf)
         left = np.where(stable[:, None], np.abs(body * np.sinc(frequency * self.slit)) * size, 1.0)
-        return Looked(
-            size.max(axis=1),
-            frequency[np.argmax(size, axis=1)],
-            np.sqrt(np.trapezoid(left**2, frequency, axis=1)),
-        )
+        average = np.sqrt(np.trapezoid(left**2, frequency, axis=1))
+        return size.max(axis=1), frequency[np.argmax(size, axis=1)], average
 
     def costs(self, space: Box, aims: Aims, points: FloatArray) -> FloatArray:
         """Return what points of the box cost: those that keep the peak what they leave."""
         rows = [space.numbers(point) for point in points]
-        measured = self.look({name: np.array([row[name] for row in rows]) for name in space.axes})
-        over = np.clip(measured.peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
-        return np.where(over > 0.0, MISSED + over, measured.average)
+        columns = {name: np.array([row[name] for row in rows]) for name in space.axes}
+        peak, _, average = self.look(columns)
+        over = np.clip(peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
+        return np.where(over > 0.0, MISSED + over, average)
 
 
 def linear_stage(rig: BodyRig) -> LinearStage:
@@ -160,11 +155,6 @@ class StageLoop:
     feedforward: Feedforward  # found with the gains as they were; a check finds its own
     most: float = math.inf  # crossover, Hz: what resonances allow that no plant here has
     conditions: tuple[StageCondition, ...] = (TRAINING, GENTLE, STILL)
-
-    @property
-    def variant(self) -> MethodName:
-        """The kind of compensation."""
-        return self.setup.method
 
     @property
     def space(self) -> StageSpace:
@@ -194,8 +184,9 @@ class StageLoop:
 
     def margin(self) -> tuple[float, float]:
         """Return the peak of the sensitivity of the linear loop, and its frequency, Hz."""
-        measured = self.linear.look({name: np.array([one]) for name, one in self.gains().items()})
-        return float(measured.peak[0]), float(measured.at[0])
+        gains = {name: np.array([one]) for name, one in self.gains().items()}
+        peak, at, _ = self.linear.look(gains)
+        return float(peak[0]), float(at[0])
 
     def figures(
         self, condition: StageCondition, aims: Aims, ceiling: float, seed: int
@@ -243,10 +234,8 @@ class StageLoop:
 
     def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return what finds the points that linear loops like best, for several peaks."""
-        return [
-            partial(liked, self.linear, self.space, seed, aims.tightened({"peak_sensitivity": p}))
-            for p in _STRICTER
-        ]
+        tried = [aims.tightened({"peak_sensitivity": part}) for part in _STRICTER]
+        return [partial(liked, self.linear, self.space, seed, one) for one in tried]
 
     def check(self, jobs: int | None = None) -> Check:
         """Find the feedforward as a simulation does, and judge on what nothing was found on.

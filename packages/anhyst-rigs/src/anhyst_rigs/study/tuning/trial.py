@@ -18,7 +18,6 @@ import numpy as np
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import all_of
-from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.study.tuning.aims import LOST, TITLES, Aims, GainFigures, text_of, worst_of
 
@@ -41,11 +40,6 @@ class Box:
     def axes(self) -> dict[str, Axis]:
         """Every number by name."""
         raise NotImplementedError
-
-    @property
-    def size(self) -> int:
-        """How many numbers there are."""
-        return len(self.axes)
 
     def numbers(self, point: FloatArray) -> dict[str, float]:
         """Return the numbers at a point of the unit box."""
@@ -186,10 +180,6 @@ class Tunable(Protocol):
     @property
     def conditions(self) -> tuple[Any, ...]:
         """All at which gains are to do well; each has ``text`` and ``as_dict()``."""
-
-    @property
-    def variant(self) -> MethodName:
-        """The kind of compensation."""
 
     @property
     def space(self) -> Box:

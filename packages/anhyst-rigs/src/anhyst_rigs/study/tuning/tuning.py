@@ -260,7 +260,7 @@ class PiezoSubject(TuningSubject):
     def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
         """Identify what is controlled, and make variants."""
         inverses = find_inverses(self.rig)
-        return {name: PiezoLoop(self.rig, name, inverses[METHODS[name]]) for name in names}
+        return {name: PiezoLoop(self.rig, inverses[METHODS[name]]) for name in names}
 
 
 def _tune_all(
