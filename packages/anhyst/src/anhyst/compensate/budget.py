@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.holding import SECONDS, Held, hold
-from anhyst.compensate.measure import BudgetPart, PathRun, CompensatorTrial
+from anhyst.compensate.measure import BudgetPart, CompensatorTrial, PathRun
 from anhyst.compensate.plan import Plan
 from anhyst.model.actuator import Model
 from anhyst.support.errors import NegativeResult

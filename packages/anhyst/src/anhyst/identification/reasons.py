@@ -21,7 +21,7 @@ _FITS_BETTER = 1.5
 
 def list_candidates(contest: Contest, best: ModelCandidate, law: str) -> tuple[CandidateFit, ...]:
     """Put all candidates side by side, the simplest first."""
-    every = sorted({*contest.fits, *contest.dropped}, key=lambda candidate: candidate.rank)
+    every = sorted(dict.fromkeys([*contest.fits, *contest.dropped]), key=lambda one: one.rank)
     return tuple(
         CandidateFit(
             law=title,
