@@ -19,7 +19,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loop
 from anhyst.data.speeds import speeds_of
 from anhyst.identification import identify
-from anhyst.model.actuator import Model, has_layers
+from anhyst.model.actuator import Model
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import make_setup
 from anhyst_rigs.rig.drift import changed
@@ -102,7 +102,7 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: Io = "f32") -> 
 
     The armature is held, and the current flows as the compensator has computed it.
     """
-    model = model if has_layers(model) else model.at_rest  # a single lag is not compiled
+    model = model if model.has_layers else model.at_rest  # a single lag is not compiled
     plan = make_plan(model, CompileRequest("full", io, TICKS), 0)
     reached = float(
         model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1]

@@ -13,7 +13,7 @@ from anhyst.compensate.methods import HysteresisInverse, bearing_model
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compilation.controller import BEYOND
 from anhyst.data import Loops
-from anhyst.model.actuator import Model, has_layers
+from anhyst.model.actuator import Model
 from anhyst.model.schema import ValidRange
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
@@ -261,9 +261,9 @@ def block_of(plan: Plan) -> Block:
 
 def _followed(model: Model, running: Model, kind: Kind) -> Model:
     """Return what a board follows of a model: layers where it has memories for them."""
-    if kind != "full" or running.layers is None or not has_layers(running):
+    if kind != "full" or running.layers is None or not running.has_layers:
         return model.at_rest
-    if not has_layers(model):
+    if not model.has_layers:
         raise InputError(
             "model: does not say how late solid iron answers, which the controller follows; measure "
             "at several speeds too (measurement.fast_A_per_s)",

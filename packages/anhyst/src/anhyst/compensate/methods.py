@@ -34,7 +34,7 @@ from anhyst.compensate.plan import CompileRequest, full_scale, make_plan
 from anhyst.compensate.sources import FluxCalibration, Sources
 from anhyst.data.output_map import is_actuator
 from anhyst.data.surface import Surface
-from anhyst.model.actuator import Model, has_layers
+from anhyst.model.actuator import Model
 from anhyst.model.schema import ValidRange
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
@@ -110,7 +110,7 @@ def compile_inverse(
     if model is None:
         raise InputError("this method needs a model; identify one from the loops", code="no-model")
     narrowed = bearing_model(model, where.currents, where.forces, where.gap_range)
-    solid = kind == "full" and has_layers(narrowed)
+    solid = kind == "full" and narrowed.has_layers
     narrowed = narrowed if solid else narrowed.at_rest
     own = number_format != "fixed" and (solid or where.both_ways)  # tables for floats
     io: Io = "f32" if own else "q31"

@@ -14,7 +14,7 @@ from anhyst.compensate.force_controller import Io
 from anhyst.compensate.search import BlockSearch, FoundBlock
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History
-from anhyst.model.actuator import Model, has_lag, has_layers, obstacle
+from anhyst.model.actuator import Model, obstacle
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kept import c_name, check_name
@@ -190,7 +190,7 @@ def make_plan(
     """Decide how a model is compiled."""
     if (reason := obstacle(model)) is not None:
         raise InputError(reason, code="no-fixed-point-form")
-    late = model if has_layers(model) or has_lag(model) else None
+    late = model if model.has_layers or model.has_lag else None
     if model.layers is not None and request.kind != "full":
         raise InputError(
             "layers: solid iron is compiled with --kind full; give that, or take the model at rest "

@@ -45,7 +45,7 @@ from anhyst.compilation.vectors import (
     vectors_csv,
 )
 from anhyst.control.controller_file import read_controller
-from anhyst.model.actuator import Model, has_lag, has_layers, read_model
+from anhyst.model.actuator import Model, read_model
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, json_text
 from anhyst.support.errors import InputError, NegativeResult
@@ -178,7 +178,7 @@ def compile_model(
 
 def compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:
     """Return what of a model is compiled, and say what is not."""
-    if has_lag(model) or (has_layers(model) and request.kind == "full"):
+    if model.has_lag or (model.has_layers and request.kind == "full"):
         return model, not_compiled(model, layers=True)
     return model.at_rest, not_compiled(model)
 
@@ -187,7 +187,7 @@ def not_compiled(model: Model, *, layers: bool = False) -> tuple[str, ...]:
     """Say what comes late and is left to what stands around the compensator."""
     late, notes = model.dynamics, []
     if model.has_eddy_currents and not layers:
-        better = "; --kind full has it" if has_layers(model) else ""
+        better = "; --kind full has it" if model.has_layers else ""
         notes.append(
             "how late solid iron answers (gamma) is not compiled: fast demands are met as slow ones "
             f"are, and anhyst predict with column t_s says what that leaves{better}"

@@ -17,7 +17,7 @@ from anhyst._core import AnyIron
 from anhyst.data import Loop, Loops
 from anhyst.data.speeds import Speeds
 from anhyst.data.verdict import largest_output
-from anhyst.model.actuator import Model, jumps_alone
+from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA, Dynamics, Layers
 from anhyst.model.predict import as_history, initial_state
 from anhyst.model.schema import Uncertainty
@@ -276,7 +276,7 @@ def _in_series(model: Model) -> Model:
     law, alpha = model.operator_law, model.parameters["alpha"]
     if law.cells is None or isinstance(alpha, tuple) or not alpha or model.fixed_gap_only:
         return model
-    if alpha > 0.0 and not jumps_alone(model):
+    if alpha > 0.0 and not model.jumps_alone:
         return model
     held = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
     kept = max(0.0, 1.0 - float(held.min()))

@@ -25,7 +25,7 @@ from anhyst.model.acceptance import Acceptance, GapCheck, check_acceptance, chec
 from anhyst.model.predict import as_samples, run_through
 from anhyst.model.prediction import Given, Prediction, warn_if_far
 from anhyst.model.reader import read_as
-from anhyst.model.record import ActuatorRecord
+from anhyst.model.record import LEAST_SLOPE, ActuatorRecord
 from anhyst.model.stepper import Stepper
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike, check_path
@@ -262,10 +262,6 @@ def _find(path: str, sha256: str, folder: Path) -> Path:
     )
 
 
-LEAST_SLOPE = 1e-3
-"""Of the slope without iron: nearer to a jump, no measured loop and no 16-bit word distinguishes the one
-from the other."""
-
 GAPS = 65
 """Places over the gap at which a model is looked at, beside its nodes."""
 
@@ -283,7 +279,7 @@ def obstacle(model: Model) -> str | None:
             f"gap map 'free' cannot be compiled: the iron itself would change with the {over}; "
             f"identify with --gap-map {others}"
         )
-    if model.has_eddy_currents and not (has_layers(model) or has_lag(model)):
+    if model.has_eddy_currents and not (model.has_layers or model.has_lag):
         return "gamma: what answers late cannot be compiled; take the model at rest (at_rest)"
     return _jump(model)
 
@@ -295,35 +291,6 @@ def require_core(model: Model, at: float) -> None:
             f"law {model.law!r}: the core does not have it; identify with one of {', '.join(LAWS)}",
             code="law-not-in-core",
         )
-
-
-MOST_LAYERS = 4
-"""That a compensator has room for."""
-
-
-def has_layers(model: Model) -> bool:
-    """Whether a compensator can follow the layers of a model.
-
-    Between layers there is no gap: an iron that would jump without one has no tangents there.
-    """
-    law = model.operator_law
-    if model.layers is None or law.cells is None or law.least_slope is None:
-        return False
-    if model.layers.count > MOST_LAYERS or model.fixed_gap_only or "gamma" in model.varying:
-        return False
-    return not jumps_alone(model)
-
-
-def has_lag(model: Model) -> bool:
-    """Whether solid iron answers late by a single lag, which a compensator of every kind follows."""
-    return model.has_eddy_currents and model.layers is None
-
-
-def jumps_alone(model: Model) -> bool:
-    """Whether the iron would jump without a gap."""
-    least = model.operator_law.least_slope
-    iron = model.parameters_at(model.first_node)
-    return least is not None and float(least(iron, np.zeros(1)).min()) < LEAST_SLOPE
 
 
 def least_slope(model: Model, at: FloatArray) -> FloatArray:

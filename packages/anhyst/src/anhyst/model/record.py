@@ -44,6 +44,12 @@ from anhyst.support.units import Quantity
 SHORT_ROW, MOST_ROWS = 1 << 13, 32
 """Samples of a row of the scheduling variable, and how many of them, whose look-up is kept."""
 
+MOST_LAYERS = 4
+"""That a compensator has room for."""
+LEAST_SLOPE = 1e-3
+"""Of the slope without iron: nearer to a jump, no measured loop and no 16-bit word distinguishes the one
+from the other."""
+
 
 @lru_cache(maxsize=256)
 def _iron(law: Law, layers: Layers | None, *parameters: float) -> IronOperator:
@@ -213,6 +219,31 @@ class ActuatorRecord:
     def has_eddy_currents(self) -> bool:
         """Whether the iron itself answers late."""
         return bool(np.any(self.parameters["gamma"]))
+
+    @property
+    def has_lag(self) -> bool:
+        """Whether solid iron answers late by a single lag, which a compensator of every kind follows."""
+        return self.has_eddy_currents and self.layers is None
+
+    @property
+    def has_layers(self) -> bool:
+        """Whether a compensator can follow the layers of its iron.
+
+        Between layers there is no gap: an iron that would jump without one has no tangents there.
+        """
+        law = self.operator_law
+        if self.layers is None or law.cells is None or law.least_slope is None:
+            return False
+        if self.layers.count > MOST_LAYERS or self.fixed_gap_only or "gamma" in self.varying:
+            return False
+        return not self.jumps_alone
+
+    @property
+    def jumps_alone(self) -> bool:
+        """Whether the iron would jump without a gap."""
+        least = self.operator_law.least_slope
+        iron = self.parameters_at(self.first_node)
+        return least is not None and float(least(iron, np.zeros(1)).min()) < LEAST_SLOPE
 
     @property
     def valid_range(self) -> schema.ValidRange:

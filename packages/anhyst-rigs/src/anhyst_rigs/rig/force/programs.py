@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Kind
 from anhyst.data import Loops
-from anhyst.model.actuator import Model, has_lag, has_layers
+from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
@@ -128,7 +128,7 @@ def find_model(rig: Rig, loops: Loops, progress: Progress | None = None) -> Mode
     several = len(loops.by_schedule()) > 1
     options = rig.settings.loops
     model = identify_loops(loops, options, "circuit" if several else "auto", progress)
-    model = model if has_layers(model) or has_lag(model) else model.at_rest
+    model = model if model.has_layers or model.has_lag else model.at_rest
     if options.dead_band:
         model = _spanning(model, _least_dead_band(model, rig))
     valid = model.valid

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
-from anhyst.model.actuator import has_layers
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
@@ -260,7 +259,7 @@ def _beside(
     """Fit what is compared with a setup; report what cannot be made, such as a law without a loop."""
     setups: dict[MethodName, BearingSetup] = {}
     left_out: dict[MethodName, str] = {}
-    late: tuple[MethodName, ...] = ("at-rest",) if has_layers(knowledge.model) else ()
+    late: tuple[MethodName, ...] = ("at-rest",) if knowledge.model.has_layers else ()
     for name in (*compared(mine.rig, mine.method), *late):
         try:
             setups |= (

@@ -14,7 +14,6 @@ import numpy as np
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.headers import without_word
 from anhyst.data.table import read_columns
-from anhyst.model.actuator import has_layers
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.kinds import MethodName, capability
@@ -284,7 +283,7 @@ def calibrate(
         )
     file, law = whole.settings, laws("full")
     left_out = set(law.left_out(motions))
-    if not has_layers(known.model):
+    if not known.model.has_layers:
         left_out.add("at-rest")
     laws = partial(laws, **law.known_from(motions))
     possible = [name for name in LEARNT if name not in left_out]

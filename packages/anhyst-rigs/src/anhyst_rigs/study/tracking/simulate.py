@@ -13,7 +13,6 @@ import numpy as np
 from scipy.optimize import minimize
 
 from anhyst.compensate.methods import METHODS
-from anhyst.model.actuator import has_layers
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, all_of
@@ -428,7 +427,7 @@ def make_variants(
     """
     made: dict[MethodName, StageSetup] = {}
     left_out: dict[MethodName, str] = {}
-    beside: tuple[MethodName, ...] = ("at-rest",) if has_layers(magnet.model) else ()
+    beside: tuple[MethodName, ...] = ("at-rest",) if magnet.model.has_layers else ()
     for name in names or (*COMPARED, *beside):
         if name in PROBED and rig.settings.hall_probe is None:
             left_out[name] = "the rig has no Hall probe"
