@@ -54,17 +54,12 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     check_not_even(loopset)
     loopset, even_output = recentre(loopset)
     answer = output_map(loopset.output)
-    gaps = {loop.schedule_value for loop in loopset.loops}  # None where it moves, or there is none
-    largest = [
-        max(
-            (loop for loop in loopset.loops if loop.schedule_value == gap),
-            key=lambda loop: float(np.ptp(loop.output)),
-        )
-        for gap in gaps
-    ]
+    largest: dict[float | None, Loop] = {}  # by the gap; None where it moves, or there is none
+    for loop in sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output))):
+        largest.setdefault(loop.schedule_value, loop)
     for loop in loopset.loops:
         name = loopset.describe(loop)
-        is_largest = any(loop is record for record in largest)
+        is_largest = loop is largest[loop.schedule_value]
         if answer.even and is_largest:
             _check_force_sign(loopset, loop, name)
             # A biased force starts steep.

@@ -256,8 +256,11 @@ def _read_table(
     _refuse_hidden_gaps(used, roles, words)
     used, schedule, found = _scheduled(used, roles)
     drive, answer = used.si(roles.input), used.si(roles.output)
-    idle = {index: used.texts(index) for index in asked}
-    roles = roles.with_label(find_label(source_name, headers, idle, drive, answer, schedule))
+    candidates = {index: used.texts(index) for index in asked}
+    label = find_label(source_name, headers, candidates, drive, answer, schedule)
+    if label is not None:
+        idle = tuple(index for index in roles.idle if index != label)
+        roles = replace(roles, label=label, idle=idle, label_found=True)
     takes_gap = _takes_gap(headers, roles, description)
     blocks = None
     if roles.label is None and roles.fixed_label is None and roles.schedule is None:

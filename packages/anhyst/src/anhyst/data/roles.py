@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
@@ -48,14 +48,7 @@ class Roles:
     quantity: Quantity | None  # which it is; None if nothing is scheduled
     chosen: bool  # whether it was asked for by name
     idle: tuple[int, ...]  # columns without a part
-    label_found: bool = False
-
-    def with_label(self, label: int | None) -> Roles:
-        """Return the same roles with a label that the data gave away; ``None`` changes nothing."""
-        if label is None:
-            return self
-        idle = tuple(index for index in self.idle if index != label)
-        return replace(self, label=label, idle=idle, label_found=True)
+    label_found: bool = False  # whether the data gave the label away
 
     def notes(self, headers: Sequence[Header]) -> list[str]:
         """Say what was found about the columns, and what was left."""
