@@ -44,16 +44,17 @@ _RESTLESS = 0.01
 def levitation_fault(setup: BearingSetup, run: Recording, steps: Scenario) -> str | None:
     """Say why the armature was not held from lift-off to the last step, or None if it was."""
     rig, lifted, run = setup.rig, steps.lifted, run.part(0, steps.ticks)
+    gap, time = run["gap_m"], run["t_s"]
     lost = lost_at(rig, run, lifted)
     not_lifted = _rejected(setup, run) or _not_lifted(setup, run, lifted)
     if not_lifted is not None:
         return not_lifted
     if lost is None and len(run) < steps.ticks:
-        lost = float(run["t_s"][-1])
+        lost = float(time[-1])
     if lost is not None:
         return f"levitation was lost at {lost:.4f} s: the gains do not hold this bearing"
     body = rig.settings.body
-    swing = float(np.std(run["gap_m"][lifted - lifted // 8 : lifted]))
+    swing = float(np.std(gap[lifted - lifted // 8 : lifted]))
     if swing > _RESTLESS * (body.stop_high_m - body.stop_low_m):
         return (
             f"the armature oscillates by {1e6 * swing:.3g} um rms at "
