@@ -37,9 +37,9 @@ TEXTS = {
     "kind tests": "tests of the kind of a rig outside of its record",
     "several": "questions whether a stage has several coordinates (`.several`)",
     "model to C, files": "files on the way of a model to C",
-    "model to C, returns": "returns on that way to a file that was left before",
+    "model to C, returns": "returns to an earlier file on that way",
     "rig to recording, files": "files on the way of a rig file to a recording",
-    "rig to recording, returns": "returns on that way to a file that was left before",
+    "rig to recording, returns": "returns to an earlier file on that way",
     "files": "files of Python in the parts",
     "code": "lines of Python that are code (no docstring, comment, import or blank line)",
     **{part: f"lines of Python in `{part}`" for part in PARTS},
@@ -153,7 +153,7 @@ def table(numbers: Mapping[str, int]) -> str:
         f"| {TEXTS[name]} | {value:,} | {f'{BUDGETS[name]:,}' if name in BUDGETS else ''} |"
         for name, value in recorded(numbers).items()
     )
-    return f"| | now, at most | budget |\n| --- | --- | --- |\n{rows}\n"
+    return f"| | record | budget |\n| --- | --- | --- |\n{rows}\n"
 
 
 def main() -> int:
