@@ -1,7 +1,7 @@
 """File formats of measurements, one file a format.
 
-A new format needs an entry in `FORMATS`, in `SIGNATURES` if it is binary, and in `WRITERS` and
-`PACKAGES` if it can be written. An installed package adds one that is read.
+A new format needs an entry in `_OWN`, in `SIGNATURES` and `_BINARY` if it is binary, and in
+`WRITERS` and `PACKAGES` if it can be written. An installed package adds one that is read.
 """
 
 from __future__ import annotations
