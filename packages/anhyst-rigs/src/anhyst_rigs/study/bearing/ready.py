@@ -38,16 +38,9 @@ def files_of_bearing(rig_path: PathLike, controller_path: PathLike | None) -> li
 
 
 def _files(rig: BodyRig, controller: ControllerFile) -> list[Path]:
-    measured = rig.measured
-    named = [
-        rig.path,
-        rig.model,
-        rig.flux_table,
-        rig.calibration,
-        controller.path,
-        controller.model,
-    ]
-    return [file for file in named if file is not None] + list(measured.files)
+    of_rig = [rig.path, rig.model, rig.flux_table, rig.calibration]
+    named = [*of_rig, controller.path, controller.model]
+    return [file for file in named if file is not None] + list(rig.measured.files)
 
 
 @dataclass(frozen=True)

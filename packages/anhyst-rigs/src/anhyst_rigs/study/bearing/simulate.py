@@ -147,19 +147,12 @@ class Simulation(StudyResult):
     def to_columns(self) -> dict[str, Any]:
         """Return the figures of all steps, one row a variant, gap and height, SI and per cent."""
         names = next((list(cell.figures) for cell in self.cells if cell.figures), [])
-        return columns_of(
-            [
-                {
-                    "variant": cell.variant,
-                    "gap_m": cell.gap,
-                    "step_m": cell.height,
-                    "load_N": cell.load,
-                    "lost": cell.lost,
-                    **{name: cell.of(name).mean for name in names},
-                }
-                for cell in self.cells
-            ]
-        )
+        rows = []
+        for cell in self.cells:
+            where = {"gap_m": cell.gap, "step_m": cell.height, "load_N": cell.load}
+            means = {name: cell.of(name).mean for name in names}
+            rows.append({"variant": cell.variant, **where, "lost": cell.lost, **means})
+        return columns_of(rows)
 
     def as_dict(self) -> dict[str, Any]:
         """Return what ``figures.json`` holds."""
@@ -262,11 +255,8 @@ def _beside(
     late: tuple[MethodName, ...] = ("at-rest",) if knowledge.model.has_layers else ()
     for name in (*compared(mine.rig, mine.method), *late):
         try:
-            setups |= (
-                {name: mine}
-                if name == mine.method
-                else make_setups(mine.rig, controller, knowledge, (name,))
-            )
+            own = {name: mine} if name == mine.method else None
+            setups |= own or make_setups(mine.rig, controller, knowledge, (name,))
         except InputError as error:
             left_out[name] = str(error)
     return setups, left_out
@@ -285,15 +275,9 @@ def _compare(
     rig = setups[own].rig
     tried = rig.settings
     heights, load = tried.step.heights_m, tried.load.force_N
-    cells = compare_steps(
-        list(setups.values()),
-        [tried.gap_m, *tried.step.also_gaps_m],
-        heights,
-        [load],
-        default_seeds(rig),
-        next(parts),
-    )
-    tried_beside = experiments.try_all(rig, setups, default_seeds(rig), parts)
+    each, seeds = list(setups.values()), default_seeds(rig)
+    cells = compare_steps(each, tried.step_gaps_m, heights, [load], seeds, next(parts))
+    tried_beside = experiments.try_all(rig, setups, seeds, parts)
     loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
     swept = {
         name: sweep(setup, tried.gap_m, load, sweep_frequencies(rig), seed=0)
@@ -311,13 +295,8 @@ def _compare(
             for name, setup in setups.items()
         },
         "sensitivity": {
-            name: sensitivity
-            and {
-                "peak": sensitivity.peak,
-                "peak_Hz": sensitivity.peak_frequency,
-                "zone": sensitivity.zone,
-            }
-            for name, sensitivity in swept.items()
+            name: one and {"peak": one.peak, "peak_Hz": one.peak_frequency, "zone": one.zone}
+            for name, one in swept.items()
         },
     }
     return Simulation(
@@ -335,9 +314,7 @@ def _compare(
         cells=cells,
         experiments=tried_beside,
         loops=loops,
-        sensitivity={
-            name: sensitivity for name, sensitivity in swept.items() if sensitivity is not None
-        },
+        sensitivity={name: one for name, one in swept.items() if one is not None},
         plant=plant,
         figures=figures,
     )
@@ -391,7 +368,8 @@ def _lost_blocks(figures: Mapping[str, Any]) -> list[str]:
     for title, variants in _blocks(figures):
         if variants[own]["lost"]:
             lost[title] = variants[own]["lost"]
-    blocks = [f"{title} ({_runs(count)})" for title, count in lost.items()]
+    runs = {title: "1 run" if count == 1 else f"{count} runs" for title, count in lost.items()}
+    blocks = [f"{title} ({count})" for title, count in runs.items()]
     return blocks + (["sensitivity"] if figures["sensitivity"][own] is None else [])
 
 
@@ -402,7 +380,3 @@ def _blocks(figures: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]
     for row in figures["load_steps"]:
         yield f"load step of {row['force_N']:g} N", row["variants"]
     yield from figures["events"].items()
-
-
-def _runs(count: int) -> str:
-    return "1 run" if count == 1 else f"{count} runs"
