@@ -155,7 +155,12 @@ def run_board(
             ready.rig, controller, ready.knowledge(), board, Path(folder)
         )
         next(parts)(1, 1)
-        simulated, recorded = _run_twice(setup, firmware, board, next(parts))
+        *scenarios, _ = parts_of_run(setup.rig, setup.controller)
+        loop = SimulatedLoop(setup)
+        simulated = Recording.joined([loop.run(one) for one in scenarios])
+        reports = in_parts(next(parts), [1.0] * len(scenarios))
+        with closing(BearingBench(setup, firmware, board=board)) as running:
+            recorded = Recording.joined(list(map(running.run, scenarios, reports)))
         with closing(BearingBench(setup, firmware, board=board)) as running:
             runs, todo, endings = FaultRuns(setup, running), list(injections()), []
             report = next(parts)
@@ -163,19 +168,6 @@ def run_board(
                 endings.append(runs.run(injection))
                 report(len(endings), len(todo))
     return BoardComparison(ready.rig, controller, board, simulated, recorded, tuple(endings))
-
-
-def _run_twice(
-    setup: BearingSetup, firmware: Path, board: str, progress: Progress
-) -> tuple[Recording, Recording]:
-    """Run what a simulation records, simulated and with the firmware."""
-    *parts, _ = parts_of_run(setup.rig, setup.controller)
-    loop = SimulatedLoop(setup)
-    simulated = Recording.joined([loop.run(part) for part in parts])
-    with closing(BearingBench(setup, firmware, board=board)) as running:
-        reports = in_parts(progress, [1.0] * len(parts))
-        runs = [running.run(part, report) for part, report in zip(parts, reports, strict=True)]
-    return simulated, Recording.joined(runs)
 
 
 def build_firmware(

@@ -67,7 +67,7 @@ def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathL
         check_writable(path, reads=reads)
     at = None if rig.settings.magnet.from_loops else find_operating_point(rig)
     check_controller(controller, rig)
-    _check_calibration(rig, controller)
+    rig.refuse_untaught(controller.settings.compensation.variant, rig.calibration)
     model = _controller_model(controller, rig)
     loops = rig.measured.read()
     gaps = list(loops.by_schedule())
@@ -82,25 +82,13 @@ def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathL
     return Ready(whole, controller, loops, model, at or find_operating_point(whole))
 
 
-def _check_calibration(rig: BodyRig, controller: ControllerFile) -> None:
-    own = controller.settings.compensation.variant
-    if rig.calibration is not None and rig.learnt(own) is None:
-        raise InputError(
-            f"{rig.path}: control.calibration: {rig.calibration} says nothing of '{own}', and others "
-            "would be calibrated alone; calibrate again, with all methods",
-            code="method-missing",
-            key="control.calibration",
-        )
-
-
 def _controller_model(controller: ControllerFile, rig: BodyRig) -> Model | None:
     if controller.model is None:
         return None
     model = read_model(controller.model)
     if not is_electromagnet(model) or not model.needs_schedule:
-        raise InputError(
-            f"{controller.model}: a bearing needs a model of force over current and gap; identify "
-            f"one from {rig.measured.text}",
-            code="not-current-to-force",
+        text = (
+            f"{controller.model}: a bearing needs a model of force over current and gap; identify"
         )
+        raise InputError(f"{text} one from {rig.measured.text}", code="not-current-to-force")
     return model

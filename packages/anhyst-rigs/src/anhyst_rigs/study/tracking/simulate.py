@@ -440,13 +440,7 @@ def check_calibration(rig: BodyRig) -> None:
     """Say before any work what is wrong with a calibration, or with learning one."""
     if rig.settings.tracking.calibrate:
         refuse_uncalibratable(rig)
-    if rig.calibration is not None and rig.learnt(OWN) is None:
-        raise InputError(
-            f"{rig.path}: control.calibration: {rig.settings.tracking.calibration} says nothing "
-            f"of '{OWN}', and others would be calibrated alone; calibrate again, with all methods",
-            code="method-missing",
-            key="control.calibration",
-        )
+    rig.refuse_untaught(OWN, rig.settings.tracking.calibration)
 
 
 def explore_stage(
