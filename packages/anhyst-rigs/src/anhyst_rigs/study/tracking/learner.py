@@ -1,9 +1,8 @@
 """What motion teaches of the magnets of a stage: mass times acceleration is a force sensor.
 
-The law of a method follows the currents that were commanded, at the gaps that were read, in the
-core's own code; what the body did is its acceleration. Both sides pass the same filter. What they
-differ by is explained by a few numbers, each held by the standard deviation that the rig file
-states. One estimator takes in one motion after another: recordings, or a stage that works.
+What a law and the motion differ by is explained by a few numbers, each held by the standard
+deviation that the rig file states. One estimator takes in one motion after another: recordings, or
+a stage that works.
 """
 
 from __future__ import annotations
@@ -251,7 +250,7 @@ class Learner:
 
     def _shown(self, rows: FloatArray) -> list[ParameterName]:
         """Return what moves anything: of others the sum of all scales would tell something."""
-        moves = rows[:, :-1].any(axis=0)
+        moves = np.any(rows[:, :-1], axis=0).tolist()
         return [name for name, moved in zip(self._names, moves, strict=True) if moved]
 
     def _columns(self, names: Sequence[ParameterName]) -> list[int]:
