@@ -125,16 +125,6 @@ class BodyRig:
         """Return what the calibration that it names says of a method; None where it says nothing."""
         return None if self._taught is None else self._taught.of(method)
 
-    def refuse_untaught(self, method: MethodName, named: Path | str | None) -> None:
-        """Refuse a calibration that says nothing of a method; `named` is how its path is shown."""
-        if self.calibration is not None and self.learnt(method) is None:
-            raise InputError(
-                f"{self.path}: control.calibration: {named} says nothing of '{method}', and others "
-                "would be calibrated alone; calibrate again, with all methods",
-                code="method-missing",
-                key="control.calibration",
-            )
-
     @cached_property
     def _taught(self) -> CalibrationFile | None:
         """What motion taught; feedforward and force scale must believe in the same mass."""

@@ -12,6 +12,7 @@ from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import Model, read_model
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.checks import check_controller
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
@@ -38,9 +39,9 @@ def files_of_bearing(rig_path: PathLike, controller_path: PathLike | None) -> li
 
 
 def _files(rig: BodyRig, controller: ControllerFile) -> list[Path]:
-    of_rig = [rig.path, rig.model, rig.flux_table, rig.calibration]
+    measured, of_rig = rig.measured, [rig.path, rig.model, rig.flux_table, rig.calibration]
     named = [*of_rig, controller.path, controller.model]
-    return [file for file in named if file is not None] + list(rig.measured.files)
+    return [file for file in named if file is not None] + list(measured.files)
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathL
         check_writable(path, reads=reads)
     at = None if rig.settings.magnet.from_loops else find_operating_point(rig)
     check_controller(controller, rig)
-    rig.refuse_untaught(controller.settings.compensation.variant, rig.calibration)
+    refuse_untaught(rig, controller.settings.compensation.variant, rig.calibration)
     model = _controller_model(controller, rig)
     loops = rig.measured.read()
     gaps = list(loops.by_schedule())
@@ -80,6 +81,17 @@ def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathL
         )
     whole = complete_rig(rig, loops)
     return Ready(whole, controller, loops, model, at or find_operating_point(whole))
+
+
+def refuse_untaught(rig: BodyRig, method: MethodName, named: Path | str | None) -> None:
+    """Refuse a calibration that says nothing of a method; `named` is how its path is shown."""
+    if rig.calibration is not None and rig.learnt(method) is None:
+        raise InputError(
+            f"{rig.path}: control.calibration: {named} says nothing of '{method}', and others would "
+            "be calibrated alone; calibrate again, with all methods",
+            code="method-missing",
+            key="control.calibration",
+        )
 
 
 def _controller_model(controller: ControllerFile, rig: BodyRig) -> Model | None:

@@ -27,6 +27,7 @@ from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
 from anhyst_rigs.rig.stage.geometry import error_columns
 from anhyst_rigs.rig.stage.loop import AT_BIAS, Feedforward, StageSetup, pid, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
+from anhyst_rigs.study.bearing.ready import refuse_untaught
 from anhyst_rigs.study.engine.table import (
     FIGURES,
     CaseFigures,
@@ -440,7 +441,7 @@ def check_calibration(rig: BodyRig) -> None:
     """Say before any work what is wrong with a calibration, or with learning one."""
     if rig.settings.tracking.calibrate:
         refuse_uncalibratable(rig)
-    rig.refuse_untaught(OWN, rig.settings.tracking.calibration)
+    refuse_untaught(rig, OWN, rig.settings.tracking.calibration)
 
 
 def explore_stage(
