@@ -429,8 +429,10 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
     run = track(setup, gently, Feedforward(), seed=1)
     if run.loss is None:
         return
-    crossover = setup.rig.settings.tracking.crossover_Hz
-    text = f"the loop was lost {run.lost}: a crossover of {crossover:g} Hz does not hold this stage"
+    text = (
+        f"the loop was lost {run.lost}: a crossover of "
+        f"{setup.rig.settings.tracking.crossover_Hz:g} Hz does not hold this stage"
+    )
     if out is None:
         raise NegativeResult(text, code="loop-lost")
     keep_lost(run, out)
