@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -387,8 +388,8 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
 
 def _zones(ax: Axes, top: float) -> None:
     """Shade and name the zones, which a sensitivity is judged by."""
-    edges = [_FLOOR, *(boundary.decibel for boundary in BOUNDARIES), top]
-    names = [*(boundary.zone for boundary in BOUNDARIES), "D"]
+    edges = [_FLOOR, *(20.0 * math.log10(one) for one in BOUNDARIES.values()), top]
+    names = [*BOUNDARIES, "D"]
     for name, fill, low, high in zip(names, _ZONES, edges[:-1], edges[1:], strict=True):
         ax.axhspan(low, high, color=fill, lw=0, zorder=0)
         ax.text(
@@ -430,7 +431,7 @@ def figure_nyquist(loops: Responses) -> Figure:
     figure = new_figure(5.2, width=7.2)
     ax = figure.add_subplot()
     turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 361))
-    limit = BOUNDARIES[0].ratio
+    limit = BOUNDARIES["A"]
     ax.plot(turn.real, turn.imag, color=SHADE, lw=0.7, ls="--", label="gain 1")
     near = turn / limit - 1.0
     ax.fill(near.real, near.imag, fc=_ZONES[-1], ec=ALARM, lw=0.7)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from anhyst.support.block_words import regenerate
 from anhyst.support.errors import NegativeResult
@@ -65,9 +66,26 @@ class Ending:
         expected = self.injection.reason
         return self.reason is expected and self.levitates == (expected is Fault.NONE)
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {
+            "fault": self.injection.name,
+            "expected": self.injection.reason.name.lower(),
+            "reason": self.reason.name.lower(),
+            "levitates": self.levitates,
+            "seconds": self.seconds,
+            "rest_speed_m_per_s": self.rest_speed,
+            "magnet_speed_m_per_s": self.magnet_speed,
+            "away_m": self.away,
+        }
 
-def _shows(change: Callable[[PlantSample], PlantSample], ticks: float = math.inf) -> Act:
-    """Let sensors show something else for some ticks."""
+
+def _shows(ticks: float = math.inf, /, **shown: int | Callable[[PlantSample], int]) -> Act:
+    """Let sensors show something else for some ticks: a number, or what becomes of a sample."""
+
+    def change(sample: PlantSample) -> PlantSample:
+        numbers = {name: one(sample) if callable(one) else one for name, one in shown.items()}
+        return replace(sample, **numbers)
 
     def act(running: BearingBench, n: int) -> bool:
         running.tap.shown = change if n < ticks else None
@@ -76,23 +94,15 @@ def _shows(change: Callable[[PlantSample], PlantSample], ticks: float = math.inf
     return act
 
 
-def _reports(bit: int) -> Act:
-    return _shows(lambda sample: replace(sample, status=bit))
-
-
-def _no_sample(sample: PlantSample) -> PlantSample:
-    return replace(sample, status=_NO_SAMPLE)
-
-
 def _freezes(running: BearingBench, n: int) -> bool:
     """Freeze the sensor of the position, and step the target."""
     if n == 0:
         running.demand(running.gap + _STEP_M)
-        last: list[int] = []
+        last: list[PlantSample] = []
 
         def frozen(sample: PlantSample) -> PlantSample:
-            last.append(sample.position)
-            return replace(sample, position=last[0])
+            last.append(sample)
+            return replace(sample, position=last[0].position)
 
         running.tap.shown = frozen
     return True
@@ -125,7 +135,8 @@ def _bad_block(running: BearingBench, n: int) -> bool:
     """Send a block with a broken checksum, and one whose words are not valid behind a right one."""
     if n == 0:
         words = running.link.read_block()
-        for broken in (_broken(words), regenerate(_broken(words), 7)):
+        words[2] ^= 0x40
+        for broken in (words, regenerate(words, 7)):
             try:
                 running.link.write_block(broken)
             except Refused:
@@ -134,10 +145,6 @@ def _bad_block(running: BearingBench, n: int) -> bool:
                 "the controller took a parameter block that is not valid", code="bad-block-taken"
             )
     return True
-
-
-def _broken(words: list[int]) -> list[int]:
-    return [*words[:2], words[2] ^ 0x40, *words[3:]]
 
 
 def _swaps(running: BearingBench, n: int) -> bool:
@@ -156,52 +163,32 @@ def _overload(running: BearingBench, n: int) -> bool:
 
 def injections() -> Iterator[Injection]:
     """Every fault, with the reason that the controller has to give."""
-    yield Injection("three samples missing", Fault.NONE, _shows(_no_sample, 3))
-    yield Injection("no samples any more", Fault.POSITION_MISSING, _shows(_no_sample))
-    yield Injection("samples missing for 2 ms", Fault.POSITION_MISSING, _shows(_no_sample, 40))
-    yield Injection(
-        "position out of range",
-        Fault.POSITION_RANGE,
-        _shows(lambda sample: replace(sample, position=round(0.95 * Q31))),
-    )
-    yield Injection(
-        "position jumps",
-        Fault.POSITION_STEP,
-        _shows(
-            lambda sample: replace(
-                sample, position=max(sample.position - round(0.7 * Q31), 1 + _ERROR_CODE)
-            )
-        ),
-    )
+    yield Injection("three samples missing", Fault.NONE, _shows(3, status=_NO_SAMPLE))
+    missing = Fault.POSITION_MISSING
+    yield Injection("no samples any more", missing, _shows(status=_NO_SAMPLE))
+    yield Injection("samples missing for 2 ms", missing, _shows(40, status=_NO_SAMPLE))
+    far = round(0.95 * Q31)
+    yield Injection("position out of range", Fault.POSITION_RANGE, _shows(position=far))
+
+    def jumped(sample: PlantSample) -> int:
+        return max(sample.position - round(0.7 * Q31), 1 + _ERROR_CODE)
+
+    yield Injection("position jumps", Fault.POSITION_STEP, _shows(position=jumped))
     yield Injection("position frozen, target stepped", Fault.POSITION_STUCK, _freezes)
-    yield Injection(
-        "current sensor's error code",
-        Fault.CURRENT_RESERVED,
-        _shows(lambda sample: replace(sample, current=_ERROR_CODE)),
-    )
-    yield Injection(
-        "current out of range",
-        Fault.CURRENT_RANGE,
-        _shows(lambda sample: replace(sample, current=round(1.9 * Q30))),
-    )
-    yield Injection(
-        "current sensor disconnected",
-        Fault.CURRENT_MISMATCH,
-        _shows(lambda sample: replace(sample, current=0)),
-    )
-    yield Injection(
-        "current read with the wrong sign",
-        Fault.CURRENT_MISMATCH,
-        _shows(lambda sample: replace(sample, current=-sample.current)),
-    )
+    broken, far = _shows(current=_ERROR_CODE), round(1.9 * Q30)
+    yield Injection("current sensor's error code", Fault.CURRENT_RESERVED, broken)
+    yield Injection("current out of range", Fault.CURRENT_RANGE, _shows(current=far))
+    other, turned = Fault.CURRENT_MISMATCH, _shows(current=lambda sample: -sample.current)
+    yield Injection("current sensor disconnected", other, _shows(current=0))
+    yield Injection("current read with the wrong sign", other, turned)
     yield Injection("five ticks missed", Fault.MISSED_TICK, _misses)
     yield Injection("link lost", Fault.LINK_LOST, lambda running, n: False)
     yield Injection("command stop", Fault.STOPPED, _stops)
-    yield Injection("emergency stop open", Fault.EMERGENCY_STOP, _reports(_EMERGENCY_STOP))
+    yield Injection("emergency stop open", Fault.EMERGENCY_STOP, _shows(status=_EMERGENCY_STOP))
     yield Injection("supply sags to a fifth", Fault.SUPPLY, _sags)
-    yield Injection("winding too warm", Fault.TOO_WARM, _reports(_TOO_WARM))
-    yield Injection("amplifier reports a fault", Fault.AMPLIFIER, _reports(_AMPLIFIER))
-    yield Injection("over-current", Fault.OVER_CURRENT, _reports(_OVER_CURRENT))
+    yield Injection("winding too warm", Fault.TOO_WARM, _shows(status=_TOO_WARM))
+    yield Injection("amplifier reports a fault", Fault.AMPLIFIER, _shows(status=_AMPLIFIER))
+    yield Injection("over-current", Fault.OVER_CURRENT, _shows(status=_OVER_CURRENT))
     yield Injection("bad parameter blocks", Fault.NONE, _bad_block)
     yield Injection("another block swapped in", Fault.NONE, _swaps)
     yield Injection("overload for 100 ms", Fault.NONE, _overload)
@@ -253,15 +240,15 @@ class FaultRuns:
         rest_speed = magnet_speed = away = 0.0
         inside, speed = True, 0.0
         seconds = math.nan
-        on = injection.reason is Fault.NONE
-        for n in range(self._ticks(_ON_S if on else _LONGEST_S)):
+        for n in range(self._ticks(_ON_S if injection.reason is Fault.NONE else _LONGEST_S)):
             running.beats = injection.act(running, n)
             now = running.step()
             gap = now["gap"]
-            outside = gap <= body.stop_low_m or gap >= body.stop_high_m
-            if outside and inside and gap >= body.stop_high_m:
+            rests = gap >= body.stop_high_m
+            outside = rests or gap <= body.stop_low_m
+            if inside and rests:
                 rest_speed = rest_speed or speed
-            elif outside and inside:
+            elif inside and outside:
                 magnet_speed = magnet_speed or speed
             inside, speed = not outside, abs(now["velocity"])
             away = max(away, abs(gap - begin))
@@ -271,15 +258,8 @@ class FaultRuns:
                 break
         running.beats = True
         levitates = running.state is State.RUN
-        return Ending(
-            injection,
-            running.fault,
-            levitates,
-            seconds,
-            rest_speed,
-            magnet_speed,
-            away if levitates else math.nan,
-        )
+        away = away if levitates else math.nan
+        return Ending(injection, running.fault, levitates, seconds, rest_speed, magnet_speed, away)
 
     def _recover(self, ending: Ending) -> None:
         """Everything works again: clear the fault, or land."""

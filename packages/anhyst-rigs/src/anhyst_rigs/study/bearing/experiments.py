@@ -18,7 +18,7 @@ import math
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,7 +32,7 @@ from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import TrajectoryCase
-from anhyst_rigs.rig.loop import DROP, ReferenceStep, Scenario, SimulatedLoop
+from anhyst_rigs.rig.loop import DROP, Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import RISE, Recording, peak
 from anhyst_rigs.study.bearing.responses import position_resolution, recovery_time
 from anhyst_rigs.study.engine.table import CaseFigures
@@ -135,8 +135,9 @@ def _keeps_size(amplitudes: NDArray[np.complex128]) -> bool:
 
 
 Event = Literal["overload", "wrong initial state", "dropped sample"]
-
-EVENTS: tuple[Event, ...] = ("overload", "wrong initial state", "dropped sample")
+EVENTS: tuple[Event, ...] = get_args(Event)
+What = TrajectoryCase | Event | float | None
+"""What an experiment tries; None: it stands still."""
 
 STANDSTILL_S = 1.0
 RECOVERY_S = 0.3
@@ -154,7 +155,7 @@ class ExperimentTrial:
 
     setup: BearingSetup
     seed: int
-    what: TrajectoryCase | Event | float | None = None
+    what: What = None
 
 
 @dataclass(frozen=True)
@@ -189,14 +190,18 @@ class ExperimentFigures(CaseFigures):
         }
 
 
+Work = Callable[[ExperimentTrial], ExperimentOutcome | None]
+"""An experiment; it gives None where levitation was lost."""
+
+
 def of_all(
-    work: Callable[[ExperimentTrial], ExperimentOutcome | None],
+    work: Work,
     setups: Mapping[MethodName, BearingSetup],
     seeds: Sequence[int],
-    what: TrajectoryCase | Event | float | None,
+    what: What,
     progress: Progress | None = None,
 ) -> dict[MethodName, ExperimentFigures]:
-    """Run an experiment with every setup and every seed; it gives None where levitation was lost."""
+    """Run an experiment with every setup and every seed."""
     trials = [ExperimentTrial(setup, seed, what) for setup in setups.values() for seed in seeds]
     outcomes = all_of(work, trials, progress)
     return {
@@ -236,12 +241,7 @@ class Experiments:
         return {
             "standstill": rows(self.standstill),
             "trajectories": [
-                {
-                    "kind": shape.kind,
-                    "amplitude_m": shape.amplitude_m,
-                    "frequency_Hz": shape.frequency_Hz,
-                    "variants": rows(tried),
-                }
+                {**shape.model_dump(), "variants": rows(tried)}
                 for shape, tried in self.trajectories
             ],
             "load_steps": [
@@ -259,10 +259,7 @@ def try_all(
 ) -> Experiments:
     """Stand still, follow all trajectories of a rig file, step its loads, and let things go wrong."""
 
-    def tried(
-        work: Callable[[ExperimentTrial], ExperimentOutcome | None],
-        what: TrajectoryCase | Event | float | None = None,
-    ) -> Tried:
+    def tried(work: Work, what: What = None) -> Tried:
         return of_all(work, setups, seeds, what, next(parts))
 
     return Experiments(
@@ -360,12 +357,18 @@ def recover(trial: ExperimentTrial) -> ExperimentOutcome | None:
     if trial.what == "wrong initial state":
         scenario = _lifted(trial.setup).hold(RECOVERY_S).build()
         usual, unusual = (_run(trial, scenario, largest) for largest in (False, True))
-        return _excess(trial.setup, usual, unusual, _leaves_rest)
-    scenario = _stepped(trial.setup)
-    usual = _run(trial, scenario)
+        # control begins at another tick each: with a stronger iron earlier
+        return _excess(
+            trial.setup, usual, unusual, lambda run: int(np.argmax(run["state"] == RISE))
+        )
+    script = _lifted(trial.setup)
+    room = script.gap - trial.setup.rig.settings.body.stop_low_m
+    scenario = script.step(script.gap - min(DROP_STEP_M, room / 2.0), RECOVERY_S).build()
+    usual, step = _run(trial, scenario), scenario.steps[0]
     if usual[1]:
         return None
-    begin = _fastest(usual[0], scenario.steps[0])
+    speed = usual[0].part(step.begin, step.end)["velocity_m_per_s"]
+    begin = step.begin + int(np.argmax(np.abs(speed)))
     scenario.command[begin] |= DROP
     return _excess(trial.setup, usual, _run(trial, scenario), lambda _: begin)
 
@@ -417,23 +420,6 @@ def _excess(
     time = setup.rig.dt * np.arange(count)
     seconds = recovery_time(time, excess, 0.0, excess_band(setup.rig, excess))
     return ExperimentOutcome({"excess_peak_m": peak(excess), "excess_s": seconds})
-
-
-def _stepped(setup: BearingSetup) -> Scenario:
-    script = _lifted(setup)
-    room = script.gap - setup.rig.settings.body.stop_low_m
-    return script.step(script.gap - min(DROP_STEP_M, room / 2.0), RECOVERY_S).build()
-
-
-def _fastest(recording: Recording, step: ReferenceStep) -> int:
-    """Return the tick of a step at which a held position is furthest off."""
-    part = recording.part(step.begin, step.end)
-    return step.begin + int(np.argmax(np.abs(part["velocity_m_per_s"])))
-
-
-def _leaves_rest(recording: Recording) -> int:
-    """Return the tick at which control begins: with a stronger iron that is earlier."""
-    return int(np.argmax(recording["state"] == RISE))
 
 
 def _lifted(setup: BearingSetup) -> ScenarioBuilder:

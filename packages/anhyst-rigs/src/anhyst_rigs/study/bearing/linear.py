@@ -19,7 +19,7 @@ linearised too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -98,20 +98,19 @@ def sampled(
     point: Point, amplifier: CurrentLoop | DigitalAmplifier, chain: Chain
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return matrices a, b, c from the current's reference at a tick to the position read, m/A."""
-    motion, into, current, direct = voltage_matrices(point)
+    a, b, current, direct = voltage_matrices(point)
     if isinstance(amplifier, CurrentLoop):
-        motion, into = _under_current(motion, into, current, direct, amplifier)
-        a, b, position = _with_sensor(motion, into, _unit(4, 0), 0.0, chain.sensor_bandwidth)
+        a, b = _under_current(a, b, current, direct, amplifier)
+    a, b, position = _with_sensor(a, b, np.eye(len(b))[0], 0.0, chain.sensor_bandwidth)
+    if isinstance(amplifier, CurrentLoop):
         a, b = _ticks(a, b, chain)
         return a, b, _padded(position, len(b))
-    a, b, position = _with_sensor(motion, into, _unit(3, 0), 0.0, chain.sensor_bandwidth)
     if math.isinf(amplifier.sensor_bandwidth) and direct != 0.0:
         raise ValueError("with eddy currents the current must be read through a lag")
     reads = _padded(current, len(b))
     a, b, current = _with_sensor(a, b, reads, direct, amplifier.sensor_bandwidth)
     a, b = _ticks(a, b, chain)
-    n = len(b)
-    reads = _padded(current, n)
+    reads = _padded(current, len(b))
     closed = np.block(
         [
             [a - amplifier.gain * np.outer(b, reads), b[:, None]],
@@ -119,13 +118,7 @@ def sampled(
         ]
     )
     reference = np.append((amplifier.feed + amplifier.gain) * b, amplifier.reset)
-    return closed, reference, _padded(position, n + 1)
-
-
-def _unit(length: int, index: int) -> FloatArray:
-    row = np.zeros(length)
-    row[index] = 1.0
-    return row
+    return closed, reference, _padded(position, len(reference))
 
 
 def _padded(row: FloatArray, length: int) -> FloatArray:
@@ -180,7 +173,7 @@ def _with_sensor(
     lag = 2.0 * math.pi * bandwidth
     whole = block_diag(a, -lag)
     whole[-1, :-1] = lag * reads
-    return whole, np.append(b, lag * direct), _unit(len(b) + 1, len(b))
+    return whole, np.append(b, lag * direct), np.eye(len(whole))[-1]
 
 
 def _held(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatArray, FloatArray]:
@@ -346,7 +339,12 @@ def _margins(loop: LinearLoop) -> Margins:
     ones = _crossings(lambda f: abs(gain(f)) - 1.0, grid, np.abs(values) - 1.0)
     turned = [math.degrees(math.atan2((-gain(f)).imag, (-gain(f)).real)) for f in ones]
     delays = [(angle % 360.0) / 360.0 / f for angle, f in zip(turned, ones, strict=True)]
-    peak_frequency, peak = _peak(loop, grid, np.abs(1.0 / (1.0 + values)))
+    i = int(np.argmax(np.abs(1.0 / (1.0 + values))))
+    highest = minimize_scalar(
+        lambda f: -abs(complex(loop.sensitivity(f)[0])),
+        bounds=(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]),
+        method="bounded",
+    )
     return Margins(
         stable=loop.stable,
         gain_down=max((x for x in factors if x < 1.0), default=0.0),
@@ -354,8 +352,8 @@ def _margins(loop: LinearLoop) -> Margins:
         phase=min((abs(angle) for angle in turned), default=180.0),
         delay=min(delays, default=math.inf),
         crossover=max(ones, default=0.0),
-        peak=peak,
-        peak_frequency=peak_frequency,
+        peak=float(-highest.fun),
+        peak_frequency=float(highest.x),
     )
 
 
@@ -367,34 +365,12 @@ def _crossings(
     return [float(brentq(function, grid[i], grid[i + 1], xtol=1e-9 * grid[i])) for i in change]
 
 
-def _peak(loop: LinearLoop, grid: FloatArray, size: FloatArray) -> tuple[float, float]:
-    """Return frequency and size of the largest sensitivity."""
-    i = int(np.argmax(size))
-    ends = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
-    best = minimize_scalar(
-        lambda f: -abs(complex(loop.sensitivity(f)[0])), bounds=ends, method="bounded"
-    )
-    return float(best.x), float(-best.fun)
-
-
 Zone = Literal["A", "B", "C", "D"]
 
 
-@dataclass(frozen=True)
-class Boundary:
-    """The upper end of a zone."""
-
-    zone: Zone
-    ratio: float  # peak of the sensitivity
-
-    @property
-    def decibel(self) -> float:
-        """The same, dB."""
-        return 20.0 * math.log10(self.ratio)
-
-
-BOUNDARIES = (Boundary("A", 3.0), Boundary("B", 4.0), Boundary("C", 5.0))
-"""9.5, 12 and 14 dB. A: as newly commissioned; B: fit for long operation; C: for a limited time."""
+BOUNDARIES: Mapping[Zone, float] = {"A": 3.0, "B": 4.0, "C": 5.0}
+"""Largest peak of the sensitivity by zone: 9.5, 12 and 14 dB. A: as newly commissioned; B: fit for
+long operation; C: for a limited time."""
 
 
 def zone(peak: float) -> Zone:
@@ -403,4 +379,4 @@ def zone(peak: float) -> Zone:
     >>> zone(2.1), zone(3.0), zone(4.4), zone(9.0)
     ('A', 'A', 'C', 'D')
     """
-    return next((boundary.zone for boundary in BOUNDARIES if peak <= boundary.ratio), "D")
+    return next((name for name, largest in BOUNDARIES.items() if peak <= largest), "D")

@@ -98,7 +98,7 @@ class BoardComparison:
             "ticks_that_differ": self.differ,
             "landed": self.landed,
             "landing_speed_m_per_s": self.landing_speed,
-            "faults": [_ending(ending) for ending in self.endings],
+            "faults": [ending.as_dict() for ending in self.endings],
         }
 
     def refuse(self) -> None:
@@ -110,21 +110,16 @@ class BoardComparison:
             Says what.
         """
         if self.differ:
-            raise NegativeResult(
-                f"the firmware drove another current than the simulation at {self.differ} of "
-                f"{len(self.recorded)} ticks",
-                code="firmware-differs",
-            )
+            text = "the firmware drove another current than the simulation at "
+            text += f"{self.differ} of {len(self.recorded)} ticks"
+            raise NegativeResult(text, code="firmware-differs")
         if not self.landed:
-            raise NegativeResult(
-                "the firmware did not land the armature at the end of its run", code="not-landed"
-            )
+            text = "the firmware did not land the armature at the end of its run"
+            raise NegativeResult(text, code="not-landed")
         wrong = [ending.injection.name for ending in self.endings if not ending.as_expected]
         if wrong:
-            raise NegativeResult(
-                f"the firmware did not notice what it should: {'; '.join(wrong)}",
-                code="faults-not-noticed",
-            )
+            text = f"the firmware did not notice what it should: {'; '.join(wrong)}"
+            raise NegativeResult(text, code="faults-not-noticed")
 
 
 def count_differences(simulated: Recording, recorded: Recording) -> int:
@@ -147,9 +142,8 @@ def run_board(
 ) -> BoardComparison:
     """Compile the controller of a rig, build the firmware of a board around it, and run it."""
     if Path(out).suffix != ".json":
-        raise InputError(
-            f"{out}: the run of a firmware is written as .json; name it so", code="wrong-ending"
-        )
+        text = f"{out}: the run of a firmware is written as .json; name it so"
+        raise InputError(text, code="wrong-ending")
     check_compiler(board)
     if board == QEMU:
         find_qemu()
@@ -161,7 +155,12 @@ def run_board(
             ready.rig, controller, ready.knowledge(), board, Path(folder)
         )
         next(parts)(1, 1)
-        simulated, recorded = _run_twice(setup, firmware, board, next(parts))
+        *scenarios, _ = parts_of_run(setup.rig, setup.controller)
+        loop = SimulatedLoop(setup)
+        simulated = Recording.joined([loop.run(one) for one in scenarios])
+        reports = in_parts(next(parts), [1.0] * len(scenarios))
+        with closing(BearingBench(setup, firmware, board=board)) as running:
+            recorded = Recording.joined(list(map(running.run, scenarios, reports)))
         with closing(BearingBench(setup, firmware, board=board)) as running:
             runs, todo, endings = FaultRuns(setup, running), list(injections()), []
             report = next(parts)
@@ -169,19 +168,6 @@ def run_board(
                 endings.append(runs.run(injection))
                 report(len(endings), len(todo))
     return BoardComparison(ready.rig, controller, board, simulated, recorded, tuple(endings))
-
-
-def _run_twice(
-    setup: BearingSetup, firmware: Path, board: str, progress: Progress
-) -> tuple[Recording, Recording]:
-    """Run what a simulation records, simulated and with the firmware."""
-    *parts, _ = parts_of_run(setup.rig, setup.controller)
-    loop = SimulatedLoop(setup)
-    simulated = Recording.joined([loop.run(part) for part in parts])
-    with closing(BearingBench(setup, firmware, board=board)) as running:
-        reports = in_parts(progress, [1.0] * len(parts))
-        runs = [running.run(part, report) for part, report in zip(parts, reports, strict=True)]
-    return simulated, Recording.joined(runs)
 
 
 def build_firmware(
@@ -210,16 +196,3 @@ def build_firmware(
             code="controller-and-rig-differ",
         )
     return setup, build(board, folder / "c", folder / "firmware")
-
-
-def _ending(ending: Ending) -> dict[str, Any]:
-    return {
-        "fault": ending.injection.name,
-        "expected": ending.injection.reason.name.lower(),
-        "reason": ending.reason.name.lower(),
-        "levitates": ending.levitates,
-        "seconds": ending.seconds,
-        "rest_speed_m_per_s": ending.rest_speed,
-        "magnet_speed_m_per_s": ending.magnet_speed,
-        "away_m": ending.away,
-    }

@@ -100,19 +100,12 @@ def has_constants(setup: BearingSetup) -> bool:
 
 def check_load(rig: BodyRig, force_max: float) -> None:
     """Refuse a load that no current can carry."""
-    load = rig.load
-    steps = rig.settings.load_steps_N
-    faults: list[FileFault] = []
+    load, faults = rig.load, list[FileFault]()
     if not load < force_max:
         text = f"no current can carry {load:.4g} N, the magnet reaches {force_max:.4g} N"
-        faults.append(
-            FileFault(
-                ("load", "force_N"),
-                f"{text}; lower it or raise current_high_A",
-                code="load-too-large",
-            )
-        )
-    for index, step in enumerate(steps):
+        text += "; lower it or raise current_high_A"
+        faults.append(FileFault(("load", "force_N"), text, code="load-too-large"))
+    for index, step in enumerate(rig.settings.load_steps_N):
         if load < force_max <= load + step:
             text = f"{load:.4g} N and this step are {load + step:.4g} N"
             text += f", the magnet reaches {force_max:.4g} N; lower it"

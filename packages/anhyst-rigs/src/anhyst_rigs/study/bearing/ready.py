@@ -12,6 +12,7 @@ from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import Model, read_model
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.checks import check_controller
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
@@ -38,15 +39,8 @@ def files_of_bearing(rig_path: PathLike, controller_path: PathLike | None) -> li
 
 
 def _files(rig: BodyRig, controller: ControllerFile) -> list[Path]:
-    measured = rig.measured
-    named = [
-        rig.path,
-        rig.model,
-        rig.flux_table,
-        rig.calibration,
-        controller.path,
-        controller.model,
-    ]
+    measured, of_rig = rig.measured, [rig.path, rig.model, rig.flux_table, rig.calibration]
+    named = [*of_rig, controller.path, controller.model]
     return [file for file in named if file is not None] + list(measured.files)
 
 
@@ -74,7 +68,7 @@ def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathL
         check_writable(path, reads=reads)
     at = None if rig.settings.magnet.from_loops else find_operating_point(rig)
     check_controller(controller, rig)
-    _check_calibration(rig, controller)
+    refuse_untaught(rig, controller.settings.compensation.variant, rig.calibration)
     model = _controller_model(controller, rig)
     loops = rig.measured.read()
     gaps = list(loops.by_schedule())
@@ -89,12 +83,12 @@ def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathL
     return Ready(whole, controller, loops, model, at or find_operating_point(whole))
 
 
-def _check_calibration(rig: BodyRig, controller: ControllerFile) -> None:
-    own = controller.settings.compensation.variant
-    if rig.calibration is not None and rig.learnt(own) is None:
+def refuse_untaught(rig: BodyRig, method: MethodName, named: Path | str | None) -> None:
+    """Refuse a calibration that says nothing of a method; `named` is how its path is shown."""
+    if rig.calibration is not None and rig.learnt(method) is None:
         raise InputError(
-            f"{rig.path}: control.calibration: {rig.calibration} says nothing of '{own}', and others "
-            "would be calibrated alone; calibrate again, with all methods",
+            f"{rig.path}: control.calibration: {named} says nothing of '{method}', and others would "
+            "be calibrated alone; calibrate again, with all methods",
             code="method-missing",
             key="control.calibration",
         )
@@ -105,9 +99,8 @@ def _controller_model(controller: ControllerFile, rig: BodyRig) -> Model | None:
         return None
     model = read_model(controller.model)
     if not is_electromagnet(model) or not model.needs_schedule:
-        raise InputError(
-            f"{controller.model}: a bearing needs a model of force over current and gap; identify "
-            f"one from {rig.measured.text}",
-            code="not-current-to-force",
+        text = (
+            f"{controller.model}: a bearing needs a model of force over current and gap; identify"
         )
+        raise InputError(f"{text} one from {rig.measured.text}", code="not-current-to-force")
     return model

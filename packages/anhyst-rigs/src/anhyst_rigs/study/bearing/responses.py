@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -192,7 +192,8 @@ def measure_sensitivity(
     if not (np.all(asked_Hz > 0.0) and np.all(asked_Hz < 0.5 * rate)):
         raise ValueError(f"frequencies must lie between 0 and {0.5 * rate:g} Hz, half the rate")
     pieces = _sweep(asked_Hz.tolist(), rate)
-    inject = amplitude * np.concatenate([_sine(piece, rate) for piece in pieces])
+    sines = [sine(one.frequency / rate * np.arange(one.end - one.begin)) for one in pieces]
+    inject = amplitude * np.concatenate(sines)  # every sine is zero at its beginning
     seen = run(inject)["gap_read_m"]
     if len(seen) != len(inject):
         raise ValueError(f"the run has {len(seen)} ticks where {len(inject)} were injected")
@@ -219,12 +220,6 @@ def _sweep(frequencies: Sequence[float], rate: float) -> list[_Piece]:
     return pieces
 
 
-def _sine(piece: _Piece, rate: float) -> FloatArray:
-    """Return the sine of one piece, zero at its beginning."""
-    ticks = np.arange(piece.end - piece.begin)
-    return sine(piece.frequency / rate * ticks)
-
-
 def _fit(seen: FloatArray, piece: _Piece, rate: float) -> tuple[complex, float]:
     """Return the complex amplitude against the sine of a piece, and the rms of what is left."""
     ticks = np.arange(piece.first, piece.end)
@@ -239,15 +234,9 @@ def _fit(seen: FloatArray, piece: _Piece, rate: float) -> tuple[complex, float]:
     return complex(coefficients[0], coefficients[1]), float(np.sqrt(np.mean(rest**2)))
 
 
+OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
 FIGURES = (
-    "overshoot_percent",
-    "noise_percent",
-    "undershoot_percent",
-    "rise_time_s",
-    "settling_time_s",
-    "settling_in_noise_s",
-    "steady_error_m",
-    "standstill_rms_m",
+    *(field.name for field in fields(StepFigures)),
     "tracking_rms_m",
     "tracking_peak_m",
     "force_error_rms_N",
@@ -255,7 +244,7 @@ FIGURES = (
     "heat_W",
 )
 """Of one step, by name; docs/simulate.md says what each is."""
-_LARGEST = ("overshoot_percent", "noise_percent")
+_LARGEST = (OVERSHOOT, NOISE)
 """Of a step up and one down, the larger one counts; of all other figures the mean."""
 
 
@@ -292,7 +281,7 @@ class StepCell(CaseFigures):
     @property
     def overshoots(self) -> bool:
         """Whether the overshoot is certainly more than what the standstill adds to it."""
-        return self.of("overshoot_percent").exceeds(self.of("noise_percent"))
+        return self.of(OVERSHOOT).exceeds(self.of(NOISE))
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``figures.json`` holds it."""
@@ -347,31 +336,15 @@ def compare_steps(
         for setup, gap, load, seed in product(setups, gaps, loads, seeds)
     ]
     results = all_of(run_steps, runs, progress, jobs)
+    tried: dict[tuple[int, float, float], list[list[StepResult]]] = {}
+    for run, (steps, _) in zip(runs, results, strict=True):
+        tried.setdefault((id(run.setup), run.gap, run.load), []).append(steps)
     cells = []
-    for setup, gap, load in product(setups, gaps, loads):
-        mine = [
-            steps
-            for run, (steps, _) in zip(runs, results, strict=True)
-            if run.setup is setup and run.gap == gap and run.load == load
-        ]
-        cells += [_sum_up(setup, gap, load, height, mine) for height in heights]
+    for setup, gap, load, height in product(setups, gaps, loads, heights):
+        mine = [merged(steps, height) for steps in tried[id(setup), gap, load]]
+        where = {"variant": setup.method, "gap": gap, "height": height, "load": load}
+        cells.append(StepCell.over(mine, **where))
     return cells
-
-
-def _sum_up(
-    setup: BearingSetup,
-    gap: float,
-    load: float,
-    height: float,
-    runs: Sequence[Sequence[StepResult]],
-) -> StepCell:
-    return StepCell.over(
-        [merged(steps, height) for steps in runs],
-        variant=setup.method,
-        gap=gap,
-        height=height,
-        load=load,
-    )
 
 
 def merged(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
@@ -414,9 +387,6 @@ def sweep(
         return measure_sensitivity(run, frequencies, SINE_M, rig.settings.timing.rate_Hz)
     except _LostError:
         return None
-
-
-OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
 
 
 @dataclass(frozen=True)

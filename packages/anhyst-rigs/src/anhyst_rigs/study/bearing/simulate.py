@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -41,7 +42,7 @@ from anhyst_rigs.study.bearing.responses import (
     judge_steps,
     sweep,
 )
-from anhyst_rigs.study.engine.table import FIGURES, Judgement, StudyResult, keep_lost
+from anhyst_rigs.study.engine.table import FIGURES, CaseFigures, Judgement, StudyResult, keep_lost
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,8 +82,10 @@ class Simulation(StudyResult):
         As measured, by variant; without those that lost levitation.
     plant : PlantCheck
         What the loops say about the plant.
-    figures : dict
-        What ``figures.json`` holds; infinite where a level was not reached, null in the file.
+    left_out : mapping of str to str
+        Variants that could not be made, and why.
+    lost_late : sequence of str
+        What follows the steps of the recording and lost levitation.
     """
 
     kind: ClassVar = "levitation"
@@ -99,19 +102,31 @@ class Simulation(StudyResult):
     loops: Mapping[MethodName, linear.LinearLoop]
     sensitivity: Mapping[MethodName, Sensitivity]
     plant: PlantCheck
-    figures: dict[str, Any]
-
-    @property
-    def left_out(self) -> dict[str, str]:
-        """Variants that could not be made, and why."""
-        left_out: dict[str, str] = self.figures["left_out"]
-        return left_out
+    left_out: Mapping[MethodName, str]
+    lost_late: Sequence[str]
 
     @property
     def lost_in(self) -> list[str]:
         """Everything tried in which the controller file's own variant lost levitation."""
-        lost: list[str] = self.figures["lost_in"]
-        return lost
+        tried = self.experiments
+        blocks: list[tuple[str, CaseFigures]] = [
+            *(
+                (f"steps at {1e3 * one.gap:g} mm", one)
+                for one in self.cells
+                if one.variant == self.own
+            ),
+            ("standstill", tried.standstill[self.own]),
+        ]
+        for shape, by_variant in tried.trajectories:
+            title = f"{shape.kind} of {1e6 * shape.amplitude_m:g} um"
+            blocks.append((title, by_variant[self.own]))
+        for force, by_variant in tried.load_steps:
+            blocks.append((f"load step of {force:g} N", by_variant[self.own]))
+        blocks += [(event, by_variant[self.own]) for event, by_variant in tried.events.items()]
+        lost = {title: one.lost for title, one in blocks if one.lost}
+        runs = [f"{title} ({n} run{'' if n == 1 else 's'})" for title, n in lost.items()]
+        swept = [] if self.own in self.sensitivity else ["sensitivity"]
+        return [*self.lost_late, *runs, *swept]
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult where the controller file's own variant lost levitation."""
@@ -147,19 +162,42 @@ class Simulation(StudyResult):
     def to_columns(self) -> dict[str, Any]:
         """Return the figures of all steps, one row a variant, gap and height, SI and per cent."""
         names = next((list(cell.figures) for cell in self.cells if cell.figures), [])
-        return columns_of(
-            [
-                {
-                    "variant": cell.variant,
-                    "gap_m": cell.gap,
-                    "step_m": cell.height,
-                    "load_N": cell.load,
-                    "lost": cell.lost,
-                    **{name: cell.of(name).mean for name in names},
-                }
-                for cell in self.cells
-            ]
-        )
+        rows = []
+        for cell in self.cells:
+            where = {"gap_m": cell.gap, "step_m": cell.height, "load_N": cell.load}
+            means = {name: cell.of(name).mean for name in names}
+            rows.append({"variant": cell.variant, **where, "lost": cell.lost, **means})
+        return columns_of(rows)
+
+    @cached_property
+    def figures(self) -> dict[str, Any]:
+        """What ``figures.json`` holds; infinite where a level was not reached, null in the file."""
+        rig, controller = self.rig.settings, self.controller.settings
+        swept = {
+            name: {"peak": one.peak, "peak_Hz": one.peak_frequency, "zone": one.zone}
+            for name, one in self.sensitivity.items()
+        }
+        return {
+            "format": "anhyst-simulation",
+            "rig": rig.name,
+            "controller": controller.name,
+            "variant": controller.compensation.variant,
+            "number_format": controller.compensation.format,
+            "supply_V": rig.amplifier.supply,
+            "rate_Hz": rig.timing.rate_Hz,
+            "delay_ticks": rig.timing.delay_ticks,
+            "plant": self.plant.as_dict(),
+            "operating_point": _point(self.at),
+            "steps": [cell.as_dict() for cell in self.cells],
+            **self.experiments.as_dict(),
+            "loop": {
+                name: asdict(self.loops[name].margins) if has_constants(setup) else None
+                for name, setup in self.setups.items()
+            },
+            "sensitivity": {name: swept.get(name) for name in self.setups},
+            "left_out": dict(self.left_out),
+            "lost_in": self.lost_in,
+        }
 
     def as_dict(self) -> dict[str, Any]:
         """Return what ``figures.json`` holds."""
@@ -209,23 +247,33 @@ def explore(
         raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
     next(parts)(1, 1)
     setups, left_out = _beside(mine, controller, knowledge)
-    run = _Run(recording, stepped, steps)
-    simulation = _compare(controller, knowledge, setups, ready.at, run, parts)
-    simulation.figures["left_out"] = left_out
-    simulation.figures["lost_in"] = [
-        *lost_after_steps(rig, recording, steps.ticks, landing),
-        *_lost_blocks(simulation.figures),
-    ]
-    return simulation
-
-
-@dataclass(frozen=True)
-class _Run:
-    """The run of the own variant that a simulation records."""
-
-    recording: Recording  # lift-off, steps, loads, landing
-    stepped: Recording  # its first part, up to the last step
-    steps: Scenario  # of that part
+    shown = {
+        name: stepped if name == own else SimulatedLoop(setup).run(steps)
+        for name, setup in setups.items()
+    }
+    heights, load, seeds = tried.step.heights_m, tried.load.force_N, default_seeds(rig)
+    each = list(setups.values())
+    cells = compare_steps(each, tried.step_gaps_m, heights, [load], seeds, next(parts))
+    tried_beside = experiments.try_all(rig, setups, seeds, parts)
+    asked_Hz = sweep_frequencies(rig)
+    swept = {name: sweep(one, tried.gap_m, load, asked_Hz, seed=0) for name, one in setups.items()}
+    return Simulation(
+        rig=rig,
+        controller=controller,
+        knowledge=knowledge,
+        setups=setups,
+        at=ready.at,
+        recording=recording,
+        shown=shown,
+        scenario=steps,
+        cells=cells,
+        experiments=tried_beside,
+        loops={name: linear_loop(setup, ready.at) for name, setup in setups.items()},
+        sensitivity={name: one for name, one in swept.items() if one is not None},
+        plant=check_plant(rig, knowledge),
+        left_out=left_out,
+        lost_late=lost_after_steps(rig, recording, steps.ticks, landing),
+    )
 
 
 def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike, ...]:
@@ -262,99 +310,11 @@ def _beside(
     late: tuple[MethodName, ...] = ("at-rest",) if knowledge.model.has_layers else ()
     for name in (*compared(mine.rig, mine.method), *late):
         try:
-            setups |= (
-                {name: mine}
-                if name == mine.method
-                else make_setups(mine.rig, controller, knowledge, (name,))
-            )
+            own = {name: mine} if name == mine.method else None
+            setups |= own or make_setups(mine.rig, controller, knowledge, (name,))
         except InputError as error:
             left_out[name] = str(error)
     return setups, left_out
-
-
-def _compare(
-    controller: ControllerFile,
-    knowledge: IdentifiedMagnet,
-    setups: Mapping[MethodName, BearingSetup],
-    at: OperatingPoint,
-    run: _Run,
-    parts: Iterator[Progress],
-) -> Simulation:
-    """Try everything with every variant."""
-    own = controller.settings.compensation.variant
-    rig = setups[own].rig
-    tried = rig.settings
-    heights, load = tried.step.heights_m, tried.load.force_N
-    cells = compare_steps(
-        list(setups.values()),
-        [tried.gap_m, *tried.step.also_gaps_m],
-        heights,
-        [load],
-        default_seeds(rig),
-        next(parts),
-    )
-    tried_beside = experiments.try_all(rig, setups, default_seeds(rig), parts)
-    loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
-    swept = {
-        name: sweep(setup, tried.gap_m, load, sweep_frequencies(rig), seed=0)
-        for name, setup in setups.items()
-    }
-    plant = check_plant(rig, knowledge)
-    figures = {
-        **_head(rig, controller),
-        "plant": plant.as_dict(),
-        "operating_point": _point(at),
-        "steps": [cell.as_dict() for cell in cells],
-        **tried_beside.as_dict(),
-        "loop": {
-            name: asdict(loops[name].margins) if has_constants(setup) else None
-            for name, setup in setups.items()
-        },
-        "sensitivity": {
-            name: sensitivity
-            and {
-                "peak": sensitivity.peak,
-                "peak_Hz": sensitivity.peak_frequency,
-                "zone": sensitivity.zone,
-            }
-            for name, sensitivity in swept.items()
-        },
-    }
-    return Simulation(
-        rig=rig,
-        controller=controller,
-        knowledge=knowledge,
-        setups=setups,
-        at=at,
-        recording=run.recording,
-        shown={
-            name: run.stepped if name == own else SimulatedLoop(setup).run(run.steps)
-            for name, setup in setups.items()
-        },
-        scenario=run.steps,
-        cells=cells,
-        experiments=tried_beside,
-        loops=loops,
-        sensitivity={
-            name: sensitivity for name, sensitivity in swept.items() if sensitivity is not None
-        },
-        plant=plant,
-        figures=figures,
-    )
-
-
-def _head(rig: BodyRig, controller: ControllerFile) -> dict[str, Any]:
-    """Return what was simulated."""
-    return {
-        "format": "anhyst-simulation",
-        "rig": rig.settings.name,
-        "controller": controller.settings.name,
-        "variant": controller.settings.compensation.variant,
-        "number_format": controller.settings.compensation.format,
-        "supply_V": rig.settings.amplifier.supply,
-        "rate_Hz": rig.settings.timing.rate_Hz,
-        "delay_ticks": rig.settings.timing.delay_ticks,
-    }
 
 
 def compared(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
@@ -379,30 +339,3 @@ def _point(at: OperatingPoint) -> dict[str, Any]:
         "inductance_H": at.point.inductance,
         "unstable_pole_Hz": at.point.pole_at_current,
     }
-
-
-def _lost_blocks(figures: Mapping[str, Any]) -> list[str]:
-    """Name every block of ``figures.json`` in which its own variant lost levitation."""
-    own = figures["variant"]
-    lost = {}
-    for row in figures["steps"]:
-        if row["variant"] == own and row["lost"]:
-            lost[f"steps at {1e3 * row['gap_m']:g} mm"] = row["lost"]
-    for title, variants in _blocks(figures):
-        if variants[own]["lost"]:
-            lost[title] = variants[own]["lost"]
-    blocks = [f"{title} ({_runs(count)})" for title, count in lost.items()]
-    return blocks + (["sensitivity"] if figures["sensitivity"][own] is None else [])
-
-
-def _blocks(figures: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    yield "standstill", figures["standstill"]
-    for row in figures["trajectories"]:
-        yield f"{row['kind']} of {1e6 * row['amplitude_m']:g} um", row["variants"]
-    for row in figures["load_steps"]:
-        yield f"load step of {row['force_N']:g} N", row["variants"]
-    yield from figures["events"].items()
-
-
-def _runs(count: int) -> str:
-    return "1 run" if count == 1 else f"{count} runs"

@@ -72,18 +72,9 @@ def linearise(
         bearing = complete_rig(bearing, bearing.measured.read())
     point = find_operating_point(bearing).point
     a, b, c, d = _under_current(point) if drive == "current" else _under_voltage(point)
-    measured = ["position", "force"] + (["current"] if drive == "voltage" else [])
-    states = ["position", "velocity", "flux_current"]
-    return library.StateSpace(
-        a,
-        b,
-        c,
-        d,
-        inputs=[drive, "load"],
-        outputs=measured,
-        states=states[: len(a)],
-        name="bearing",
-    )
+    names = {"inputs": [drive, "load"], "outputs": ["position", "force", "current"][: len(c)]}
+    states = ["position", "velocity", "flux_current"][: len(a)]
+    return library.StateSpace(a, b, c, d, **names, states=states, name="bearing")
 
 
 def _moved(rig: BodyRig, gap: float | None, force: float | None) -> BodyRig:
@@ -98,10 +89,7 @@ def _moved(rig: BodyRig, gap: float | None, force: float | None) -> BodyRig:
     return changed(rig, changes)
 
 
-Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-
-
-def _under_current(point: Point) -> Matrices:
+def _under_current(point: Point) -> tuple[FloatArray, ...]:
     mass = point.mass
     a = np.array([[0.0, 1.0], [point.k_s / mass, -point.damping / mass]])
     b = np.array([[0.0, 0.0], [point.k_i / mass, -1.0 / mass]])
@@ -109,7 +97,7 @@ def _under_current(point: Point) -> Matrices:
     return a, b, c, np.array([[0.0, 0.0], [point.k_i, 0.0]])
 
 
-def _under_voltage(point: Point) -> Matrices:
+def _under_voltage(point: Point) -> tuple[FloatArray, ...]:
     a, into, current, direct = voltage_matrices(point)
     b = np.column_stack([into, [0.0, -1.0 / point.mass, 0.0]])
     c = np.array([[1.0, 0.0, 0.0], [point.k_s, 0.0, point.k_i], current])

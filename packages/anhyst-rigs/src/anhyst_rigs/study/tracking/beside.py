@@ -159,7 +159,17 @@ class BenchLearner:
     def _say(self, lap: LearntLap, learner: Learner | None) -> None:
         """Keep what a page draws of a lap."""
         if learner is not None:
-            lap = lap._replace(refused=learner.refused, values=_values(learner))
+            values = {
+                number.name: (
+                    number.value,
+                    number.sigma,
+                    learner.applied[number.name],
+                    number.prior,
+                )
+                for number in learner.found.parameter
+                if number.name in learner.seen
+            }
+            lap = lap._replace(refused=learner.refused, values=values)
         self.laps.append(lap)
 
     @property
@@ -263,8 +273,7 @@ class StageLearner(BenchLearner):
             if setup is not None and learner is not None:
                 self._bench.correct(setup)
                 kept.put(setup, learner.applied)
-            new = LearntLap(end, lap.number, lap.method, average, most, on, 0, {})
-            self._say(new, learner)
+            self._say(LearntLap(end, lap.number, lap.method, average, most, on, 0, {}), learner)
 
         do(act)
 
@@ -476,14 +485,6 @@ def _thinned(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
     ends = np.column_stack([driven.argmin(axis=1), driven.argmax(axis=1)])
     kept = np.unique(ends + BLOCK * np.arange(blocks)[:, None])
     return np.concatenate([rows[kept], rows[whole:]])
-
-
-def _values(learner: Learner) -> dict[str, tuple[float, float, float, float]]:
-    return {
-        number.name: (number.value, number.sigma, learner.applied[number.name], number.prior)
-        for number in learner.found.parameter
-        if number.name in learner.seen
-    }
 
 
 def _index_of(signals: Sequence[Signal], header: str) -> int:

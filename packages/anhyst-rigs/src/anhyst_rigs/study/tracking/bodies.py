@@ -160,6 +160,7 @@ class StageLaw(MotionLaw):
     def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         self.rig, self.method = rig, method
         self.compensator = cache(lambda width: fit_method(rig, magnet, method, width))
+        self._per_root = cache(lambda: per_root(self.compensator(0.0), rig))
         self._of: StageMotion | None = None
         self._kept: dict[tuple[object, ...], FloatArray] = {}  # of single magnets along that motion
         self._count = range(1, len(rig.settings.placed) + 1)
@@ -178,43 +179,28 @@ class StageLaw(MotionLaw):
         # a smaller trust many laps fit what the law has wrong; with a larger one a lap shows little.
         self.trust, self.seen = 0.0015 * (6.0 / free) ** 0.25, 0.84 + 0.01 * free
         self.leaves = 0.0075 if method == "play" else 0.0037
-
-    @property
-    def needed(self) -> Sequence[str]:
-        """The columns of a recording without which nothing is learnt."""
-        file = self.rig.settings
-        of_body = [*demand_columns(file.body.free), *pose_columns(file.body.free)]
-        of_each = of_magnets([("gap_read", "m"), *CURRENTS[:1]], 1, len(file.placed))
-        return ["t_s", "demand_N", *of_body, *of_each]
-
-    @property
-    def helpful(self) -> Sequence[str]:
-        """The columns that help, where a recording has them: those of flux probes."""
-        file = self.rig.settings
-        if file.hall_probe is None:
-            return ()
-        return of_magnets([("flux_read", "T")], 1, len(file.placed))
+        of_body = [*demand_columns(rig.settings.body.free), *pose_columns(rig.settings.body.free)]
+        of_each = of_magnets([("gap_read", "m"), *CURRENTS[:1]], 1, len(rig.settings.placed))
+        self.needed = ["t_s", "demand_N", *of_body, *of_each]
+        probes = of_magnets([("flux_read", "T")], 1, len(rig.settings.placed))
+        self.helpful = [] if rig.settings.hall_probe is None else probes
 
     def left_out(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
         """Return the methods of which the recordings do not say enough."""
-        names = self.helpful
-        is_probed = names and all(name in one.read for one in motions for name in names)
-        return () if is_probed else PROBED
+        read = all(name in one.read for one in motions for name in self.helpful)
+        return () if self.helpful and read else PROBED
 
     def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
         """Return what shows that a recording begins in motion: what iron remembers is not known."""
-        file = self.rig.settings
-        free = file.body.free
-        places = [name for name in pose_columns(free) if name.endswith("_m")] or pose_columns(free)
+        file, poses = self.rig.settings, pose_columns(self.rig.settings.body.free)
+        places = [name for name in poses if name.endswith("_m")] or poses
         place = np.column_stack([columns[name] for name in places])
         speed = np.linalg.norm(place[STILL:] - place[:-STILL], axis=1) / (STILL * self.rig.dt)
         noise = 10.0 * file.position_sensor.noise_m / (STILL * self.rig.dt)
         if abs(columns["demand_N"][0] + weight_along_scan(file)) > DEAD * self.force_max:
             return ColumnFault("begins in motion", "demand_N")
         # a body that carries its weight falls until currents flow
-        fallen = (
-            abs(file.body.gravity_m_per_s2) * STILL * self.rig.dt if weight(file).any() else 0.0
-        )
+        fallen = abs(file.body.gravity_m_per_s2) * STILL * self.rig.dt * weight(file).any()
         is_moving = speed[0] > 0.02 * float(speed.max()) + noise + fallen
         return ColumnFault("begins in motion", places[0]) if is_moving else None
 
@@ -238,7 +224,7 @@ class StageLaw(MotionLaw):
         assert isinstance(motion, StageMotion)
         pulled = self._pulled(motion, int(number[1]), {})[motion.compared]
         most = np.linalg.norm(pulled.reshape(-1, motion.rows), axis=1).max()
-        return bool(most > DEAD * self.rig.settings.tracking.force_max_N)
+        return bool(most > DEAD * self.force_max)
 
     def stage(self, learnt: CalibratedMethod, drift: Drift = NO_DRIFT) -> StageSetup:
         """Return the stage whose controller is corrected by what was found; its plant may drift."""
@@ -258,20 +244,22 @@ class StageLaw(MotionLaw):
         scale = 1.0 + values.get(f"scale_{number}", 0.0)
         zero = values.get(f"gap_zero_{number}_m", 0.0)
         width = on_grid("width", values.get(f"width_{number}", 0.0))
-        lag = values.get("lag_s", 0.0)
+        lag, file = values.get("lag_s", 0.0), self.rig.settings
         if motion is not self._of:
             self._of, self._kept = motion, {}
         key = number, scale, zero, width, lag
         if key not in self._kept:
             gap = motion.read[column("gap_read", "m", number)] - zero
             if self.method in PROBED:
-                flux = motion.read[column("flux_read", "T", number)]
-                force, late = self._pull(scale * flux, gap), -self._probe_late
+                flux, probe = motion.read[column("flux_read", "T", number)], file.hall_probe
+                assert probe is not None
+                lag_ticks = 1.0 / (2.0 * math.pi * probe.bandwidth_Hz * self.rig.dt)
+                force, late = self._pull(scale * flux, gap), -lag_ticks
             else:
                 current = scale * motion.read[column("command", "A", number)]
                 later = np.interp(motion.ticks + motion.late, motion.ticks, gap)
                 force, late = self._follow(current, later, width, lag), motion.late
-            row = pull_rows(self.rig.settings)[number - 1] / motion.radii
+            row = pull_rows(file)[number - 1] / motion.radii
             self._kept[key] = np.outer(motion.filtered(force, late), row).ravel()
         return self._kept[key]
 
@@ -284,7 +272,7 @@ class StageLaw(MotionLaw):
         if not lag:
             return force
         rises = np.diff(np.sqrt(np.maximum(force, 0.0)), prepend=0.0)
-        behind = current - lag / self.rig.dt * self._per_root * rises
+        behind = current - lag / self.rig.dt * self._per_root() * rises
         return self.compensator(width).fresh().follow(behind, gap)
 
     def _pull(self, flux: FloatArray, gap: FloatArray) -> FloatArray:
@@ -294,17 +282,6 @@ class StageLaw(MotionLaw):
         of_root = parameters.loop.wanted[:, -1] / math.sqrt(parameters.scales.demand)
         gaps = np.linspace(parameters.scales.gap_low, parameters.scales.gap_high, of_root.size)
         return np.asarray((flux / np.interp(gap, gaps, of_root)) ** 2)
-
-    @cached_property
-    def _per_root(self) -> float:
-        return per_root(self.compensator(0.0), self.rig)
-
-    @property
-    def _probe_late(self) -> float:
-        """Ticks that a flux probe lags."""
-        probe = self.rig.settings.hall_probe
-        assert probe is not None
-        return 1.0 / (2.0 * math.pi * probe.bandwidth_Hz * self.rig.dt)
 
 
 ASKED_S, ASKED = 0.06, 0.02
@@ -376,6 +353,7 @@ class BearingLaw(MotionLaw):
     trust = 0.004
     seen = 0.7
     leaves = 0.0043
+    helpful = ("load_N", "phase")  # the live page writes the phase beside the state of a controller
 
     def __init__(
         self,
@@ -397,22 +375,8 @@ class BearingLaw(MotionLaw):
             return fit_magnets(bearing, controller, known, method, "f64")[0]
 
         self.compensator = cache(fitted)
-
-    @property
-    def needed(self) -> Sequence[str]:
-        """The columns of a recording without which nothing is learnt."""
-        commands = of_magnets(CURRENTS[:1], 1, len(self.rig.settings.magnets))
-        return ["t_s", "reference_m", "gap_read_m", *commands, "state"]
-
-    @property
-    def helpful(self) -> Sequence[str]:
-        """Its load, and the phase that the live page writes beside the state of a controller."""
-        return ("load_N", "phase")
-
-    def left_out(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
-        """Return the methods of which the recordings do not say enough: those of flux probes."""
-        del motions
-        return PROBED
+        commands = of_magnets(CURRENTS[:1], 1, len(bearing.settings.magnets))
+        self.needed = ["t_s", "reference_m", "gap_read_m", *commands, "state"]
 
     def known_from(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
         """Return whether the load was recorded in all motions."""

@@ -75,25 +75,16 @@ def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
         where, columns = str(recording), _read(law, recording)
     for name in law.needed:
         if name not in columns:
-            raise InputError(
-                f"{where}: has no column {name}; record it, as anhyst simulate does",
-                code="column-missing",
-                key=name,
-            )
+            text = f"{where}: has no column {name}; record it, as anhyst simulate does"
+            raise InputError(text, code="column-missing", key=name)
     for name in (*law.needed, *law.helpful):
         if not (np.abs(columns.get(name, 0.0)) < NUMBER).all():
-            raise InputError(
-                f"{where}: {name} holds what is no number; leave out what comes before it",
-                code="not-finite",
-                key=name,
-            )
+            text = f"{where}: {name} holds what is no number; leave out what comes before it"
+            raise InputError(text, code="not-finite", key=name)
     _check_ticks(law.rig, where, columns["t_s"])
     if moving := law.begins_in_motion(columns):
-        raise InputError(
-            f"{where}: {moving.text}; begin at rest with demagnetised iron",
-            code="begins-in-motion",
-            key=moving.column,
-        )
+        text = f"{where}: {moving.text}; begin at rest with demagnetised iron"
+        raise InputError(text, code="begins-in-motion", key=moving.column)
     motion = law.motion(columns)
     if wrong := law.wrong_sign(motion):
         raise InputError(f"{where}: {wrong.text}", code="wrong-sign", key=wrong.column)
@@ -103,28 +94,17 @@ def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
 def _check_ticks(rig: BodyRig, where: str, time: FloatArray) -> None:
     """Refuse a recording that is too short, of another rate, or not of every tick."""
     if time.size < LEAST:
-        raise InputError(
-            f"{where}: has {time.size} rows, and {LEAST} are the least; record a whole motion",
-            code="too-short",
-            key="t_s",
-        )
+        text = f"{where}: has {time.size} rows, and {LEAST} are the least; record a whole motion"
+        raise InputError(text, code="too-short", key="t_s")
     lasted = float(time[-1] - time[0])
     rate = (time.size - 1) / lasted if lasted else math.inf
     steps = np.diff(time) / rig.dt
     if abs(rate * rig.dt - 1.0) > 1e-3 and abs(float(np.median(steps)) - 1.0) > 1e-3:
-        raise InputError(
-            f"{where}: has {rate:g} rows a second, {rig.path} {1.0 / rig.dt:g} ticks; record "
-            "every tick",
-            code="rate-differs",
-            key="t_s",
-        )
+        text = f"{where}: has {rate:g} rows a second, {rig.path} {1.0 / rig.dt:g} ticks; record"
+        raise InputError(f"{text} every tick", code="rate-differs", key="t_s")
     if (off := np.flatnonzero(np.abs(steps - 1.0) > 0.5)).size:
-        raise InputError(
-            f"{where}: row {off[0] + 2} comes {steps[off[0]]:.3g} ticks after the one before; "
-            "record every tick once",
-            code="ticks-missing",
-            key="t_s",
-        )
+        text = f"{where}: row {off[0] + 2} comes {steps[off[0]]:.3g} ticks after the one before"
+        raise InputError(f"{text}; record every tick once", code="ticks-missing", key="t_s")
 
 
 @dataclass(frozen=True, repr=False)
@@ -147,9 +127,7 @@ class Calibration(Result):
     def facts(self) -> dict[str, str]:
         """Return what every method is corrected by and what is left, and the number trusted."""
         facts = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
-        for one in self.file.method:
-            facts[one.name] = one.judgement
-        return facts
+        return facts | {one.name: one.judgement for one in self.file.method}
 
     def to_columns(self) -> dict[str, Any]:
         """Return every number of every method with what is left of its uncertainty."""
@@ -183,10 +161,8 @@ class Calibration(Result):
             The place cannot be written.
         """
         content = self.file.model_dump()
-        lines = [
-            HEAD,
-            *(f"{key} = {toml_value(content[key])}" for key in content if key != "method"),
-        ]
+        lines = [HEAD]
+        lines += [f"{key} = {toml_value(content[key])}" for key in content if key != "method"]
         for one in self.file.method:
             whole = one.model_dump(exclude_none=True)
             lines += ["", "[[method]]"]
@@ -289,21 +265,16 @@ def calibrate(
     possible = [name for name in LEARNT if name not in left_out]
     for name in methods:
         if name not in possible:
-            raise InputError(
-                f"methods: '{name}' cannot be calibrated of this; name {', '.join(possible)}",
-                code="no-such-method",
-                key="methods",
-            )
-    chosen = methods or possible
-    calibration = Calibration(
-        CalibrationFile(
-            format="anhyst-calibration",
-            version=1,
-            rig=file.name,
-            mass_kg=file.body.mass_kg,
-            method=[fit(laws(name), motions) for name in chosen],
-        )
+            text = f"methods: '{name}' cannot be calibrated of this; name {', '.join(possible)}"
+            raise InputError(text, code="no-such-method", key="methods")
+    found = CalibrationFile(
+        format="anhyst-calibration",
+        version=1,
+        rig=file.name,
+        mass_kg=file.body.mass_kg,
+        method=[fit(laws(name), motions) for name in methods or possible],
     )
+    calibration = Calibration(found)
     if out is not None and calibration.learnt:
         calibration.save(out)
     return calibration

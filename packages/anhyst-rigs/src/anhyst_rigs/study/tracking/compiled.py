@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ from anhyst.verification.bundle import column_of
 from anhyst.verification.protocol import stage_form
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import SimulatedLoop
-from anhyst_rigs.rig.recording import Loss, column, of_magnets
+from anhyst_rigs.rig.recording import column, of_magnets
 from anhyst_rigs.rig.stage.drives import least_of, opposed, watch_settings, yields
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
@@ -46,9 +46,6 @@ from anhyst_rigs.rig.stage.loop import (
 )
 from anhyst_rigs.rig.stage.recording import stage_loss
 from anhyst_rigs.rig.stage.setpoint import instants, motion_of, stray, ticks_of
-
-if TYPE_CHECKING:
-    pass
 
 COMMAND_ROWS = 20
 """In the end of the golden vectors, after each command."""
@@ -101,34 +98,20 @@ def _refuse(rig: BodyRig, io: Io, rate: float | None) -> None:
             code="option-not-for-this",
             key="--io",
         )
-    if io == "q31" and rig.settings.tracking.calibration is not None:
-        raise InputError(
-            f"{rig.path}: control.calibration: fixed point corrects no magnet; compile with --io f32",
-            code="not-compilable",
-            key="control.calibration",
-        )
-    own = rig.settings.timing.rate_Hz
+    control, own = rig.settings.tracking, rig.settings.timing.rate_Hz
+    if io == "q31" and control.calibration is not None:
+        text = "control.calibration: fixed point corrects no magnet; compile with --io f32"
+        raise InputError(f"{rig.path}: {text}", code="not-compilable", key="control.calibration")
     if rate is not None and rate != own:
-        raise InputError(
-            f"{rig.path}: timing.rate_Hz: is {own:g} Hz here and {rate:g} Hz in --rate; make them "
-            "equal",
-            code="option-differs",
-            key="timing.rate_Hz",
-        )
+        text = f"timing.rate_Hz: is {own:g} Hz here and {rate:g} Hz in --rate; make them equal"
+        raise InputError(f"{rig.path}: {text}", code="option-differs", key="timing.rate_Hz")
     if rig.settings.heads_stand:
-        raise InputError(
-            f"{rig.path}: sensor.stands: a compiled controller has no heads on the ground; leave it "
-            "out",
-            code="not-compilable",
-            key="sensor.stands",
-        )
-    if rig.settings.tracking.calibrate:
-        raise InputError(
-            f"{rig.path}: control.calibrate: a compiled controller does not learn; name what "
-            "anhyst calibrate found as control.calibration",
-            code="not-compilable",
-            key="control.calibrate",
-        )
+        text = "sensor.stands: a compiled controller has no heads on the ground; leave it out"
+        raise InputError(f"{rig.path}: {text}", code="not-compilable", key="sensor.stands")
+    if control.calibrate:
+        text = "control.calibrate: a compiled controller does not learn; name what anhyst calibrate"
+        text += " found as control.calibration"
+        raise InputError(f"{rig.path}: {text}", code="not-compilable", key="control.calibrate")
 
 
 def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
@@ -204,7 +187,9 @@ def _flown(setup: StageSetup) -> FloatArray:
     wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
     scenario = scenario_along(rig, motion.at(time)[0], stray(rig, motion, time), wrench)
     target, run = scenario.target, SimulatedLoop(setup).run(scenario)
-    _refuse_lost(rig, stage_loss(rig, run, rows))
+    if loss := stage_loss(rig, run, rows):
+        text = f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it"
+        raise NegativeResult(f"{text} with anhyst simulate", code="lost")
     magnets, heads = len(file.placed), len(file.position_sensors)
     read = [run[column("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]
     off = np.array(read[magnets:])
@@ -213,14 +198,6 @@ def _flown(setup: StageSetup) -> FloatArray:
             off[head] -= part * target[:, axis]
     currents = (run[one] for one in of_magnets([("current_read", "A")], 1, magnets))
     return np.vstack([off, wrench.T, read[:magnets], *currents])
-
-
-def _refuse_lost(rig: BodyRig, loss: Loss | None) -> None:
-    if loss is not None:
-        raise NegativeResult(
-            f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it with anhyst simulate",
-            code="lost",
-        )
 
 
 def _manifest(stage: StageController, version: str) -> dict[str, Any]:

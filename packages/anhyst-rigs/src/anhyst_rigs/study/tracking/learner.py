@@ -1,9 +1,8 @@
 """What motion teaches of the magnets of a stage: mass times acceleration is a force sensor.
 
-The law of a method follows the currents that were commanded, at the gaps that were read, in the
-core's own code; what the body did is its acceleration. Both sides pass the same filter. What they
-differ by is explained by a few numbers, each held by the standard deviation that the rig file
-states. One estimator takes in one motion after another: recordings, or a stage that works.
+What a law and the motion differ by is explained by a few numbers, each held by the standard
+deviation that the rig file states. One estimator takes in one motion after another: recordings, or
+a stage that works.
 """
 
 from __future__ import annotations
@@ -37,12 +36,7 @@ FORGET_S = 20.0
 """Time of asked force in which a stage that works forgets to a third (1/e) what a motion taught."""
 RATE = 2.0
 """Standard deviations a second by which what is applied follows the estimate."""
-STEPS: Mapping[str, float] = {
-    "scale": 0.005,
-    "gap_zero_m": 2e-6,
-    "width": 0.1,
-    "lag_s": 25e-6,
-}
+STEPS: Mapping[str, float] = {"scale": 0.005, "gap_zero_m": 2e-6, "width": 0.1, "lag_s": 25e-6}
 """By which a parameter of a magnet is moved for its derivative along the path."""
 FAULT = 0.01
 """Of the moving force: what any motion leaves that is worth learning from, root mean square."""
@@ -110,11 +104,8 @@ class Learner:
         values = self._solved(rows, seen)
         missed = self._missed(motion, values)
         sums = compared.size * np.array([1.0, force**2, missed**2])
-        far = any(
-            abs(values[name]) > 0.999 * MOST * self.priors[name] > 0.0
-            for name in self._names
-            if kind_of(name) == "scale"
-        )
+        scales = [name for name in self._names if kind_of(name) == "scale"]
+        far = any(abs(values[name]) > 0.999 * MOST * self.priors[name] > 0.0 for name in scales)
         if far or missed > math.hypot(FAULT * force, self.noise_N):
             self._sums = self._sums if self.seen else sums
             return self._refuse(motion, before, fresh)
@@ -217,11 +208,9 @@ class Learner:
         if "payload" in left:  # the sum of both scales was held, and nothing tells it
             count = sum(kind_of(name) == "scale" for name in self._names)
             of_mean = self.priors["scale_1"] / math.sqrt(count)
-            shares = {"payload": 2.0, "scale": 1.0}
-            left = {
-                name: math.hypot(one, shares.get(kind_of(name), 0.0) * of_mean)
-                for name, one in left.items()
-            }
+            shares = {"payload": 2.0 * of_mean, "scale": of_mean}
+            for name, one in left.items():
+                left[name] = math.hypot(one, shares.get(kind_of(name), 0.0))
         return CalibratedMethod(
             name=self.law.method,
             residual_N=missed,
@@ -256,8 +245,7 @@ class Learner:
         """Return rows that hold numbers, in standard deviations of them."""
         rows = np.eye(len(names))
         if "payload" in names:
-            scales = [FIRM * (kind_of(name) == "scale") for name in names]
-            rows = np.vstack([rows, scales])
+            rows = np.vstack([rows, [FIRM * (kind_of(name) == "scale") for name in names]])
         return rows
 
     def _shown(self, rows: FloatArray) -> list[ParameterName]:
@@ -280,10 +268,8 @@ class Learner:
         whole = np.vstack([held * rows[:, self._columns(names)], known])
         right = np.concatenate([rows[:, -1], np.zeros(len(known))])
         solution = np.clip(held * np.linalg.lstsq(whole, right)[0], -far, far).tolist()
-        solved = zip(names, solution, strict=True)
-        return dict.fromkeys(self.law.names, 0.0) | {
-            name: on_grid(name, one) for name, one in solved
-        }
+        solved = dict(zip(names, map(on_grid, names, solution), strict=True))
+        return dict.fromkeys(self.law.names, 0.0) | solved
 
     def _left(
         self, rows: FloatArray, names: Sequence[ParameterName], missed: float
@@ -298,16 +284,7 @@ class Learner:
     def _rows_of(
         self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
     ) -> FloatArray:
-        """Return what a motion says of the numbers, around some values of them."""
-        slopes, expected = self._look(motion, values, exact=exact)
-        now = np.array([values[name] for name in self._names])
-        right = motion.pushed[motion.compared] - expected + slopes @ now
-        return np.column_stack([slopes, right]) / self._trust
-
-    def _look(
-        self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return what each number does along the path, and the force with all of them.
+        """Return what a motion says of the numbers, around some values of them.
 
         Paths are those of the law as it was fitted and of one with a wider loop, which are kept;
         exactly, the force is that of a law fitted anew.
@@ -327,12 +304,13 @@ class Learner:
             if not self.law.shows(motion, name):
                 continue
             step = STEPS[kind_of(name)]
-            moved = {name: step if name in widths else values[name] + step}
-            slopes[:, index] = (force({**narrow, **moved}) - flat) / step
-        if exact:
-            return slopes, force({})
+            moved = narrow | {name: step if name in widths else values[name] + step}
+            slopes[:, index] = (force(moved) - flat) / step
         wider = slopes[:, self._columns(widths)] @ [values[name] for name in widths]
-        return slopes, flat + wider
+        expected = force({}) if exact else flat + wider
+        now = np.array([values[name] for name in self._names])
+        right = motion.pushed[motion.compared] - expected + slopes @ now
+        return np.column_stack([slopes, right]) / self._trust
 
 
 WORK = 4

@@ -198,15 +198,17 @@ LOSS_NOTES = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LostMagnet:
     """What became of a body one of whose magnets or heads was lost; none where it was lifted."""
 
     magnet: str
     at_s: float
-    current_A: float | None
-    spare: bool  # whether the others hold every coordinate, by linear programme; or tell the pose
-    noticed_s: float | None  # so much later
+    current_A: float | None = None
+    spare: bool = (
+        False  # whether the others hold every coordinate, by linear programme; or tell the pose
+    )
+    noticed_s: float | None = None  # so much later
     # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" where it hit a stop in the air,
     # or "lifts off", "stays"
     outcome: str
@@ -324,8 +326,6 @@ class Losses:
         return LostMagnet(
             magnet=name,
             at_s=at * dt,
-            current_A=None,
-            spare=False,
             noticed_s=(now - at) * dt if noticed.size else None,
             outcome=outcome,
             error={name: peak(run[name][at:]) for name in names},
@@ -349,9 +349,7 @@ class Losses:
         return LostMagnet(
             magnet="none: lift-off",
             at_s=up * dt,
-            current_A=None,
             spare=True,
-            noticed_s=None,
             outcome="lifts off" if flies.size and _state(run)[-1] == State.READY else "stays",
             error={name: peak(run[name][flies]) for name in names if flies.size},
             error_end={name: peak(run[name][land - round(END_S / dt) : land]) for name in names},
@@ -384,11 +382,9 @@ class Losses:
         falls = a * np.maximum(1.0 - later / lasts, 0.0)
         easing = np.column_stack([falls, -a / lasts * (later < lasts), 0.0 * later])
         v += 0.5 * a * lasts
-        able = (part * max(motion.peaks) for part in PARTS)
-        most = next(
-            (one for one in able if self._makes(magnet, np.array([-mass * one * np.sign(v)]))),
-            PARTS[-1] * max(motion.peaks),
-        )
+        able = [part * max(motion.peaks) for part in PARTS]
+        made = (one for one in able if self._makes(magnet, np.array([-mass * one * np.sign(v)])))
+        most = next(made, able[-1])
         course = braking(v, 0.0, replace(motion, peaks=(most,)), rig.dt, rig.late)
         gains = np.array([self.gains.acceleration, self.gains.jerk, self.gains.snap])
         still = np.zeros(round(HELD_S / rig.dt))
@@ -405,9 +401,8 @@ class Losses:
         file = self._rig.settings
         layout = wrench_layout(file, usual_allocation(file), self._rig.idle)
         layout.lose(magnet)
-        return all(
-            layout.share(one)[1] for one in fed_wrench(self.setup.believed, forward).tolist()
-        )
+        wrenches = fed_wrench(self.setup.believed, forward).tolist()
+        return all(layout.share(one)[1] for one in wrenches)
 
     def _flown(
         self, plan: _Plan, fails: Mapping[int, int], commands: Mapping[int, Command] | None = None
@@ -417,9 +412,8 @@ class Losses:
         delay = round(STRAY_LATE / rig.dt)
         late = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
         stray = strayed(rig, late / max(rig.settings.scan.test_m_per_s2), instants(rig, n + 1))
-        scenario = scenario_along(
-            rig, plan.place, stray, fed_wrench(self.setup.believed, plan.forward)
-        )
+        wrench = fed_wrench(self.setup.believed, plan.forward)
+        scenario = scenario_along(rig, plan.place, stray, wrench)
         for at, which in fails.items():
             scenario.command[at:] = which
         for at, which in (commands or {}).items():
@@ -431,17 +425,16 @@ class Losses:
         """Return how fast the body comes onto stops at most, downwards and anywhere at a magnet."""
         file, free = self._rig.settings, self._rig.settings.body.free
         poses = np.column_stack([run[name] for name in of_axes("pose", free)])
-        ends = np.array(stops_of(file))
         speeds = np.diff(poses, axis=0) / self._rig.dt
-        onto = np.diff((np.abs(poses) > ends).astype(int), axis=0) > 0
+        onto = np.diff((np.abs(poses) > np.array(stops_of(file))).astype(int), axis=0) > 0
         at_magnets = np.abs(speeds @ pull_rows(file).T).max(axis=1)
         down = np.zeros(len(speeds))
         if "z" in free:
-            below = onto[:, free.index("z")] & (poses[1:, free.index("z")] < 0.0)
+            z = free.index("z")
+            below = onto[:, z] & (poses[1:, z] < 0.0)
             lies = int(np.argmax(below)) + round(LIES_S / self._rig.dt)
-            down = -speeds[:, free.index("z")] * below
+            down = -speeds[:, z] * below
             onto[lies:] &= not below.any()
             down[lies:] = 0.0
-        return max(0.0, float(down.max(initial=0.0))), float(
-            (at_magnets * onto.any(axis=1)).max(initial=0.0)
-        )
+        touch = (at_magnets * onto.any(axis=1)).max(initial=0.0)
+        return max(0.0, float(down.max(initial=0.0))), float(touch)

@@ -132,20 +132,13 @@ class MotionLaw(ABC):
     seen: float  # of its prior standard deviation: a number with more left is called not seen
     leaves: float  # of the moving force: what is left at most where a law fits
     force_max: float  # largest force that is asked for, N
+    needed: Sequence[str]  # columns of a recording without which nothing is learnt
+    helpful: Sequence[str]  # columns that help, where a recording has them
 
-    @property
-    @abstractmethod
-    def needed(self) -> Sequence[str]:
-        """The columns of a recording without which nothing is learnt."""
-
-    @property
-    @abstractmethod
-    def helpful(self) -> Sequence[str]:
-        """The columns that help, where a recording has them."""
-
-    @abstractmethod
     def left_out(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
-        """Return the methods of which the recordings do not say enough."""
+        """Return the methods of which the recordings do not say enough: those of flux probes."""
+        del motions
+        return PROBED
 
     def known_from(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
         """Return what a law is told of what the recordings hold."""

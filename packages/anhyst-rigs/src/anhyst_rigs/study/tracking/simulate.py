@@ -27,6 +27,7 @@ from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
 from anhyst_rigs.rig.stage.geometry import error_columns
 from anhyst_rigs.rig.stage.loop import AT_BIAS, Feedforward, StageSetup, pid, track
 from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
+from anhyst_rigs.study.bearing.ready import refuse_untaught
 from anhyst_rigs.study.engine.table import (
     FIGURES,
     CaseFigures,
@@ -92,21 +93,15 @@ def _filtered(rig: BodyRig, learnt: FloatArray, error: FloatArray) -> FloatArray
     s = 2j * math.pi * frequency
     late = rig.late + 1.0 / (2.0 * math.pi * rig.settings.amplifier.bandwidth_Hz)
     filtered = 1.0 / (1.0 + (frequency / FILTER_HZ) ** 4)
+    c, back = pid(rig), 1.0 / np.exp(s * dt)
     with np.errstate(divide="ignore", invalid="ignore"):
-        control = _pid_at(rig, np.exp(s * dt))
+        control = c["b0"] + c["b1"] * back + c["b2"] * back**2
+        control = control / (1.0 + c["a1"] * back + c["a2"] * back**2)
     needed = rig.settings.body.mass_kg * s**2 * np.exp(s * late) + control
     needed[0] = 0.0  # a constant force is what the integral finds
     missing = np.fft.rfft(error, n + _PADDING)
     whole = np.fft.rfft(learnt, n + _PADDING) + needed * missing
     return np.ascontiguousarray(np.fft.irfft(filtered * whole, n + _PADDING)[:n])
-
-
-def _pid_at(rig: BodyRig, z: np.ndarray[tuple[int, ...], np.dtype[np.complex128]]) -> FloatArray:
-    """Return the PID over the frequency."""
-    c = pid(rig)
-    back = 1.0 / z
-    numerator = c["b0"] + c["b1"] * back + c["b2"] * back**2
-    return np.asarray(numerator / (1.0 + c["a1"] * back + c["a2"] * back**2))
 
 
 LEARNING = 1000
@@ -139,12 +134,8 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
         return min(measures.rms_m + table.average_weight * measures.average_m, _LOST)
 
     simplex = np.vstack([np.zeros(3), np.eye(3)])
-    search = minimize(
-        cost,
-        simplex[0],
-        method="Nelder-Mead",
-        options={"initial_simplex": simplex, "maxfev": RUNS, "maxiter": RUNS},
-    )
+    options = {"initial_simplex": simplex, "maxfev": RUNS, "maxiter": RUNS}
+    search = minimize(cost, simplex[0], method="Nelder-Mead", options=options)
     return gains_at(np.asarray(search.x))
 
 
@@ -180,12 +171,11 @@ class TriedVariant:
     @property
     def judged(self) -> CaseFigures:
         """All figures on the test set-point, over the seeds."""
-        runs = [asdict(one) for one in self.measures]
-        for key, values in self.crossed.items():
-            runs = [run | {key: value} for run, value in zip(runs, values, strict=True)]
-        return CaseFigures.over(
-            [None if one.lost else run for one, run in zip(self.measures, runs, strict=True)]
-        )
+        runs = []
+        for seed, one in enumerate(self.measures):
+            crossed = {key: values[seed] for key, values in self.crossed.items()}
+            runs.append(None if one.lost else asdict(one) | crossed)
+        return CaseFigures.over(runs)
 
     def of(self, key: str) -> Interval:
         """Return a measure over the seeds; no mean where one of the runs was lost."""
@@ -319,11 +309,9 @@ class TrackingStudy(StudyResult):
     def to_columns(self) -> dict[str, Any]:
         """Return the measures of every variant on the test set-point, means over the seeds, SI."""
         names = [field.name for field in fields(Measures)]
+        rows = self.tried.items()
         return columns_of(
-            [
-                {"variant": variant, **{name: one.of(name).mean for name in names}}
-                for variant, one in self.tried.items()
-            ]
+            [{"variant": own, **{name: one.of(name).mean for name in names}} for own, one in rows]
         )
 
     def draw(self, ax: Axes) -> None:
@@ -341,23 +329,16 @@ class TrackingStudy(StudyResult):
 
 
 def _figures(one: TriedVariant) -> dict[str, Any]:
+    gains, crossed = one.gains, {key: one.of(key).as_dict() for key in one.crossed}
     return {
-        "gains": {
-            "acceleration": one.gains.acceleration,
-            "jerk_s": one.gains.jerk,
-            "snap_s2": one.gains.snap,
-        },
+        "gains": {"acceleration": gains.acceleration, "jerk_s": gains.jerk, "snap_s2": gains.snap},
         "test": {field.name: one.of(field.name).as_dict() for field in fields(Measures)},
         "small_forces": asdict(one.small),
         "one_repeated_setpoint": asdict(one.repeated),
         "standstill_rms_m": one.standstill_m,
         **({"standstill_rms": one.at_rest} if one.at_rest else {}),
         "learning_peaks_m": list(one.trials_m),
-        **(
-            {"cross_talk": {key: one.of(key).as_dict() for key in one.crossed}}
-            if one.crossed
-            else {}
-        ),
+        **({"cross_talk": crossed} if crossed else {}),
         **({"learnt": one.learnt.model_dump()} if one.learnt else {}),
     }
 
@@ -462,13 +443,7 @@ def check_calibration(rig: BodyRig) -> None:
     """Say before any work what is wrong with a calibration, or with learning one."""
     if rig.settings.tracking.calibrate:
         refuse_uncalibratable(rig)
-    if rig.calibration is not None and rig.learnt(OWN) is None:
-        raise InputError(
-            f"{rig.path}: control.calibration: {rig.settings.tracking.calibration} says nothing "
-            f"of '{OWN}', and others would be calibrated alone; calibrate again, with all methods",
-            code="method-missing",
-            key="control.calibration",
-        )
+    refuse_untaught(rig, OWN, rig.settings.tracking.calibration)
 
 
 def explore_stage(
