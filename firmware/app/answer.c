@@ -38,7 +38,7 @@ static void say_done(answer *to, uint16_t request, uint16_t reason, uint16_t det
 static void say_status(app *a, answer *to)
 {
   const app_control *control = &a->control;
-  link_status status;
+  link_status status = {0};
   port_lock(a->port);
   const anhyst_supervisor *states = app_body_states(control->body);
   status.state = (uint8_t)states->state;

@@ -38,7 +38,12 @@ static void keep_signals(app *a, const port_sample *sample)
 {
   const app_control *control = &a->control;
   const anhyst_supervisor *states = app_body_states(control->body);
+  const anhyst_compensator *compensator = app_body_compensator(control->body, 0);
   app_body_signals(control->body, sample, a->signals);
+  a->signals[LINK_SIGNAL_CURRENT] = sample->current[0];
+  a->signals[LINK_SIGNAL_FLUX] = compensator->flux_applied;
+  a->signals[LINK_SIGNAL_EXPECTED] =
+      compensator->words != NULL ? anhyst_compensator_output_q31(compensator) : 0;
   a->signals[LINK_SIGNAL_STATE] = states->state;
   a->signals[LINK_SIGNAL_FLAGS] = control->flags;
   a->signals[LINK_SIGNAL_FAULT] = states->fault;

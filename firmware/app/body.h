@@ -52,7 +52,7 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
 uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sample *sample,
                        uint32_t ticks, int32_t *currents);
 
-/* Fills what it knows of the status, and of the signals after a tick. */
+/* Fills what it knows of the status, and of the signals after a tick; the rest stays 0. */
 void app_body_status(const app_body *body, link_status *status);
 void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals);
 

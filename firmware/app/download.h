@@ -38,8 +38,7 @@ uint16_t app_download_words(app_download *download, uint16_t offset, const uint8
    LINK_REASON_NONE, or LINK_REASON_ORDER while another arrives piece by piece. */
 uint16_t app_download_edit(app_download *download, const int16_t *in_force);
 
-/* Changes words of the block under edit: LINK_REASON_NONE, or LINK_REASON_VALUE beyond its place.
- */
+/* Changes words of the block under edit: LINK_REASON_NONE, or _VALUE beyond its place. */
 uint16_t app_download_change(app_download *download, uint16_t at, const uint8_t *bytes,
                              uint16_t count);
 

@@ -158,16 +158,6 @@ static void take_cable(const anhyst_plant_body *body, anhyst_plant_state *state)
   }
 }
 
-/* Fills in the force and moment of gravity about the point that the pose is of. */
-static void take_weight(const anhyst_plant_body *body, anhyst_plant_state *state)
-{
-  int i;
-  for (i = 0; i < 3; i++) {
-    state->weight[i] = body->mass * body->gravity[i];
-  }
-  cross(body->centre, state->weight, state->weight + 3);
-}
-
 /* What a cable holds a free coordinate back with, of 1 N/m and such a way, or 1 N s/m and such a
    velocity, of all axes. */
 static double tied(const anhyst_plant_body *body, const anhyst_plant_state *state, int k,
@@ -268,7 +258,10 @@ int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state,
   anhyst_plant_sensor_start(&state->force_sensing, 0.0);
   stand(body, state);
   take_cable(body, state);
-  take_weight(body, state);
+  for (j = 0; j < 3; j++) {
+    state->weight[j] = body->mass * body->gravity[j];
+  }
+  cross(body->centre, state->weight, state->weight + 3);
   return take_masses(body, state);
 }
 

@@ -132,18 +132,6 @@ void board_panic(void)
   DAC_DHR12R1 = 0;
 }
 
-static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
-{
-  (void)context;
-  return serial_read(&serial_link, bytes, most);
-}
-
-static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
-{
-  (void)context;
-  return serial_write(&serial_link, bytes, count);
-}
-
 static void lock(void *context)
 {
   (void)context;
@@ -173,10 +161,11 @@ static int keep(void *context, const int16_t *block, uint16_t words)
   return kept;
 }
 
-static const struct port port = {.sense = sense,
+static const struct port port = {.context = &serial_link,
+                                 .sense = sense,
                                  .drive = drive,
-                                 .link_read = link_read,
-                                 .link_write = link_write,
+                                 .link_read = serial_read,
+                                 .link_write = serial_write,
                                  .lock = lock,
                                  .unlock = unlock,
                                  .keep = keep};
