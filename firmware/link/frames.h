@@ -354,8 +354,7 @@ static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
   m->current[0] = link_get_i32(p + 16);
   m->current[1] = link_get_i32(p + 20);
   m->status = link_get_u32(p + 24);
-  return (link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20) ^ link_get_u32(p + 24) ^ link_get_u32(p + 28)) ==
-         LINK_PLANT_MAGIC;
+  return (link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20) ^ link_get_u32(p + 24) ^ link_get_u32(p + 28)) == LINK_PLANT_MAGIC;
 }
 
 #define LINK_SIZE_PLANT_DRIVE 40
@@ -382,8 +381,7 @@ static inline void link_put_plant_drive(uint8_t *p, const link_plant_drive *m)
   link_put_u32(p + 24, (uint32_t)m->reference);
   link_put_u32(p + 28, (uint32_t)m->flux);
   link_put_u32(p + 32, (uint32_t)m->expected);
-  link_put_u32(p + 36,
-               link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20) ^ link_get_u32(p + 24) ^ link_get_u32(p + 28) ^ link_get_u32(p + 32) ^ LINK_PLANT_MAGIC);
+  link_put_u32(p + 36, link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20) ^ link_get_u32(p + 24) ^ link_get_u32(p + 28) ^ link_get_u32(p + 32) ^ LINK_PLANT_MAGIC);
 }
 
 #endif

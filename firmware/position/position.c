@@ -166,25 +166,20 @@ static void watch_currents(app_body *body, const int32_t *settings, const port_s
   }
 }
 
-/* Whether an armature is in the air, and not about to touch its rest, where it stands still
-   whatever flows. */
-static int is_in_air(const app_body *body)
-{
-  const anhyst_levitation *l = &body->position.levitation;
-  const int32_t detect = body->board->plan->settings->levitation.detect;
-  return anhyst_levitation_controls(l) && anhyst_sub_q31(l->position, l->rest) >= detect;
-}
-
 /* Whether the position stays on one code although force and current have moved: in the air nothing
    does. A fine encoder may rest on a code for long as long as nothing moves, also while the current
-   of solid iron moves alone, or the wanted force alone, where another method begins. */
+   of solid iron moves alone, or the wanted force alone, where another method begins.
+   An armature about to touch its rest is not in the air: there it stands still whatever flows. */
 static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;
+  const anhyst_levitation *l = &body->position.levitation;
+  const int32_t detect = body->board->plan->settings->levitation.detect;
   app_stillness *still = &body->still;
   const int32_t demand = body->answer.demand;
   const int32_t drive = body->answer.current[0];
-  if (!is_in_air(body) || sample->position != still->code) {
+  if (!anhyst_levitation_controls(l) || anhyst_sub_q31(l->position, l->rest) < detect ||
+      sample->position != still->code) {
     still->code = sample->position;
     still->demand = demand;
     still->drive = drive;

@@ -371,9 +371,3 @@ void anhyst_plant_coil_follow(const anhyst_plant_magnet *magnet, anhyst_plant_co
   }
   anhyst_plant_coil_lead(magnet, coil, current, gap, per_second);
 }
-
-void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
-                            double current, double gap)
-{
-  anhyst_plant_coil_lead(magnet, coil, current, gap, 0.0);
-}

@@ -133,14 +133,14 @@ def plant_code(record: Entry) -> str:
             "/* Whether the record is valid; fills it either way. */\n"
             f"static inline int link_get_{name}(link_{name} *m, const uint8_t *p)\n{{\n"
             + "\n".join(accesses(record, put=False))
-            + f"\n  return ({check}) ==\n         LINK_PLANT_MAGIC;\n}}"
+            + f"\n  return ({check}) == LINK_PLANT_MAGIC;\n}}"
         )
     else:
         check = " ^ ".join(f"link_get_u32(p + {at})" for at in words)
         parts.append(
             f"static inline void link_put_{name}(uint8_t *p, const link_{name} *m)\n{{\n"
             + "\n".join(accesses(record, put=True))
-            + f"\n  link_put_u32(p + {size - 4},\n               {check} ^ LINK_PLANT_MAGIC);\n}}"
+            + f"\n  link_put_u32(p + {size - 4}, {check} ^ LINK_PLANT_MAGIC);\n}}"
         )
     return "\n".join(parts)
 

@@ -109,8 +109,6 @@ static void sense(void *context, port_sample *sample)
   }
 }
 
-static void set_pin(uint32_t pin, int high) { GPIOA_BSRR = high ? 1U << pin : 1U << (pin + 16U); }
-
 /* The converter holds the code back until the next tick begins. */
 static void drive(void *context, const int32_t *currents, uint32_t state)
 {
@@ -120,7 +118,7 @@ static void drive(void *context, const int32_t *currents, uint32_t state)
   DAC_DHR12R1 = current > 0 ? (uint32_t)current >> 19 : 0U;
   stage_drive(currents, current != 0 || currents[1] != 0 || now == ANHYST_STATE_READY ||
                             now == ANHYST_STATE_RUN);
-  set_pin(PIN_LED, now == ANHYST_STATE_RUN);
+  GPIOA_BSRR = now == ANHYST_STATE_RUN ? 1U << PIN_LED : 1U << (PIN_LED + 16U);
   IWDG_KR = IWDG_KR_FEED;
 }
 
@@ -200,8 +198,6 @@ static void poll_xcp(void)
     xcp_line_sent(&xcp, serial_write(&serial_xcp, waiting, count));
   } else if (serial_read(&serial_xcp, &byte, 1) > 0U) {
     (void)xcp_line_take(&xcp, &byte, 1);
-  } else {
-    /* neither */
   }
 }
 
