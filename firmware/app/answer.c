@@ -100,12 +100,12 @@ static void on_heartbeat(app *a, const uint8_t *p, answer *to)
 
 static void on_demand(app *a, const uint8_t *p, answer *to)
 {
-  say_status_or_nak(a, to, LINK_TYPE_DEMAND, app_demand(a, link_get_demand(p)));
+  say_status_or_nak(a, to, LINK_TYPE_DEMAND, app_aim(a, LINK_BODY_FORCE, link_get_demand(p)));
 }
 
 static void on_target(app *a, const uint8_t *p, answer *to)
 {
-  say_status_or_nak(a, to, LINK_TYPE_TARGET, app_target(a, link_get_target(p)));
+  say_status_or_nak(a, to, LINK_TYPE_TARGET, app_aim(a, LINK_BODY_POSITION, link_get_target(p)));
 }
 
 static void on_command(app *a, const uint8_t *p, answer *to)

@@ -20,7 +20,7 @@ static uint32_t follow_tick(app_control *control, const app_limits *limits, uint
   uint32_t ticks = tick - control->tick;
   control->tick = tick;
   if (app_body_states(control->body)->state == ANHYST_STATE_INIT) {
-    anhyst_supervisor_begin(app_body_supervisor(control->body));
+    anhyst_supervisor_begin(app_body_states(control->body));
     if (app_body_compensator(control->body, 0)->words == NULL) {
       app_body_fail(control->body, ANHYST_FAULT_BLOCK);
     }

@@ -31,9 +31,7 @@ void app_body_start(app_body *body, const app_board *board)
   }
 }
 
-anhyst_supervisor *app_body_supervisor(app_body *body) { return &body->supervisor; }
-
-const anhyst_supervisor *app_body_states(const app_body *body) { return &body->supervisor; }
+anhyst_supervisor *app_body_states(app_body *body) { return &body->supervisor; }
 
 anhyst_compensator *app_body_compensator(app_body *body, uint16_t magnet)
 {
@@ -45,17 +43,13 @@ void app_body_fail(app_body *body, uint16_t reason)
   anhyst_supervisor_fail(&body->supervisor, reason);
 }
 
-uint16_t app_body_demand(app_body *body, int32_t force)
+uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
 {
-  body->target = force; /* `run` begins with zero, whatever came before */
+  if (quantity != (uint16_t)LINK_BODY_FORCE) {
+    return LINK_REASON_TYPE;
+  }
+  body->target = value; /* `run` begins with zero, whatever came before */
   return LINK_REASON_NONE;
-}
-
-uint16_t app_body_target(app_body *body, int32_t position)
-{
-  (void)body;
-  (void)position;
-  return LINK_REASON_TYPE;
 }
 
 int32_t app_body_goal(const app_body *body) { return body->target; }

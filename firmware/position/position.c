@@ -38,15 +38,7 @@ void app_body_start(app_body *body, const app_board *board)
   }
 }
 
-anhyst_supervisor *app_body_supervisor(app_body *body)
-{
-  return &body->position.levitation.supervisor;
-}
-
-const anhyst_supervisor *app_body_states(const app_body *body)
-{
-  return &body->position.levitation.supervisor;
-}
+anhyst_supervisor *app_body_states(app_body *body) { return &body->position.levitation.supervisor; }
 
 anhyst_compensator *app_body_compensator(app_body *body, uint16_t magnet)
 {
@@ -72,20 +64,16 @@ void app_body_fail(app_body *body, uint16_t reason)
   anhyst_levitation_fail(&body->position.levitation, reason, can_land);
 }
 
-uint16_t app_body_demand(app_body *body, int32_t force)
-{
-  (void)body;
-  (void)force;
-  return LINK_REASON_TYPE;
-}
-
-uint16_t app_body_target(app_body *body, int32_t position)
+uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
 {
   const anhyst_levitation_limits *limits = &body->board->plan->limits->levitation;
-  if (position < limits->low || position > limits->high) {
+  if (quantity != (uint16_t)LINK_BODY_POSITION) {
+    return LINK_REASON_TYPE;
+  }
+  if (value < limits->low || value > limits->high) {
     return LINK_REASON_VALUE;
   }
-  body->target = position;
+  body->target = value;
   return LINK_REASON_NONE;
 }
 

@@ -140,9 +140,9 @@ static uint16_t write_input(xcp_slave *x, uint16_t number, int32_t value)
   uint16_t state = 0;
   switch (number) {
   case XCP_INPUT_SET_DEMAND:
-    return app_demand(a, value);
+    return app_aim(a, LINK_BODY_FORCE, value);
   case XCP_INPUT_SET_TARGET:
-    return app_target(a, value);
+    return app_aim(a, LINK_BODY_POSITION, value);
   case XCP_INPUT_COMMAND:
     return value >= 0 && value < (int32_t)ANHYST_COMMAND_COUNT
                ? app_command(a, (uint16_t)value, &state)

@@ -21,7 +21,6 @@
 #include BOARD_BODY /* force/force.h or position/position.h */
 #include "boards/actuator.h"
 #include "app/app.h"
-#include "clocks.h"
 #include "memory.h"
 #include "nucleo.h"
 #include "place.h"

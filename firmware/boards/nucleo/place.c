@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "place.h"
 
-#include "clocks.h"
+#include "nucleo.h"
 #include "registers.h"
 
 /* What is sent while the converter is read: it does not listen. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "serial.h"
 
-#include "clocks.h"
+#include "nucleo.h"
 #include "registers.h"
 
 #define BAUD 921600U
