@@ -25,14 +25,14 @@ static void say_nak(answer *to, uint16_t request, uint16_t reason, uint16_t deta
 /* Done, or not done for this reason. */
 static void say_done(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
 {
-  const link_ack ack = {request, detail};
-  if (reason != LINK_REASON_NONE) {
+  if (reason == LINK_REASON_NONE) {
+    const link_ack ack = {request, detail};
+    to->type = LINK_TYPE_ACK;
+    to->length = LINK_SIZE_ACK;
+    link_put_ack(to->payload, &ack);
+  } else {
     say_nak(to, request, reason, detail);
-    return;
   }
-  to->type = LINK_TYPE_ACK;
-  to->length = LINK_SIZE_ACK;
-  link_put_ack(to->payload, &ack);
 }
 
 static void say_status(app *a, answer *to)
@@ -231,11 +231,11 @@ static void on_block_data(app *a, const link_frame *request, answer *to)
   const uint8_t tail = (uint8_t)(request->length - LINK_SIZE_BLOCK_DATA);
   if (request->length < LINK_SIZE_BLOCK_DATA + 2 || tail % 2U != 0U) {
     say_nak(to, request->type, LINK_REASON_LENGTH, request->length);
-    return;
+  } else {
+    const uint16_t reason = app_download_words(&a->download, link_get_block_data(p),
+                                               p + LINK_SIZE_BLOCK_DATA, (uint16_t)(tail / 2U));
+    say_done(to, LINK_TYPE_BLOCK_DATA, reason, a->download.received);
   }
-  const uint16_t reason = app_download_words(&a->download, link_get_block_data(p),
-                                             p + LINK_SIZE_BLOCK_DATA, (uint16_t)(tail / 2U));
-  say_done(to, LINK_TYPE_BLOCK_DATA, reason, a->download.received);
 }
 
 uint8_t app_answer(app *a, const link_frame *request, uint8_t *payload, uint8_t *length)

@@ -59,9 +59,10 @@ uint16_t app_body_command(app_body *body, uint16_t command)
    sensor or of the amplifier; the worse case decides. */
 void app_body_fail(app_body *body, uint16_t reason)
 {
-  const int can_land = reason != ANHYST_FAULT_AMPLIFIER && reason != ANHYST_FAULT_OVER_CURRENT &&
-                       reason != ANHYST_FAULT_CURRENT_MISMATCH && reason != ANHYST_FAULT_BLOCK;
-  anhyst_levitation_fail(&body->position.levitation, reason, can_land);
+  anhyst_levitation_fail(&body->position.levitation, reason,
+                         reason != ANHYST_FAULT_AMPLIFIER && reason != ANHYST_FAULT_OVER_CURRENT &&
+                             reason != ANHYST_FAULT_CURRENT_MISMATCH &&
+                             reason != ANHYST_FAULT_BLOCK);
 }
 
 uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)

@@ -64,17 +64,13 @@ static void look(xcp_line *line)
   const uint16_t length = link_get_u16(line->in);
   const uint16_t end = covered(line, length);
   const uint16_t tail = (line->checked != 0U) ? XCP_LINE_CHECK : 0U;
-  if ((length == 0U) || (length > (uint16_t)XCP_PACKET)) {
-    line->broken = 1;
-    return;
-  }
-  if (line->in_count != (uint16_t)(end + tail)) {
-    return;
-  }
-  line->in_count = 0;
-  if ((line->checked == 0U) || (sum_of_words(line->in, end) == link_get_u16(&line->in[end]))) {
-    send(line,
-         xcp_answer(&line->slave, &line->in[XCP_LINE_HEAD], length, &line->out[XCP_LINE_HEAD]));
+  line->broken = ((length == 0U) || (length > (uint16_t)XCP_PACKET)) ? 1U : 0U;
+  if ((line->broken == 0U) && (line->in_count == (uint16_t)(end + tail))) {
+    line->in_count = 0;
+    if ((line->checked == 0U) || (sum_of_words(line->in, end) == link_get_u16(&line->in[end]))) {
+      send(line,
+           xcp_answer(&line->slave, &line->in[XCP_LINE_HEAD], length, &line->out[XCP_LINE_HEAD]));
+    }
   }
 }
 
