@@ -14,14 +14,6 @@ typedef struct {
   uint8_t length;
 } answer;
 
-static void say_ack(answer *to, uint16_t request, uint16_t detail)
-{
-  const link_ack ack = {request, detail};
-  to->type = LINK_TYPE_ACK;
-  to->length = LINK_SIZE_ACK;
-  link_put_ack(to->payload, &ack);
-}
-
 static void say_nak(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
 {
   const link_nak nak = {request, reason, detail};
@@ -34,7 +26,10 @@ static void say_nak(answer *to, uint16_t request, uint16_t reason, uint16_t deta
 static void say_done(answer *to, uint16_t request, uint16_t reason, uint16_t detail)
 {
   if (reason == LINK_REASON_NONE) {
-    say_ack(to, request, detail);
+    const link_ack ack = {request, detail};
+    to->type = LINK_TYPE_ACK;
+    to->length = LINK_SIZE_ACK;
+    link_put_ack(to->payload, &ack);
   } else {
     say_nak(to, request, reason, detail);
   }
@@ -43,7 +38,7 @@ static void say_done(answer *to, uint16_t request, uint16_t reason, uint16_t det
 static void say_status(app *a, answer *to)
 {
   const app_control *control = &a->control;
-  link_status status;
+  link_status status = {0};
   port_lock(a->port);
   const anhyst_supervisor *states = app_body_states(control->body);
   status.state = (uint8_t)states->state;
@@ -105,24 +100,18 @@ static void on_heartbeat(app *a, const uint8_t *p, answer *to)
 
 static void on_demand(app *a, const uint8_t *p, answer *to)
 {
-  link_demand demand;
-  link_get_demand(&demand, p);
-  say_status_or_nak(a, to, LINK_TYPE_DEMAND, app_demand(a, demand.force));
+  say_status_or_nak(a, to, LINK_TYPE_DEMAND, app_aim(a, LINK_BODY_FORCE, link_get_demand(p)));
 }
 
 static void on_target(app *a, const uint8_t *p, answer *to)
 {
-  link_target target;
-  link_get_target(&target, p);
-  say_status_or_nak(a, to, LINK_TYPE_TARGET, app_target(a, target.position));
+  say_status_or_nak(a, to, LINK_TYPE_TARGET, app_aim(a, LINK_BODY_POSITION, link_get_target(p)));
 }
 
 static void on_command(app *a, const uint8_t *p, answer *to)
 {
-  link_command command;
-  link_get_command(&command, p);
   uint16_t state = 0;
-  const uint16_t reason = app_command(a, command.command, &state);
+  const uint16_t reason = app_command(a, link_get_command(p), &state);
   say_done(to, LINK_TYPE_COMMAND, reason, state);
 }
 
@@ -136,12 +125,11 @@ static void say_setting(const app *a, uint16_t number, answer *to)
 
 static void on_setting_read(app *a, const uint8_t *p, answer *to)
 {
-  link_setting_read read;
-  link_get_setting_read(&read, p);
-  if (read.setting >= LINK_SETTING_COUNT) {
+  const uint16_t number = link_get_setting_read(p);
+  if (number >= LINK_SETTING_COUNT) {
     say_nak(to, LINK_TYPE_SETTING_READ, LINK_REASON_VALUE, 0);
   } else {
-    say_setting(a, read.setting, to);
+    say_setting(a, number, to);
   }
 }
 
@@ -167,21 +155,10 @@ static void on_block_begin(app *a, const uint8_t *p, answer *to)
   say_done(to, LINK_TYPE_BLOCK_BEGIN, reason, 0);
 }
 
-static void on_block_data(app *a, const uint8_t *p, uint8_t tail, answer *to)
-{
-  link_block_data data;
-  link_get_block_data(&data, p);
-  const uint16_t reason = app_download_words(&a->download, data.offset, p + LINK_SIZE_BLOCK_DATA,
-                                             (uint16_t)(tail / 2U));
-  say_done(to, LINK_TYPE_BLOCK_DATA, reason, a->download.received);
-}
-
 static void on_block_swap(app *a, const uint8_t *p, answer *to)
 {
-  link_block_swap request;
-  link_get_block_swap(&request, p);
   uint16_t detail = 0;
-  const uint16_t reason = app_block_swap(a, request.generation, &detail);
+  const uint16_t reason = app_block_swap(a, link_get_block_swap(p), &detail);
   say_done(to, LINK_TYPE_BLOCK_SWAP, reason, detail);
 }
 
@@ -196,8 +173,7 @@ static void on_block_read(app *a, const uint8_t *p, answer *to)
     say_nak(to, LINK_TYPE_BLOCK_READ, LINK_REASON_VALUE, length);
     return;
   }
-  const link_block_words words = {read.offset};
-  link_put_block_words(to->payload, &words);
+  link_put_block_words(to->payload, read.offset);
   uint8_t *at = to->payload + LINK_SIZE_BLOCK_WORDS;
   for (uint16_t i = 0; i < read.words; i++, at += 2) {
     link_put_u16(at, app_word_in_force(a, (uint16_t)(read.offset + i)));
@@ -248,20 +224,17 @@ static const request_kind kinds[] = {
     {LINK_TYPE_KEEP, LINK_SIZE_KEEP, on_keep},
 };
 
-static void answer_xcp(app *a, const link_frame *request, answer *to)
-{
-  to->type = LINK_TYPE_XCP_PACKETS;
-  to->length = (uint8_t)xcp_tunnel(&a->carried, request->payload, request->length, to->payload);
-}
-
 /* Whole words, at least one. */
-static void answer_block_data(app *a, const link_frame *request, answer *to)
+static void on_block_data(app *a, const link_frame *request, answer *to)
 {
+  const uint8_t *p = request->payload;
   const uint8_t tail = (uint8_t)(request->length - LINK_SIZE_BLOCK_DATA);
   if (request->length < LINK_SIZE_BLOCK_DATA + 2 || tail % 2U != 0U) {
     say_nak(to, request->type, LINK_REASON_LENGTH, request->length);
   } else {
-    on_block_data(a, request->payload, tail, to);
+    const uint16_t reason = app_download_words(&a->download, link_get_block_data(p),
+                                               p + LINK_SIZE_BLOCK_DATA, (uint16_t)(tail / 2U));
+    say_done(to, LINK_TYPE_BLOCK_DATA, reason, a->download.received);
   }
 }
 
@@ -275,9 +248,10 @@ uint8_t app_answer(app *a, const link_frame *request, uint8_t *payload, uint8_t 
     }
   }
   if (request->type == LINK_TYPE_BLOCK_DATA) {
-    answer_block_data(a, request, &to);
+    on_block_data(a, request, &to);
   } else if (request->type == (uint8_t)LINK_TYPE_XCP) {
-    answer_xcp(a, request, &to);
+    to.type = LINK_TYPE_XCP_PACKETS;
+    to.length = (uint8_t)xcp_tunnel(&a->carried, request->payload, request->length, payload);
   } else if (kind == NULL) {
     say_nak(&to, request->type, LINK_REASON_TYPE, 0);
   } else if (request->length != kind->length) {

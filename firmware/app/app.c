@@ -34,16 +34,6 @@ void app_start(app *a, app_body *body, const app_board *board, const struct port
   a->cycles = 0;
 }
 
-static void keep_signals(app *a, const port_sample *sample)
-{
-  const app_control *control = &a->control;
-  const anhyst_supervisor *states = app_body_states(control->body);
-  app_body_signals(control->body, sample, a->signals);
-  a->signals[LINK_SIGNAL_STATE] = states->state;
-  a->signals[LINK_SIGNAL_FLAGS] = control->flags;
-  a->signals[LINK_SIGNAL_FAULT] = states->fault;
-}
-
 void app_tick(app *a)
 {
   port_sample sample;
@@ -58,8 +48,16 @@ void app_tick(app *a)
   int32_t drive[PORT_CURRENTS];
   app_control_tick(&a->control, a->board, a->settings, &sample, drive);
   const anhyst_supervisor *states = app_body_states(a->control.body);
+  const anhyst_compensator *compensator = app_body_compensator(a->control.body, 0);
   a->port->drive(a->port->context, drive, states->state + 256U * states->fault);
-  keep_signals(a, &sample);
+  app_body_signals(a->control.body, &sample, a->signals);
+  a->signals[LINK_SIGNAL_CURRENT] = sample.current[0];
+  a->signals[LINK_SIGNAL_FLUX] = compensator->flux_applied;
+  a->signals[LINK_SIGNAL_EXPECTED] =
+      compensator->words != NULL ? anhyst_compensator_output_q31(compensator) : 0;
+  a->signals[LINK_SIGNAL_STATE] = states->state;
+  a->signals[LINK_SIGNAL_FLAGS] = a->control.flags;
+  a->signals[LINK_SIGNAL_FAULT] = states->fault;
   xcp_tick(&a->carried);
 }
 

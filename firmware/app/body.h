@@ -15,8 +15,7 @@
 void app_body_start(app_body *body, const app_board *board);
 
 /* States and faults. */
-anhyst_supervisor *app_body_supervisor(app_body *body);
-const anhyst_supervisor *app_body_states(const app_body *body);
+anhyst_supervisor *app_body_states(app_body *body);
 
 /* The compensator of a magnet, 0 or 1, or NULL where there is no such; its words are NULL as long
    as no block is valid. */
@@ -28,10 +27,9 @@ uint16_t app_body_command(app_body *body, uint16_t command);
 /* Goes to fault for a reason outside of the body, and comes to rest as is best for that reason. */
 void app_body_fail(app_body *body, uint16_t reason);
 
-/* A demanded force, or a position to go to: LINK_REASON_NONE, _TYPE where the body has no such, or
-   _VALUE where it is beyond the limits. */
-uint16_t app_body_demand(app_body *body, int32_t force);
-uint16_t app_body_target(app_body *body, int32_t position);
+/* A demanded force (LINK_BODY_FORCE), or a position to go to (LINK_BODY_POSITION):
+   LINK_REASON_NONE, _TYPE where the body controls the other, or _VALUE beyond the limits. */
+uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value);
 
 /* The last one of these. */
 int32_t app_body_goal(const app_body *body);
@@ -52,7 +50,7 @@ uint16_t app_body_setting(app_body *body, const int32_t *settings, uint16_t numb
 uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sample *sample,
                        uint32_t ticks, int32_t *currents);
 
-/* Fills what it knows of the status, and of the signals after a tick. */
+/* Fills what it knows of the status, and of the signals after a tick; the rest stays 0. */
 void app_body_status(const app_body *body, link_status *status);
 void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals);
 

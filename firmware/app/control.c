@@ -13,22 +13,17 @@ void app_control_start(app_control *control, app_body *body, const app_board *bo
   app_body_start(body, board);
 }
 
-/* Leaves init at the first tick, for fault where the block built in is not valid. */
-static void begin(app_control *control)
-{
-  anhyst_supervisor_begin(app_body_supervisor(control->body));
-  if (app_body_compensator(control->body, 0)->words == NULL) {
-    app_body_fail(control->body, ANHYST_FAULT_BLOCK);
-  }
-}
-
-/* Follows the tick's number: ticks since the last one, 1 as a rule. */
+/* Follows the tick's number: ticks since the last one, 1 as a rule. Leaves init at the first tick,
+   for fault where the block built in is not valid. */
 static uint32_t follow_tick(app_control *control, const app_limits *limits, uint32_t tick)
 {
   uint32_t ticks = tick - control->tick;
   control->tick = tick;
   if (app_body_states(control->body)->state == ANHYST_STATE_INIT) {
-    begin(control);
+    anhyst_supervisor_begin(app_body_states(control->body));
+    if (app_body_compensator(control->body, 0)->words == NULL) {
+      app_body_fail(control->body, ANHYST_FAULT_BLOCK);
+    }
     return 1; /* where a board begins to count is its own affair */
   }
   if (ticks == 0U || ticks > (uint32_t)limits->missed_ticks + 1U) {

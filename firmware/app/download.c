@@ -53,7 +53,8 @@ uint16_t app_download_words(app_download *download, uint16_t offset, const uint8
   return LINK_REASON_NONE;
 }
 
-uint16_t app_download_edit(app_download *download, const int16_t *in_force)
+uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint16_t at,
+                           const uint8_t *bytes, uint16_t count)
 {
   if (download->under_way == APP_DOWNLOAD_ARRIVING) {
     return LINK_REASON_ORDER;
@@ -67,12 +68,6 @@ uint16_t app_download_edit(app_download *download, const int16_t *in_force)
     download->sealed = 0;
     download->under_way = APP_DOWNLOAD_EDITED;
   }
-  return LINK_REASON_NONE;
-}
-
-uint16_t app_download_change(app_download *download, uint16_t at, const uint8_t *bytes,
-                             uint16_t count)
-{
   if (at > (uint16_t)ANHYST_BLOCK_MOST_WORDS ||
       count > (uint16_t)((uint16_t)ANHYST_BLOCK_MOST_WORDS - at)) {
     return LINK_REASON_VALUE;

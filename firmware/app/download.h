@@ -34,14 +34,10 @@ uint16_t app_download_begin(app_download *download, const link_block_begin *begi
 uint16_t app_download_words(app_download *download, uint16_t offset, const uint8_t *bytes,
                             uint16_t count);
 
-/* Begins to change a block word by word, unless that has begun: with a copy of the block in force.
-   LINK_REASON_NONE, or LINK_REASON_ORDER while another arrives piece by piece. */
-uint16_t app_download_edit(app_download *download, const int16_t *in_force);
-
-/* Changes words of the block under edit: LINK_REASON_NONE, or LINK_REASON_VALUE beyond its place.
- */
-uint16_t app_download_change(app_download *download, uint16_t at, const uint8_t *bytes,
-                             uint16_t count);
+/* Changes words, `count` of them, of the block under edit, which begins as a copy of the block in
+   force. LINK_REASON_NONE; _ORDER while another arrives piece by piece; _VALUE beyond its place. */
+uint16_t app_download_edit(app_download *download, const int16_t *in_force, uint16_t at,
+                           const uint8_t *bytes, uint16_t count);
 
 /* Takes the block under edit for one that has arrived, to be checked. Its checksum is computed anew
    unless an edit wrote it: then that is checked too. */

@@ -24,18 +24,10 @@ uint16_t app_word_in_force(const app *a, uint16_t number)
   return words != NULL ? (uint16_t)words[number] : 0U;
 }
 
-uint16_t app_demand(app *a, int32_t force)
+uint16_t app_aim(app *a, uint16_t quantity, int32_t value)
 {
   port_lock(a->port);
-  const uint16_t reason = app_body_demand(a->control.body, force);
-  port_unlock(a->port);
-  return reason;
-}
-
-uint16_t app_target(app *a, int32_t position)
-{
-  port_lock(a->port);
-  const uint16_t reason = app_body_target(a->control.body, position);
+  const uint16_t reason = app_body_aim(a->control.body, quantity, value);
   port_unlock(a->port);
   return reason;
 }
@@ -101,9 +93,8 @@ uint16_t app_block_swap(app *a, uint16_t generation, uint16_t *detail)
 
 uint16_t app_block_edit(app *a, uint16_t at, const uint8_t *bytes, uint16_t count)
 {
-  const uint16_t reason =
-      app_download_edit(&a->download, app_body_compensator(a->control.body, 0)->words);
-  return reason == LINK_REASON_NONE ? app_download_change(&a->download, at, bytes, count) : reason;
+  const int16_t *in_force = app_body_compensator(a->control.body, 0)->words;
+  return app_download_edit(&a->download, in_force, at, bytes, count);
 }
 
 const int16_t *app_block_edited(const app *a)

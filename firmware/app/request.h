@@ -16,8 +16,8 @@ uint32_t app_last_tick(const app *a);
 /* A word of the block in force; 0 where there is none. */
 uint16_t app_word_in_force(const app *a, uint16_t number);
 
-uint16_t app_demand(app *a, int32_t force);
-uint16_t app_target(app *a, int32_t position);
+/* A force or a position, as app_body_aim. */
+uint16_t app_aim(app *a, uint16_t quantity, int32_t value);
 
 /* *state: that the command led to, or in which it was refused. */
 uint16_t app_command(app *a, uint16_t command, uint16_t *state);

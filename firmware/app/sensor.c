@@ -20,12 +20,6 @@ static uint16_t count_on(uint16_t count, uint32_t more)
 
 static int32_t distance(int32_t a, int32_t b) { return anhyst_abs_q31(anhyst_sub_q31(a, b)); }
 
-/* Whether a sensor can have come from its last plausible value to this one since then. */
-static int within_slew(const app_sensor *sensor, int32_t slew, int32_t value)
-{
-  return sensor->known == 0U || distance(value, sensor->value) / (int32_t)sensor->age <= slew;
-}
-
 /* Follows how long the code has been the same and whether the current moved meanwhile. */
 static void watch_noise(app_sensor *sensor, int32_t stuck_current, int32_t value, uint32_t ticks,
                         int32_t drive)
@@ -52,7 +46,7 @@ uint16_t app_sensor_judge(app_sensor *sensor, const app_sensor_limits *limits,
   if (value < limits->low || value > limits->high) {
     return APP_SENSOR_RANGE;
   }
-  if (!within_slew(sensor, limits->slew, value)) {
+  if (sensor->known != 0U && distance(value, sensor->value) / (int32_t)sensor->age > limits->slew) {
     return APP_SENSOR_SLEW;
   }
   watch_noise(sensor, stuck_current, value, ticks, drive);

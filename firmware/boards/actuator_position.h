@@ -5,6 +5,7 @@
 #define ANHYST_ACTUATOR_POSITION_H
 
 #include "boards/actuator.h"
+#include "position/position.h"
 
 #include ACTUATOR_FILE(ACTUATOR_JOIN(ACTUATOR_NAME, _controller).h)
 
@@ -15,5 +16,11 @@
 #define ACTUATOR_CONTROLLER_MAGNETS ACTUATOR_JOIN(ACTUATOR_MACRO, _CONTROLLER_MAGNETS)
 #define ACTUATOR_CONTROLLER_RATE_HZ ACTUATOR_JOIN(ACTUATOR_MACRO, _CONTROLLER_RATE_HZ)
 #endif
+
+static const app_plan actuator_plan = {
+    .limits = &ACTUATOR_CONTROLLER_LIMITS,
+    .settings = &ACTUATOR_CONTROLLER_SETTINGS,
+    .magnets = ACTUATOR_CONTROLLER_MAGNETS,
+};
 
 #endif

@@ -11,15 +11,9 @@ static void forget_sensors(app_body *body)
   app_current_start(&body->current);
 }
 
-/* Ticks of the ramp from full current to zero, at least 1. */
-static uint32_t ramp_ticks(const app_board *board)
-{
-  const uint32_t ticks = app_board_ticks(board, board->limits->ramp_ms);
-  return ticks > 0U ? ticks : 1U;
-}
-
 void app_body_start(app_body *body, const app_board *board)
 {
+  const uint32_t ramp_ticks = app_board_ticks(board, board->limits->ramp_ms);
   body->board = board;
   body->target = 0;
   body->demand = 0;
@@ -27,7 +21,7 @@ void app_body_start(app_body *body, const app_board *board)
   body->flags = 0;
   body->swapped = 0;
   body->compensated = 1;
-  body->ramp = anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)ramp_ticks(board), 1);
+  body->ramp = anhyst_add_q31(ANHYST_Q31_MAX / (int32_t)(ramp_ticks > 0U ? ramp_ticks : 1U), 1);
   anhyst_supervisor_start(&body->supervisor);
   forget_sensors(body);
   if (anhyst_compensator_init(&body->compensator, board->kernel, board->words,
@@ -37,9 +31,7 @@ void app_body_start(app_body *body, const app_board *board)
   }
 }
 
-anhyst_supervisor *app_body_supervisor(app_body *body) { return &body->supervisor; }
-
-const anhyst_supervisor *app_body_states(const app_body *body) { return &body->supervisor; }
+anhyst_supervisor *app_body_states(app_body *body) { return &body->supervisor; }
 
 anhyst_compensator *app_body_compensator(app_body *body, uint16_t magnet)
 {
@@ -51,17 +43,13 @@ void app_body_fail(app_body *body, uint16_t reason)
   anhyst_supervisor_fail(&body->supervisor, reason);
 }
 
-uint16_t app_body_demand(app_body *body, int32_t force)
+uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
 {
-  body->target = force; /* `run` begins with zero, whatever came before */
+  if (quantity != (uint16_t)LINK_BODY_FORCE) {
+    return LINK_REASON_TYPE;
+  }
+  body->target = value; /* `run` begins with zero, whatever came before */
   return LINK_REASON_NONE;
-}
-
-uint16_t app_body_target(app_body *body, int32_t position)
-{
-  (void)body;
-  (void)position;
-  return LINK_REASON_TYPE;
 }
 
 int32_t app_body_goal(const app_body *body) { return body->target; }
@@ -111,13 +99,6 @@ static uint16_t judge(app_body *body, const int32_t *settings, const port_sample
   return current;
 }
 
-/* Whether a reason is a fault at the first sample that shows it. */
-static int is_certain(uint16_t fault)
-{
-  return fault == ANHYST_FAULT_GAP_STUCK || fault == ANHYST_FAULT_FORCE_STUCK ||
-         app_current_is_certain(fault);
-}
-
 /* Goes by the sample: to a fault, or on from selftest. */
 static void watch_sample(app_body *body, const int32_t *settings, const port_sample *sample,
                          uint32_t ticks)
@@ -129,7 +110,8 @@ static void watch_sample(app_body *body, const int32_t *settings, const port_sam
   if (wrong != ANHYST_FAULT_NONE) {
     body->flags |= ANHYST_SAMPLE_IMPLAUSIBLE;
   }
-  if (is_certain(wrong)) {
+  if (wrong == ANHYST_FAULT_GAP_STUCK || wrong == ANHYST_FAULT_FORCE_STUCK ||
+      app_current_is_certain(wrong)) {
     anhyst_supervisor_fail(&body->supervisor, wrong);
   }
 }
@@ -266,27 +248,12 @@ void app_body_status(const app_body *body, link_status *status)
   status->gap = body->gap.value;
   status->current[0] = body->current.sensor.value;
   status->drive[0] = body->drive;
-  status->current[1] = 0;
-  status->drive[1] = 0;
-  status->phase = ANHYST_PHASE_REST;
-  status->position = 0;
-  status->reference = 0;
 }
 
 void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals)
 {
-  const anhyst_compensator *compensator = &body->compensator;
   signals[LINK_SIGNAL_DEMAND] = body->demand;
   signals[LINK_SIGNAL_FORCE] = sample->force;
   signals[LINK_SIGNAL_GAP] = sample->gap;
-  signals[LINK_SIGNAL_CURRENT] = sample->current[0];
   signals[LINK_SIGNAL_DRIVE] = body->drive;
-  signals[LINK_SIGNAL_FLUX] = compensator->flux_applied;
-  signals[LINK_SIGNAL_EXPECTED] =
-      compensator->words != NULL ? anhyst_compensator_output_q31(compensator) : 0;
-  signals[LINK_SIGNAL_POSITION] = 0;
-  signals[LINK_SIGNAL_REFERENCE] = 0;
-  signals[LINK_SIGNAL_PHASE] = ANHYST_PHASE_REST;
-  signals[LINK_SIGNAL_CURRENT_2] = 0;
-  signals[LINK_SIGNAL_DRIVE_2] = 0;
 }

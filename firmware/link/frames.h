@@ -148,8 +148,6 @@ enum {
   {INT32_C(1), INT32_C(1000000), INT32_C(0), 20, 0}, /* current_off_ticks */
 
 #define LINK_SIZE_HELLO 6
-/* Opens a session: the sequence starts again with this frame. Where this very session is open
-   already it is answered and changes nothing. */
 typedef struct {
   uint16_t version; /* protocol version of the PC */
   uint32_t session; /* number of the session, drawn at random by the PC */
@@ -163,37 +161,18 @@ static inline void link_get_hello(link_hello *m, const uint8_t *p)
 #define LINK_SIZE_HEARTBEAT 0
 
 #define LINK_SIZE_DEMAND 4
-/* The demanded force, in force from the next tick. Without effect outside run and on a position. */
-typedef struct {
-  int32_t force; /* q31 of the full-scale force */
-} link_demand;
-static inline void link_get_demand(link_demand *m, const uint8_t *p)
-{
-  m->force = link_get_i32(p + 0);
-}
+/* force: q31 of the full-scale force */
+static inline int32_t link_get_demand(const uint8_t *p) { return link_get_i32(p); }
 
 #define LINK_SIZE_COMMAND 2
-/* Changes the state. Detail of the answer: the state entered. */
-typedef struct {
-  uint16_t command; /* one of command */
-} link_command;
-static inline void link_get_command(link_command *m, const uint8_t *p)
-{
-  m->command = link_get_u16(p + 0);
-}
+/* command: one of command */
+static inline uint16_t link_get_command(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_SETTING_READ 2
-/* Asks for a setting. */
-typedef struct {
-  uint16_t setting; /* one of setting */
-} link_setting_read;
-static inline void link_get_setting_read(link_setting_read *m, const uint8_t *p)
-{
-  m->setting = link_get_u16(p + 0);
-}
+/* setting: one of setting */
+static inline uint16_t link_get_setting_read(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_SETTING_WRITE 6
-/* Sets a setting, in force from the next tick. */
 typedef struct {
   uint16_t setting; /* one of setting */
   int32_t value;
@@ -205,7 +184,6 @@ static inline void link_get_setting_write(link_setting_write *m, const uint8_t *
 }
 
 #define LINK_SIZE_BLOCK_BEGIN 8
-/* Announces a parameter block; what had arrived of another is forgotten. */
 typedef struct {
   uint16_t words; /* length of the block */
   uint16_t generation; /* of the block */
@@ -219,28 +197,14 @@ static inline void link_get_block_begin(link_block_begin *m, const uint8_t *p)
 }
 
 #define LINK_SIZE_BLOCK_DATA 2
-/* The next words of the block. Detail of the answer: the next offset. */
-typedef struct {
-  uint16_t offset; /* of the first of these words in the block */
-} link_block_data;
-static inline void link_get_block_data(link_block_data *m, const uint8_t *p)
-{
-  m->offset = link_get_u16(p + 0);
-}
+/* offset: of the first of these words in the block */
+static inline uint16_t link_get_block_data(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_BLOCK_SWAP 2
-/* Checks the block and puts it in force between two ticks. On any error the old one stays. Detail
-   of the answer: the generation in force. */
-typedef struct {
-  uint16_t generation; /* of the block */
-} link_block_swap;
-static inline void link_get_block_swap(link_block_swap *m, const uint8_t *p)
-{
-  m->generation = link_get_u16(p + 0);
-}
+/* generation: of the block */
+static inline uint16_t link_get_block_swap(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_BLOCK_READ 4
-/* Asks for words of the block in force. */
 typedef struct {
   uint16_t offset; /* first word wanted */
   uint16_t words; /* number of words, 1..118 */
@@ -252,22 +216,14 @@ static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
 }
 
 #define LINK_SIZE_TARGET 4
-/* The position to go to and hold, from the next tick on; before lifting, the first one. Refused
-   beyond the positions that can be, and by a controller of force. */
-typedef struct {
-  int32_t position; /* q31 of the controller's full scale */
-} link_target;
-static inline void link_get_target(link_target *m, const uint8_t *p)
-{
-  m->position = link_get_i32(p + 0);
-}
+/* position: q31 of the controller's full scale */
+static inline int32_t link_get_target(const uint8_t *p) { return link_get_i32(p); }
 
 #define LINK_SIZE_KEEP 0
 
 #define LINK_SIZE_XCP 0
 
 #define LINK_SIZE_INFO 26
-/* Who the controller is. */
 typedef struct {
   uint16_t version; /* protocol version */
   uint16_t firmware; /* version of the firmware: 256*major + minor */
@@ -297,7 +253,6 @@ static inline void link_put_info(uint8_t *p, const link_info *m)
 }
 
 #define LINK_SIZE_STATUS 54
-/* What the controller did in the tick that its head names. */
 typedef struct {
   uint8_t state; /* one of state */
   uint8_t fault; /* one of fault: the latched reason */
@@ -339,7 +294,6 @@ static inline void link_put_status(uint8_t *p, const link_status *m)
 }
 
 #define LINK_SIZE_ACK 4
-/* Done. */
 typedef struct {
   uint16_t request; /* type of the request */
   uint16_t detail; /* see the request */
@@ -351,7 +305,6 @@ static inline void link_put_ack(uint8_t *p, const link_ack *m)
 }
 
 #define LINK_SIZE_NAK 6
-/* Not done, and nothing changed. */
 typedef struct {
   uint16_t request; /* type of the request */
   uint16_t reason; /* one of reason */
@@ -365,7 +318,6 @@ static inline void link_put_nak(uint8_t *p, const link_nak *m)
 }
 
 #define LINK_SIZE_SETTING 6
-/* The value of a setting. */
 typedef struct {
   uint16_t setting; /* one of setting */
   int32_t value;
@@ -377,14 +329,8 @@ static inline void link_put_setting(uint8_t *p, const link_setting *m)
 }
 
 #define LINK_SIZE_BLOCK_WORDS 2
-/* Words of the block in force. */
-typedef struct {
-  uint16_t offset; /* of the first of these words */
-} link_block_words;
-static inline void link_put_block_words(uint8_t *p, const link_block_words *m)
-{
-  link_put_u16(p + 0, m->offset);
-}
+/* offset: of the first of these words */
+static inline void link_put_block_words(uint8_t *p, uint16_t offset) { link_put_u16(p + 0, offset); }
 
 #define LINK_SIZE_XCP_PACKETS 0
 
@@ -408,8 +354,7 @@ static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
   m->current[0] = link_get_i32(p + 16);
   m->current[1] = link_get_i32(p + 20);
   m->status = link_get_u32(p + 24);
-  return (link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20) ^ link_get_u32(p + 24) ^ link_get_u32(p + 28)) ==
-         LINK_PLANT_MAGIC;
+  return (link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20) ^ link_get_u32(p + 24) ^ link_get_u32(p + 28)) == LINK_PLANT_MAGIC;
 }
 
 #define LINK_SIZE_PLANT_DRIVE 40
@@ -436,8 +381,7 @@ static inline void link_put_plant_drive(uint8_t *p, const link_plant_drive *m)
   link_put_u32(p + 24, (uint32_t)m->reference);
   link_put_u32(p + 28, (uint32_t)m->flux);
   link_put_u32(p + 32, (uint32_t)m->expected);
-  link_put_u32(p + 36,
-               link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20) ^ link_get_u32(p + 24) ^ link_get_u32(p + 28) ^ link_get_u32(p + 32) ^ LINK_PLANT_MAGIC);
+  link_put_u32(p + 36, link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20) ^ link_get_u32(p + 24) ^ link_get_u32(p + 28) ^ link_get_u32(p + 32) ^ LINK_PLANT_MAGIC);
 }
 
 #endif

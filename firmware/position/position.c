@@ -15,18 +15,6 @@ static void forget_sensors(app_body *body)
   }
 }
 
-/* Starts the force controller of a magnet with the block built in; without words where that is not
- * valid. */
-static void start_magnet(anhyst_force_controller_q31 *magnet, const app_board *board)
-{
-  magnet->method = &anhyst_force_by_compensator_q31;
-  if (anhyst_force_controller_init_compensator_q31(magnet, board->kernel, board->words,
-                                                   board->words_capacity) != ANHYST_OK ||
-      anhyst_block_misfit(board->words, board->scales) != 0U) {
-    magnet->compensator.words = NULL;
-  }
-}
-
 void app_body_start(app_body *body, const app_board *board)
 {
   const app_plan *plan = board->plan;
@@ -36,7 +24,13 @@ void app_body_start(app_body *body, const app_board *board)
   body->answer = nothing;
   forget_sensors(body);
   for (uint16_t i = 0; i < plan->magnets; i++) {
-    start_magnet(&body->magnet[i], board);
+    anhyst_force_controller_q31 *magnet = &body->magnet[i];
+    magnet->method = &anhyst_force_by_compensator_q31;
+    if (anhyst_force_controller_init_compensator_q31(magnet, board->kernel, board->words,
+                                                     board->words_capacity) != ANHYST_OK ||
+        anhyst_block_misfit(board->words, board->scales) != 0U) {
+      magnet->compensator.words = NULL;
+    }
   }
   if (anhyst_position_init_q31(&body->position, plan->limits, plan->settings, &body->magnet[0],
                                plan->magnets == 2U ? &body->magnet[1] : NULL) != ANHYST_OK) {
@@ -44,15 +38,7 @@ void app_body_start(app_body *body, const app_board *board)
   }
 }
 
-anhyst_supervisor *app_body_supervisor(app_body *body)
-{
-  return &body->position.levitation.supervisor;
-}
-
-const anhyst_supervisor *app_body_states(const app_body *body)
-{
-  return &body->position.levitation.supervisor;
-}
+anhyst_supervisor *app_body_states(app_body *body) { return &body->position.levitation.supervisor; }
 
 anhyst_compensator *app_body_compensator(app_body *body, uint16_t magnet)
 {
@@ -68,34 +54,27 @@ uint16_t app_body_command(app_body *body, uint16_t command)
   return refused;
 }
 
-/* Whether an armature can still be landed after this: not without amplifiers that do as
-   they are commanded. One magnet of a pair alone would pull it to its side. A current that is not
-   the driven one may be a fault of the sensor or of the amplifier; the worse case decides. */
-static int can_land(uint16_t reason)
-{
-  return reason != ANHYST_FAULT_AMPLIFIER && reason != ANHYST_FAULT_OVER_CURRENT &&
-         reason != ANHYST_FAULT_CURRENT_MISMATCH && reason != ANHYST_FAULT_BLOCK;
-}
-
+/* An armature cannot be landed without amplifiers that do as they are commanded: one magnet of a
+   pair alone would pull it to its side. A current that is not the driven one may be a fault of the
+   sensor or of the amplifier; the worse case decides. */
 void app_body_fail(app_body *body, uint16_t reason)
 {
-  anhyst_levitation_fail(&body->position.levitation, reason, can_land(reason));
+  anhyst_levitation_fail(&body->position.levitation, reason,
+                         reason != ANHYST_FAULT_AMPLIFIER && reason != ANHYST_FAULT_OVER_CURRENT &&
+                             reason != ANHYST_FAULT_CURRENT_MISMATCH &&
+                             reason != ANHYST_FAULT_BLOCK);
 }
 
-uint16_t app_body_demand(app_body *body, int32_t force)
-{
-  (void)body;
-  (void)force;
-  return LINK_REASON_TYPE;
-}
-
-uint16_t app_body_target(app_body *body, int32_t position)
+uint16_t app_body_aim(app_body *body, uint16_t quantity, int32_t value)
 {
   const anhyst_levitation_limits *limits = &body->board->plan->limits->levitation;
-  if (position < limits->low || position > limits->high) {
+  if (quantity != (uint16_t)LINK_BODY_POSITION) {
+    return LINK_REASON_TYPE;
+  }
+  if (value < limits->low || value > limits->high) {
     return LINK_REASON_VALUE;
   }
-  body->target = position;
+  body->target = value;
   return LINK_REASON_NONE;
 }
 
@@ -106,8 +85,7 @@ void app_body_swap(app_body *body, const int16_t *words)
   anhyst_position_swap_q31(&body->position, words);
 }
 
-/* share*factor of a q30 share from 0 on and a factor, rounded to the nearest mantissa of 16 bits.
- */
+/* share*factor of a q30 share >= 0 and a factor, rounded to the nearest mantissa of 16 bits. */
 static anhyst_factor shared(anhyst_factor factor, int32_t share)
 {
   const int32_t product = anhyst_scale(share, factor.mantissa); /* q30: of at most 2^30 */
@@ -177,25 +155,20 @@ static void watch_currents(app_body *body, const int32_t *settings, const port_s
   }
 }
 
-/* Whether an armature is in the air, and not about to touch its rest, where it stands still
-   whatever flows. */
-static int is_in_air(const app_body *body)
-{
-  const anhyst_levitation *l = &body->position.levitation;
-  const int32_t detect = body->board->plan->settings->levitation.detect;
-  return anhyst_levitation_controls(l) && anhyst_sub_q31(l->position, l->rest) >= detect;
-}
-
 /* Whether the position stays on one code although force and current have moved: in the air nothing
    does. A fine encoder may rest on a code for long as long as nothing moves, also while the current
-   of solid iron moves alone, or the wanted force alone, where another method begins. */
+   of solid iron moves alone, or the wanted force alone, where another method begins.
+   An armature about to touch its rest is not in the air: there it stands still whatever flows. */
 static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;
+  const anhyst_levitation *l = &body->position.levitation;
+  const int32_t detect = body->board->plan->settings->levitation.detect;
   app_stillness *still = &body->still;
   const int32_t demand = body->answer.demand;
   const int32_t drive = body->answer.current[0];
-  if (!is_in_air(body) || sample->position != still->code) {
+  if (!anhyst_levitation_controls(l) || anhyst_sub_q31(l->position, l->rest) < detect ||
+      sample->position != still->code) {
     still->code = sample->position;
     still->demand = demand;
     still->drive = drive;
@@ -244,8 +217,6 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
 void app_body_status(const app_body *body, link_status *status)
 {
   status->demand = body->answer.demand;
-  status->force = 0;
-  status->gap = 0;
   status->phase = body->position.levitation.phase;
   status->position = body->position.position;
   status->reference = body->answer.reference;
@@ -257,15 +228,9 @@ void app_body_status(const app_body *body, link_status *status)
 
 void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals)
 {
-  const anhyst_compensator *compensator = &body->magnet[0].compensator;
   signals[LINK_SIGNAL_DEMAND] = body->answer.demand;
-  signals[LINK_SIGNAL_FORCE] = 0;
   signals[LINK_SIGNAL_GAP] = body->position.gap[0] / 2; /* q30 */
-  signals[LINK_SIGNAL_CURRENT] = sample->current[0];
   signals[LINK_SIGNAL_DRIVE] = body->answer.current[0];
-  signals[LINK_SIGNAL_FLUX] = compensator->flux_applied;
-  signals[LINK_SIGNAL_EXPECTED] =
-      compensator->words != NULL ? anhyst_compensator_output_q31(compensator) : 0;
   signals[LINK_SIGNAL_POSITION] = sample->position;
   signals[LINK_SIGNAL_REFERENCE] = body->answer.reference;
   signals[LINK_SIGNAL_PHASE] = body->position.levitation.phase;

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The body of a control task that holds an armature in the air: position in, currents out, by the
    very controller that anhyst simulate runs (anhyst/control/position.h), with the limits and
-   settings that anhyst compile wrote. What each phase does is said in anhyst/control/levitation.h.
- */
+   settings that anhyst compile wrote. anhyst/control/levitation.h says what each phase does. */
 #ifndef ANHYST_FIRMWARE_POSITION_H
 #define ANHYST_FIRMWARE_POSITION_H
 

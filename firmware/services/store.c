@@ -30,8 +30,7 @@ static int valid(const store_flash *flash, uint16_t copy)
   return words[AT_SET + count] == crc;
 }
 
-/* The copy that counts, or NONE. Numbers go round: the newer one is less than half a round ahead.
- */
+/* The copy that counts, or NONE. Numbers go round: the newer is less than half a round ahead. */
 static uint16_t newest(const store_flash *flash)
 {
   const int first = valid(flash, 0);

@@ -5,11 +5,13 @@
 
 #include "xcp/xcp.h"
 
+#define XCP_ANSWER_HEAD 8U /* bytes of an answer that are 0 before a command is done */
+
 /* A command, and what its answer is made of. */
 typedef struct {
   const uint8_t *command;
   uint16_t count;  /* its bytes */
-  uint8_t *answer; /* the first byte says that it is one */
+  uint8_t *answer; /* the first byte says that it is one; the other bytes of the head are 0 */
   uint16_t length;
   uint16_t reason; /* of the firmware, where it refused */
 } xcp_request;

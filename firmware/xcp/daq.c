@@ -251,13 +251,6 @@ uint8_t xcp_daq_write(xcp_daq *d, uint8_t signal)
   return XCP_FINE;
 }
 
-static void fill(xcp_daq *d, const xcp_range *entries, uint8_t signal)
-{
-  for (uint8_t i = 0; i < entries->count; i++) {
-    d->signal[entries->first + i] = signal;
-  }
-}
-
 static void run(xcp_daq *d, uint16_t list, uint8_t running)
 {
   port_lock(d->port);
@@ -273,7 +266,10 @@ uint8_t xcp_daq_clear(xcp_daq *d, uint16_t list)
   }
   run(d, list, 0);
   for (uint8_t i = 0; i < d->list[list].parts.count; i++) {
-    fill(d, &d->part[d->list[list].parts.first + i], XCP_NO_SIGNAL);
+    const xcp_range *entries = &d->part[d->list[list].parts.first + i];
+    for (uint8_t j = 0; j < entries->count; j++) {
+      d->signal[entries->first + j] = XCP_NO_SIGNAL;
+    }
   }
   return XCP_FINE;
 }

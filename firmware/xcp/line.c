@@ -57,29 +57,20 @@ static void send(xcp_line *line, uint16_t length)
   }
 }
 
-/* A command is whole. One whose checksum is wrong is not done, and not answered: the master asks
-   again. */
-static void act(xcp_line *line, uint16_t length)
-{
-  const uint16_t end = covered(line, length);
-  line->in_count = 0;
-  if ((line->checked == 0U) || (sum_of_words(line->in, end) == link_get_u16(&line->in[end]))) {
-    send(line,
-         xcp_answer(&line->slave, &line->in[XCP_LINE_HEAD], length, &line->out[XCP_LINE_HEAD]));
-  }
-}
-
-/* There is a head, and perhaps all that belongs to it. */
+/* There is a head, and perhaps all that belongs to it. A command whose checksum is wrong is not
+   done, and not answered: the master asks again. */
 static void look(xcp_line *line)
 {
   const uint16_t length = link_get_u16(line->in);
+  const uint16_t end = covered(line, length);
   const uint16_t tail = (line->checked != 0U) ? XCP_LINE_CHECK : 0U;
-  if ((length == 0U) || (length > (uint16_t)XCP_PACKET)) {
-    line->broken = 1;
-  } else if (line->in_count == (uint16_t)(covered(line, length) + tail)) {
-    act(line, length);
-  } else {
-    /* goes on */
+  line->broken = ((length == 0U) || (length > (uint16_t)XCP_PACKET)) ? 1U : 0U;
+  if ((line->broken == 0U) && (line->in_count == (uint16_t)(end + tail))) {
+    line->in_count = 0;
+    if ((line->checked == 0U) || (sum_of_words(line->in, end) == link_get_u16(&line->in[end]))) {
+      send(line,
+           xcp_answer(&line->slave, &line->in[XCP_LINE_HEAD], length, &line->out[XCP_LINE_HEAD]));
+    }
   }
 }
 

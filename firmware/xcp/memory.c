@@ -134,28 +134,15 @@ uint8_t xcp_read(const xcp_slave *x, uint32_t address, uint8_t *bytes, uint32_t 
   return XCP_FINE;
 }
 
-/* An answer of XCP for what the firmware says. */
-static uint8_t refusal(uint16_t reason)
-{
-  switch (reason) {
-  case LINK_REASON_NONE:
-    return XCP_FINE;
-  case LINK_REASON_VALUE:
-    return XCP_RANGE;
-  default:
-    return XCP_DENIED;
-  }
-}
-
 static uint16_t write_input(xcp_slave *x, uint16_t number, int32_t value)
 {
   app *a = x->firmware;
   uint16_t state = 0;
   switch (number) {
   case XCP_INPUT_SET_DEMAND:
-    return app_demand(a, value);
+    return app_aim(a, LINK_BODY_FORCE, value);
   case XCP_INPUT_SET_TARGET:
-    return app_target(a, value);
+    return app_aim(a, LINK_BODY_POSITION, value);
   case XCP_INPUT_COMMAND:
     return value >= 0 && value < (int32_t)ANHYST_COMMAND_COUNT
                ? app_command(a, (uint16_t)value, &state)
@@ -194,7 +181,10 @@ uint8_t xcp_write(xcp_slave *x, uint32_t address, const uint8_t *bytes, uint16_t
   default:
     return XCP_WRITE_PROTECTED;
   }
-  return refusal(*reason);
+  if (*reason == LINK_REASON_NONE) {
+    return XCP_FINE;
+  }
+  return *reason == LINK_REASON_VALUE ? XCP_RANGE : XCP_DENIED;
 }
 
 uint8_t xcp_signal_at(uint32_t address)

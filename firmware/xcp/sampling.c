@@ -36,7 +36,6 @@ static uint8_t on_daq_processor(xcp_slave *x, xcp_request *r)
   r->answer[1] = DAQ_IS_DYNAMIC | DAQ_HAS_PRESCALER | DAQ_HAS_STAMP | DAQ_OVERLOAD_IS_EVENT;
   link_put_u16(r->answer + 2, x->daq.lists);
   link_put_u16(r->answer + 4, 1); /* events */
-  r->answer[6] = 0;               /* lists that always are */
   r->answer[7] = DAQ_RELATIVE_PART_BYTE_LIST;
   r->length = 8;
   return XCP_FINE;
@@ -48,8 +47,6 @@ static uint8_t on_daq_resolution(xcp_slave *x, xcp_request *r)
   const uint16_t ticks = period(x->firmware->board->rate, UINT16_MAX, &power);
   r->answer[1] = 4; /* an entry is a signal */
   r->answer[2] = 4;
-  r->answer[3] = 0;
-  r->answer[4] = 0;
   r->answer[5] = (uint8_t)(STAMP_IS_FIXED_4_BYTES | ((uint8_t)(power << 4)));
   link_put_u16(r->answer + 6, ticks);
   r->length = 8;
@@ -69,15 +66,12 @@ static uint8_t on_daq_event(xcp_slave *x, xcp_request *r)
   r->answer[3] = (uint8_t)(sizeof XCP_EVENT - 1U);
   r->answer[4] = (uint8_t)cycle;
   r->answer[5] = power;
-  r->answer[6] = 0;
   r->length = 7;
   return XCP_FINE;
 }
 
 static uint8_t on_daq_clock(xcp_slave *x, xcp_request *r)
 {
-  link_put_u16(r->answer + 1, 0);
-  r->answer[3] = 0;
   link_put_u32(r->answer + 4, app_last_tick(x->firmware));
   r->length = 8;
   return XCP_FINE;
@@ -138,8 +132,7 @@ static uint8_t on_daq_mode(xcp_slave *x, xcp_request *r)
 
 static uint8_t on_daq_start_stop(xcp_slave *x, xcp_request *r)
 {
-  r->answer[1] = 0; /* parts are counted in each list anew */
-  r->length = 2;
+  r->length = 2; /* parts are counted in each list anew */
   return xcp_daq_start_stop(&x->daq, link_get_u16(r->command + 2), r->command[1]);
 }
 

@@ -97,8 +97,6 @@ static uint8_t on_status(xcp_slave *x, xcp_request *r)
 {
   r->answer[1] = xcp_daq_runs(&x->daq) ? (uint8_t)STATUS_DAQ_RUNS : (uint8_t)0;
   r->answer[2] = protection(x);
-  r->answer[3] = 0;
-  link_put_u16(r->answer + 4, 0);
   r->length = 6;
   return XCP_FINE;
 }
@@ -108,7 +106,6 @@ static uint8_t on_synch(xcp_slave *x, xcp_request *r)
 {
   (void)x;
   r->answer[0] = PACKET_ERROR;
-  r->answer[1] = 0;
   r->length = 2;
   return XCP_FINE;
 }
@@ -116,9 +113,6 @@ static uint8_t on_synch(xcp_slave *x, xcp_request *r)
 /* No blocks of packets, no commands ahead of their answers. */
 static uint8_t on_more(xcp_slave *x, xcp_request *r)
 {
-  for (uint16_t i = 1; i < 7U; i++) {
-    r->answer[i] = 0;
-  }
   r->answer[7] = (uint8_t)(x->firmware->board->firmware & 0xFFU);
   r->length = 8;
   return XCP_FINE;
@@ -137,8 +131,6 @@ static uint32_t length_of(const char *text)
 static uint8_t on_id(xcp_slave *x, xcp_request *r)
 {
   x->address = (uint32_t)XCP_AREA_NAME << 16;
-  r->answer[1] = 0;
-  link_put_u16(r->answer + 2, 0);
   link_put_u32(r->answer + 4, r->command[1] <= 1U ? length_of(x->firmware->board->name) : 0U);
   r->length = 8;
   return XCP_FINE;
@@ -151,7 +143,6 @@ static uint8_t on_seed(xcp_slave *x, xcp_request *r)
   }
   r->length = 2;
   if (x->unlocked != 0U || r->command[2] != RESOURCE_CALIBRATION) {
-    r->answer[1] = 0;
     return XCP_FINE;
   }
   uint8_t tick[KEY_BYTES];
@@ -256,7 +247,6 @@ static uint8_t on_checksum(xcp_slave *x, xcp_request *r)
   }
   x->address += size;
   r->answer[1] = CHECKSUM_CRC_32;
-  link_put_u16(r->answer + 2, 0);
   link_put_u32(r->answer + 4, sum);
   r->length = 8;
   return XCP_FINE;
@@ -299,7 +289,6 @@ static uint8_t on_page(xcp_slave *x, xcp_request *r)
   if (r->command[1] != PAGE_OF_ECU && r->command[1] != PAGE_OF_MASTER) {
     return XCP_MODE;
   }
-  link_put_u16(r->answer + 1, 0);
   r->answer[3] = r->command[1] == PAGE_OF_ECU ? x->swapped : x->page;
   r->length = 4;
   return XCP_FINE;
@@ -309,7 +298,6 @@ static uint8_t on_page_info(xcp_slave *x, xcp_request *r)
 {
   (void)x;
   r->answer[1] = 1; /* segments */
-  r->answer[2] = 0;
   r->length = 3;
   return XCP_FINE;
 }
@@ -369,6 +357,9 @@ uint16_t xcp_answer(xcp_slave *x, const uint8_t *command, uint16_t length, uint8
     app_alive(x->firmware);
   }
   answer[0] = PACKET_ANSWER;
+  for (uint16_t i = 1; i < XCP_ANSWER_HEAD; i++) {
+    answer[i] = 0;
+  }
   const uint8_t wrong = act_on(x, &r);
   if (wrong == XCP_FINE) {
     return r.length;

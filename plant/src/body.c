@@ -158,16 +158,6 @@ static void take_cable(const anhyst_plant_body *body, anhyst_plant_state *state)
   }
 }
 
-/* Fills in the force and moment of gravity about the point that the pose is of. */
-static void take_weight(const anhyst_plant_body *body, anhyst_plant_state *state)
-{
-  int i;
-  for (i = 0; i < 3; i++) {
-    state->weight[i] = body->mass * body->gravity[i];
-  }
-  cross(body->centre, state->weight, state->weight + 3);
-}
-
 /* What a cable holds a free coordinate back with, of 1 N/m and such a way, or 1 N s/m and such a
    velocity, of all axes. */
 static double tied(const anhyst_plant_body *body, const anhyst_plant_state *state, int k,
@@ -268,7 +258,10 @@ int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state,
   anhyst_plant_sensor_start(&state->force_sensing, 0.0);
   stand(body, state);
   take_cable(body, state);
-  take_weight(body, state);
+  for (j = 0; j < 3; j++) {
+    state->weight[j] = body->mass * body->gravity[j];
+  }
+  cross(body->centre, state->weight, state->weight + 3);
   return take_masses(body, state);
 }
 
@@ -303,7 +296,7 @@ void anhyst_plant_hold(const anhyst_plant_body *body, anhyst_plant_state *state,
   const anhyst_plant_actuator *actuator = &body->actuator[j];
   anhyst_plant_actuator_state *own = &state->actuator[j];
   const double voltage = actuator->magnet.resistance * current;
-  anhyst_plant_coil_hold(&actuator->magnet, &own->coil, current, own->gap);
+  anhyst_plant_coil_lead(&actuator->magnet, &own->coil, current, own->gap, 0.0);
   if (actuator->amplifier.gain > 0.0) {
     own->coil.integral = voltage;
     own->output = current;
@@ -502,17 +495,6 @@ static inline void substep(const anhyst_plant_body *body, anhyst_plant_state *st
   anhyst_plant_sensor_follow(&body->force_sensor, &state->force_sensing, force, state->force);
 }
 
-/* What the state controller of the load drive commands at this tick. */
-static double load_control(const anhyst_plant_body *body, anhyst_plant_state *state, double force)
-{
-  const anhyst_plant_load *load = &body->load;
-  const double at = encoder(body, state);
-  const double velocity = (at - state->load_position) / body->tick;
-  state->load_velocity += load->velocity_share * (velocity - state->load_velocity);
-  state->load_position = at;
-  return force - load->damping * state->load_velocity - load->stiffness * (at - load->rest);
-}
-
 /* Goes on by the sub-steps of one tick. n: the number of free coordinates. Its caller names a
    single one as a constant, for which the compiler leaves out the loops. */
 static inline void run_substeps(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
@@ -531,8 +513,15 @@ void anhyst_plant_advance(const anhyst_plant_body *body, anhyst_plant_state *sta
                           const double *command, double load)
 {
   const unsigned due = (state->at + (unsigned)body->delay) & MASK;
-  const double load_command = load_control(body, state, load);
+  const anhyst_plant_load *drive = &body->load; /* its state controller comes first */
+  const double at = encoder(body, state);
+  const double velocity = (at - state->load_position) / body->tick;
+  double load_command;
   int j;
+  state->load_velocity += drive->velocity_share * (velocity - state->load_velocity);
+  state->load_position = at;
+  load_command =
+      load - drive->damping * state->load_velocity - drive->stiffness * (at - drive->rest);
   for (j = 0; j < body->magnets; j++) {
     const anhyst_plant_amplifier *amplifier = &body->actuator[j].amplifier;
     state->actuator[j].line[due] =

@@ -21,7 +21,7 @@ void anhyst_plant_held_tick(const anhyst_plant_held *held, anhyst_plant_held_sta
   if (held->seconds > 0.0) {
     anhyst_plant_coil_follow(&held->magnet, &state->coil, state->current, gap, held->seconds);
   } else {
-    anhyst_plant_coil_hold(&held->magnet, &state->coil, state->current, gap);
+    anhyst_plant_coil_lead(&held->magnet, &state->coil, state->current, gap, 0.0);
   }
   row[0] = quantity[ANHYST_HELD_CURRENT] = state->current;
   row[1] = quantity[ANHYST_HELD_FORCE] = state->coil.force;

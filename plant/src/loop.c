@@ -123,17 +123,6 @@ static void fail(anhyst_plant_loop *loop, uint32_t command)
   }
 }
 
-static void move_frame(anhyst_plant_loop *loop, const double *now)
-{
-  const anhyst_plant_body *body = loop->body;
-  int j;
-  for (j = 0; j < body->coordinates; j++) {
-    const int axis = body->coordinate[j].axis;
-    loop->state->frame[axis] = now[j]; /* of the way here nothing adds up */
-    loop->state->frame_velocity[axis] = (now[body->coordinates + j] - now[j]) / body->tick;
-  }
-}
-
 size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events *events, size_t n,
                              double *record)
 {
@@ -144,6 +133,7 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
   double *command = loop->room;
   double *answered = command + 3 * magnets + (size_t)body->heads + coordinates;
   size_t i;
+  size_t j;
   for (i = 0; i < n; i++) {
     anhyst_loop_sample sample;
     anhyst_loop_answer answer = {
@@ -160,8 +150,11 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
     record = write_row(loop, &sample, &answer, record);
     to_amplifiers(loop, answer.current, sample.current, command);
     fail(loop, events->command[i]);
-    if (events->frame) {
-      move_frame(loop, events->frame + i * coordinates);
+    for (j = 0; events->frame && j < coordinates; j++) {
+      const double *now = events->frame + i * coordinates + j;
+      const int axis = body->coordinate[j].axis;
+      loop->state->frame[axis] = now[0]; /* of the way here nothing adds up */
+      loop->state->frame_velocity[axis] = (now[coordinates] - now[0]) / body->tick;
     }
     anhyst_plant_advance(body, loop->state, command, events->load[i]);
     loop->ticks++;

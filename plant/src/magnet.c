@@ -230,8 +230,7 @@ static inline double current_under(const anhyst_plant_magnet *magnet, double edd
 }
 
 /* Where its voltage is beyond the limit, makes of a source one that gives the limit; returns
-   whether it did. The current then lies even farther from the reference: the limit holds there too.
- */
+   whether it did. The current then lies even farther from the reference, where the limit holds. */
 static inline int limited(anhyst_plant_source *s, double current)
 {
   const double voltage = s->gain * (s->reference - current) + s->voltage;
@@ -371,10 +370,4 @@ void anhyst_plant_coil_follow(const anhyst_plant_magnet *magnet, anhyst_plant_co
     anhyst_plant_coil_lead(magnet, coil, start + n * step, gap, per_second);
   }
   anhyst_plant_coil_lead(magnet, coil, current, gap, per_second);
-}
-
-void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
-                            double current, double gap)
-{
-  anhyst_plant_coil_lead(magnet, coil, current, gap, 0.0);
 }

@@ -44,7 +44,7 @@ static double between(anhyst_plant_noise *noise) /* -1..1 */
   return (double)(int64_t)next_word(noise) * 0x1p-63;
 }
 
-double anhyst_plant_normal(anhyst_plant_noise *noise)
+static double normal(anhyst_plant_noise *noise)
 {
   double x;
   double y;
@@ -102,6 +102,5 @@ double anhyst_plant_sensor_take(const anhyst_plant_sensor *sensor, anhyst_plant_
 double anhyst_plant_sensor_read(const anhyst_plant_sensor *sensor,
                                 const anhyst_plant_sensing *sensing, anhyst_plant_noise *noise)
 {
-  return show(sensor, sensing,
-              sensor->noise > 0.0 ? sensor->noise * anhyst_plant_normal(noise) : 0.0);
+  return show(sensor, sensing, sensor->noise > 0.0 ? sensor->noise * normal(noise) : 0.0);
 }

@@ -46,7 +46,7 @@ def enum(prefix: str, entry: Entry, values: list[int]) -> str:
 
 def struct(name: str, entry: Entry) -> str:
     """Return the struct of a frame's or record's fixed fields."""
-    lines = [comment(entry["doc"]), "typedef struct {"]
+    lines = ["typedef struct {"]
     arrays = arrays_of(entry)
     for field in entry["fields"]:
         if "array" not in field:
@@ -66,16 +66,16 @@ def arrays_of(entry: Entry) -> dict[str, list[Entry]]:
     return found
 
 
-def access(field: Entry, name: str, at: int, put: bool) -> str:
-    """Return the statement that puts or gets one field."""
+def access(field: Entry, variable: str, at: int, put: bool) -> str:
+    """Return the statement that puts or gets one field from or into a variable."""
     kind = field["type"]
     signed = kind.startswith("i")
     wide = f"u{8 * SIZES[kind]}"
     if put:
-        value = f"({C_TYPES[wide]})m->{name}" if signed else f"m->{name}"
+        value = f"({C_TYPES[wide]}){variable}" if signed else variable
         return f"  link_put_{wide}(p + {at}, {value});"
     get = f"link_get_{kind if signed else wide}(p + {at})"
-    return f"  m->{name} = {get};"
+    return f"  {variable} = {get};"
 
 
 def accesses(entry: Entry, put: bool) -> list[str]:
@@ -86,16 +86,31 @@ def accesses(entry: Entry, put: bool) -> list[str]:
     for field in entry["fields"]:
         name = field.get("array", field["name"])
         element = f"[{field.get('number', 1) - 1}]" if name in arrays else ""
-        lines.append(access(field, name + element, at, put))
+        lines.append(access(field, f"m->{name}{element}", at, put))
         at += SIZES[field["type"]]
     return lines
 
 
+def field_code(frame: Entry) -> str:
+    """Return the access to a frame of a single field, which needs no struct."""
+    field = frame["fields"][0]
+    name, c_type = field["name"], C_TYPES[field["type"]]
+    if is_request(frame):
+        head = f"static inline {c_type} link_get_{frame['name']}(const uint8_t *p)"
+        body = f"return link_get_{field['type']}(p);"
+    else:
+        head = f"static inline void link_put_{frame['name']}(uint8_t *p, {c_type} {name})"
+        body = access(field, name, 0, put=True).strip()
+    return "\n".join([comment(f"{name}: {field['doc']}"), f"{head} {{ {body} }}"])
+
+
 def frame_code(frame: Entry) -> str:
-    """Return size, struct and the one access that the controller needs."""
+    """Return size, struct and the one access that the controller needs; the enum has the text."""
     name = f"link_{frame['name']}"
     parts = [f"#define LINK_SIZE_{frame['name'].upper()} {size_of(frame['fields'])}"]
-    if frame["fields"]:
+    if len(frame["fields"]) == 1:
+        parts.append(field_code(frame))
+    elif frame["fields"]:
         parts.append(struct(name, frame))
         if is_request(frame):
             head = f"static inline void link_get_{frame['name']}({name} *m, const uint8_t *p)"
@@ -109,7 +124,8 @@ def frame_code(frame: Entry) -> str:
 def plant_code(record: Entry) -> str:
     """Return size, struct and access of a record of the plant's bus."""
     name, size = record["name"], size_of(record["fields"]) + 4
-    parts = [f"#define LINK_SIZE_{name.upper()} {size}", struct(f"link_{name}", record)]
+    size_line = f"#define LINK_SIZE_{name.upper()} {size}"
+    parts = [size_line, comment(record["doc"]), struct(f"link_{name}", record)]
     words = range(0, size - 4, 4)
     if name == "plant_sample":
         check = " ^ ".join(f"link_get_u32(p + {at})" for at in [*words, size - 4])
@@ -117,14 +133,14 @@ def plant_code(record: Entry) -> str:
             "/* Whether the record is valid; fills it either way. */\n"
             f"static inline int link_get_{name}(link_{name} *m, const uint8_t *p)\n{{\n"
             + "\n".join(accesses(record, put=False))
-            + f"\n  return ({check}) ==\n         LINK_PLANT_MAGIC;\n}}"
+            + f"\n  return ({check}) == LINK_PLANT_MAGIC;\n}}"
         )
     else:
         check = " ^ ".join(f"link_get_u32(p + {at})" for at in words)
         parts.append(
             f"static inline void link_put_{name}(uint8_t *p, const link_{name} *m)\n{{\n"
             + "\n".join(accesses(record, put=True))
-            + f"\n  link_put_u32(p + {size - 4},\n               {check} ^ LINK_PLANT_MAGIC);\n}}"
+            + f"\n  link_put_u32(p + {size - 4}, {check} ^ LINK_PLANT_MAGIC);\n}}"
         )
     return "\n".join(parts)
 

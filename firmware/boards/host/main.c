@@ -249,17 +249,6 @@ static void receive_plant(void)
   }
 }
 
-/* Port 0 of XCP takes a free one. */
-static void open_xcp(const char *port)
-{
-  const int number = number_after("", port);
-  const int fd = listen_on(number);
-  if (fcntl(fd, F_SETFL, O_NONBLOCK) != 0) {
-    quit("xcp", strerror(errno));
-  }
-  xcp_port_start(&controller.firmware, fd);
-}
-
 /* Sleeps until the link, XCP or the plant has something. */
 static void wait_and_serve(void)
 {
@@ -294,7 +283,11 @@ int main(int argc, char **argv)
   open_plant(argv[2]);
   lockstep_start(&controller, link_read, link_write);
   if (with_xcp) {
-    open_xcp(argv[4]);
+    const int fd = listen_on(number_after("", argv[4]));
+    if (fcntl(fd, F_SETFL, O_NONBLOCK) != 0) {
+      quit("xcp", strerror(errno));
+    }
+    xcp_port_start(&controller.firmware, fd);
   }
   for (;;) {
     app_poll(&controller.firmware);

@@ -3,7 +3,6 @@
    fast it can move stand in the controller that anhyst compile wrote. */
 #include "boards/actuator_position.h"
 #include "nucleo.h"
-#include "position/position.h"
 
 /* An encoder may rest on one code as long as nothing moves; for 2 ms, while force and current move
    by a tenth, an armature in the air does not. */
@@ -18,10 +17,4 @@ static const app_limits limits = {
     .has_current_sensor = 1,
 };
 
-static const app_plan plan = {
-    .limits = &ACTUATOR_CONTROLLER_LIMITS,
-    .settings = &ACTUATOR_CONTROLLER_SETTINGS,
-    .magnets = ACTUATOR_CONTROLLER_MAGNETS,
-};
-
-const app_board nucleo_board = ACTUATOR_BOARD(ACTUATOR_CONTROLLER_RATE_HZ, &limits, &plan);
+const app_board nucleo_board = ACTUATOR_BOARD(ACTUATOR_CONTROLLER_RATE_HZ, &limits, &actuator_plan);

@@ -21,7 +21,6 @@
 #include BOARD_BODY /* force/force.h or position/position.h */
 #include "boards/actuator.h"
 #include "app/app.h"
-#include "clocks.h"
 #include "memory.h"
 #include "nucleo.h"
 #include "place.h"
@@ -109,8 +108,6 @@ static void sense(void *context, port_sample *sample)
   }
 }
 
-static void set_pin(uint32_t pin, int high) { GPIOA_BSRR = high ? 1U << pin : 1U << (pin + 16U); }
-
 /* The converter holds the code back until the next tick begins. */
 static void drive(void *context, const int32_t *currents, uint32_t state)
 {
@@ -120,7 +117,7 @@ static void drive(void *context, const int32_t *currents, uint32_t state)
   DAC_DHR12R1 = current > 0 ? (uint32_t)current >> 19 : 0U;
   stage_drive(currents, current != 0 || currents[1] != 0 || now == ANHYST_STATE_READY ||
                             now == ANHYST_STATE_RUN);
-  set_pin(PIN_LED, now == ANHYST_STATE_RUN);
+  GPIOA_BSRR = now == ANHYST_STATE_RUN ? 1U << PIN_LED : 1U << (PIN_LED + 16U);
   IWDG_KR = IWDG_KR_FEED;
 }
 
@@ -130,18 +127,6 @@ void board_panic(void)
   stage_panic();
   DAC_CR = DAC_CR_EN1;
   DAC_DHR12R1 = 0;
-}
-
-static uint16_t link_read(void *context, uint8_t *bytes, uint16_t most)
-{
-  (void)context;
-  return serial_read(&serial_link, bytes, most);
-}
-
-static uint16_t link_write(void *context, const uint8_t *bytes, uint16_t count)
-{
-  (void)context;
-  return serial_write(&serial_link, bytes, count);
 }
 
 static void lock(void *context)
@@ -173,10 +158,11 @@ static int keep(void *context, const int16_t *block, uint16_t words)
   return kept;
 }
 
-static const struct port port = {.sense = sense,
+static const struct port port = {.context = &serial_link,
+                                 .sense = sense,
                                  .drive = drive,
-                                 .link_read = link_read,
-                                 .link_write = link_write,
+                                 .link_read = serial_read,
+                                 .link_write = serial_write,
                                  .lock = lock,
                                  .unlock = unlock,
                                  .keep = keep};
@@ -211,8 +197,6 @@ static void poll_xcp(void)
     xcp_line_sent(&xcp, serial_write(&serial_xcp, waiting, count));
   } else if (serial_read(&serial_xcp, &byte, 1) > 0U) {
     (void)xcp_line_take(&xcp, &byte, 1);
-  } else {
-    /* neither */
   }
 }
 

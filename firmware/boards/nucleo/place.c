@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "place.h"
 
-#include "clocks.h"
+#include "nucleo.h"
 #include "registers.h"
 
 /* What is sent while the converter is read: it does not listen. */
@@ -10,7 +10,12 @@ static const uint16_t nothing = 0;
 static uint16_t last;
 static uint32_t edges;
 
-static void start_encoder(void)
+/* By this stream of DMA words are sent to the converter. */
+#define STREAM DMA1_STREAM(1U)
+
+/* The encoder, then the converter: channel 3 of timer 2 is high from the tick to the end of the
+   conversion; there DMA sends a word, and with it comes the answer. */
+void place_start(void)
 {
   GPIOB_AFRL |= GPIO_FUNCTION(2U, 6U) | GPIO_FUNCTION(2U, 7U);
   GPIOB_PUPDR |= GPIO_PULL_UP(6U) | GPIO_PULL_UP(7U);
@@ -19,15 +24,6 @@ static void start_encoder(void)
   TIM4_CCMR1 = TIM4_CCMR1_FILTERED;
   TIM4_SMCR = TIM4_SMCR_ENCODER;
   TIM4_CR1 = TIM4_CR1_CEN;
-}
-
-/* By this stream of DMA words are sent to the converter. */
-#define STREAM DMA1_STREAM(1U)
-
-/* Channel 3 of timer 2 is high from the tick to the end of the conversion; there DMA sends a word,
-   and with it comes the answer. */
-static void start_converter(void)
-{
   GPIOB_AFRH |= GPIO_FUNCTION(1U, 10U) | GPIO_FUNCTION(5U, 13U);
   GPIOC_AFRL |= GPIO_FUNCTION(5U, 2U);
   SPI2_CR2 = 0;
@@ -43,12 +39,6 @@ static void start_converter(void)
   TIM2_DIER = TIM2_DIER_CC3DE;
   GPIOB_MODER |= GPIO_ALTERNATE(10U) | GPIO_ALTERNATE(13U);
   GPIOC_MODER |= GPIO_ALTERNATE(2U);
-}
-
-void place_start(void)
-{
-  start_encoder();
-  start_converter();
 }
 
 int32_t place_encoder(void)

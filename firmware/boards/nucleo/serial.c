@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "serial.h"
 
-#include "clocks.h"
+#include "nucleo.h"
 #include "registers.h"
 
 #define BAUD 921600U
@@ -13,8 +13,9 @@
 serial serial_link;
 serial serial_xcp;
 
-uint16_t serial_read(serial *s, uint8_t *bytes, uint16_t most)
+uint16_t serial_read(void *context, uint8_t *bytes, uint16_t most)
 {
+  serial *s = context;
   const uint16_t write_at = (uint16_t)((SERIAL_RING - DMA_NDTR(s->stream)) % SERIAL_RING);
   uint16_t count = 0;
   while (count < most && s->read_at != write_at) {
@@ -24,8 +25,9 @@ uint16_t serial_read(serial *s, uint8_t *bytes, uint16_t most)
   return count;
 }
 
-uint16_t serial_write(serial *s, const uint8_t *bytes, uint16_t count)
+uint16_t serial_write(void *context, const uint8_t *bytes, uint16_t count)
 {
+  serial *s = context;
   uint16_t taken = 0;
   while (taken < count && (uint16_t)(s->send_head - s->send_tail) < SERIAL_RING) {
     s->to_send[s->send_head % SERIAL_RING] = bytes[taken++];

@@ -27,9 +27,9 @@ extern serial serial_xcp;
 /* Once, both: pins, clocks, interrupts. */
 void serial_start(void);
 
-/* As link_read and link_write of a struct port. */
-uint16_t serial_read(serial *s, uint8_t *bytes, uint16_t most);
-uint16_t serial_write(serial *s, const uint8_t *bytes, uint16_t count);
+/* As link_read and link_write of a struct port whose context is one of the two. */
+uint16_t serial_read(void *context, uint8_t *bytes, uint16_t most);
+uint16_t serial_write(void *context, const uint8_t *bytes, uint16_t count);
 
 /* Interrupts of the ports. */
 void serial_link_ready(void);

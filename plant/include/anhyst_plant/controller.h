@@ -7,10 +7,6 @@
 
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 /* What the controller is given at one tick. */
 typedef struct {
   int magnets;
@@ -51,7 +47,4 @@ typedef struct {
   void anhyst_##kind##_adapter_tick_##f(void *self, const anhyst_loop_sample *sample,              \
                                         anhyst_loop_answer *answer)
 
-#ifdef __cplusplus
-}
-#endif
 #endif

@@ -9,10 +9,6 @@
 
 #include "anhyst/numeric/arctangent.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 typedef struct {
   double sharp;      /* T */
   double knee_sharp; /* A/m */
@@ -34,7 +30,4 @@ static inline double anhyst_plant_polarisation(const anhyst_plant_curve *curve, 
   return curve->sharp * h * inverse + slow * anhyst_arctangent(ratio);
 }
 
-#ifdef __cplusplus
-}
-#endif
 #endif

@@ -84,7 +84,7 @@ struct anhyst_plant_iron {
 };
 
 /* The field H for which a*H + b*B(H) + n(B) = r, for a > 0 and b >= 0, if the field moves there in
-   a straight line; the memory is not touched. |a*H + b*B + n - r| <= tolerance. beyond null: no n.
+   a straight line; the memory is not touched. |a*H + b*B + n - r| <= tolerance. beyond null: n = 0.
  */
 void anhyst_plant_field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
                         double b, double r, double tolerance, const anhyst_plant_beyond *beyond,

@@ -170,10 +170,6 @@ void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil
 void anhyst_plant_coil_follow(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                               double current, double gap, double seconds);
 
-/* The same, slowly. */
-void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
-                            double current, double gap);
-
 #ifdef __cplusplus
 }
 #endif

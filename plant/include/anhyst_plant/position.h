@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The product's position controllers as a loop sees them. All that happens here is that signals in
-   SI units become those of the number format, and back: codes in fixed point, casts in the others.
- */
+   SI units become those of the number format, and back: codes in fixed point, else casts. */
 #ifndef ANHYST_PLANT_POSITION_H
 #define ANHYST_PLANT_POSITION_H
 

@@ -52,4 +52,14 @@ static inline void anhyst_plant_search(anhyst_plant_look look, const anhyst_plan
   goal->at = at;
 }
 
+/* The table of a family, of the look() and move() of its file. */
+#define ANHYST_PLANT_FAMILY(name)                                                                  \
+  static void field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,    \
+                    double b, double r, double tolerance, const anhyst_plant_beyond *beyond,       \
+                    anhyst_plant_goal *goal)                                                       \
+  {                                                                                                \
+    anhyst_plant_search(look, iron, memory, a, b, r, tolerance, beyond, goal);                     \
+  }                                                                                                \
+  const anhyst_plant_family anhyst_plant_of_##name = {look, field, move}
+
 #endif

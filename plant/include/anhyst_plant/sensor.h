@@ -19,7 +19,6 @@ typedef struct {
 } anhyst_plant_noise;
 
 void anhyst_plant_noise_start(anhyst_plant_noise *noise, uint64_t seed);
-double anhyst_plant_normal(anhyst_plant_noise *noise);
 
 typedef struct {
   double low; /* ends of the range; what lies beyond stays at the end */

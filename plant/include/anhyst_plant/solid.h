@@ -14,10 +14,6 @@
 
 #include "anhyst_plant/iron.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-
 #define ANHYST_PLANT_VOLUMES 16
 
 typedef struct {
@@ -53,7 +49,4 @@ void anhyst_plant_soaked_move(const anhyst_plant_iron *iron, const anhyst_plant_
                               anhyst_plant_memory *volume, anhyst_plant_memory *sheets,
                               const anhyst_plant_soaked *found);
 
-#ifdef __cplusplus
-}
-#endif
 #endif

@@ -18,11 +18,6 @@ static inline ANHYST_REAL ANHYST_NAME(measured)(double value, double full)
   return ANHYST_NAME(code)(value, full);
 }
 
-static inline ANHYST_REAL ANHYST_NAME(gap_code)(double gap, double low, double high)
-{
-  return ANHYST_NAME(code)(gap, high - low);
-}
-
 static inline double ANHYST_NAME(value)(ANHYST_REAL code, double full)
 {
   (void)full;

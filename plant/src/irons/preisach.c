@@ -123,13 +123,6 @@ static inline void look(const anhyst_plant_iron *iron, const anhyst_plant_memory
   goal->density_slope = ANHYST_PLANT_MU0 * goal->field_slope + slope;
 }
 
-static void field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
-                  double b, double r, double tolerance, const anhyst_plant_beyond *beyond,
-                  anhyst_plant_goal *goal)
-{
-  anhyst_plant_search(look, iron, memory, a, b, r, tolerance, beyond, goal);
-}
-
 static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
                  const anhyst_plant_goal *goal)
 {
@@ -145,4 +138,4 @@ static void move(const anhyst_plant_iron *iron, anhyst_plant_memory *memory,
   memory->density = goal->density;
 }
 
-const anhyst_plant_family anhyst_plant_of_preisach = {look, field, move};
+ANHYST_PLANT_FAMILY(preisach);

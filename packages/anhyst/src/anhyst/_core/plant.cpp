@@ -19,7 +19,7 @@ public:
 
   double hold(double current, double gap)
   {
-    anhyst_plant_coil_hold(&magnet_, &coil_, current, gap);
+    anhyst_plant_coil_lead(&magnet_, &coil_, current, gap, 0.0);
     return coil_.force;
   }
   void lead(double current, double gap, double seconds)
@@ -105,7 +105,7 @@ public:
 
   void hold(double current, double gap)
   {
-    anhyst_plant_coil_hold(&held_.magnet, &state_.coil, current, gap);
+    anhyst_plant_coil_lead(&held_.magnet, &state_.coil, current, gap, 0.0);
   }
   // Rows of current, force, and what is read of gap, force and current.
   OutTable run(const In &reference, const In &gap, const InTable &noise)
