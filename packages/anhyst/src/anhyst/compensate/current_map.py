@@ -447,11 +447,8 @@ def fit_single_valued(loops: Loops, force_max: float) -> SingleValued:
         middle = midway(members, levels)
         known = np.isfinite(middle)
         if not known[-1]:
-            raise InputError(
-                f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N",
-                code="force-not-reached",
-                key="loops",
-            )
+            text = f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N"
+            raise InputError(text, code="force-not-reached", key="loops")
         filled = np.interp(levels, levels[known], middle[known])
         table.append(monotone_fit(filled, np.ones(LEVELS)))
     return SingleValued(np.array(list(groups), dtype=np.float64), levels, np.array(table))

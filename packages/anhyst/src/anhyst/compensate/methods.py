@@ -51,11 +51,8 @@ def bearing_model(
 ) -> Model:
     """Return a model that holds for one magnet of a bearing, and no further."""
     if not is_actuator(model):
-        raise InputError(
-            "model: a bearing needs one from current to force",
-            code="not-current-to-force",
-            key="model",
-        )
+        text = "model: a bearing needs one from current to force"
+        raise InputError(text, code="not-current-to-force", key="model")
     seen = model.valid_range.schedule
     if seen is None or gaps[0] < seen[0] - 1e-9 or gaps[1] > seen[1] + 1e-9:
         known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"

@@ -60,11 +60,8 @@ def as_word(value: float, unit: float, name: str) -> int:
     word = round(value * unit)
     word = 32767 if word == 32768 else word  # 1.0 is the largest number of its format
     if not -32767 <= word <= 32767:
-        raise InputError(
-            f"{name}: {value:g} does not fit its 16-bit word; widen the scale",
-            code="too-large-for-fixed-point",
-            key=name,
-        )
+        text = f"{name}: {value:g} does not fit its 16-bit word; widen the scale"
+        raise InputError(text, code="too-large-for-fixed-point", key=name)
     return word
 
 
@@ -75,11 +72,8 @@ def mantissa(factor: float, name: str) -> tuple[int, int]:
         shift += 1
     weight = round(factor / 2.0**shift * 65536)
     if shift > 12 or weight < 1:
-        raise InputError(
-            f"{name}: {factor:g} is out of the range of fixed point",
-            code="too-large-for-fixed-point",
-            key=name,
-        )
+        text = f"{name}: {factor:g} is out of the range of fixed point"
+        raise InputError(text, code="too-large-for-fixed-point", key=name)
     return weight, shift
 
 

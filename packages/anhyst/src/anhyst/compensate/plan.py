@@ -121,11 +121,8 @@ class CompileRequest:
                 f"--rate: is {self.rate:g} Hz; give 1 to 1000000", code="out-of-range", key="--rate"
             )
         if self.accuracy is not None and not FINEST <= self.accuracy <= COARSEST:
-            raise InputError(
-                f"--accuracy: is {self.accuracy:g} %; give {FINEST:g} to {COARSEST:g}",
-                code="out-of-range",
-                key="--accuracy",
-            )
+            text = f"--accuracy: is {self.accuracy:g} %; give {FINEST:g} to {COARSEST:g}"
+            raise InputError(text, code="out-of-range", key="--accuracy")
         if self.name is not None:
             check_name(self.name)
 

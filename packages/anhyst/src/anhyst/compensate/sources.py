@@ -41,21 +41,16 @@ class FluxCalibration:
         for name in ("gap", "force", "flux_density"):
             values = np.asarray(getattr(self, name), dtype=np.float64)
             if values.ndim != 1 or values.size != np.size(self.force) or values.size == 0:
-                raise InputError(
-                    f"flux calibration: {name} must have one value a point",
-                    code="length-differs",
-                    key=name,
-                )
+                text = f"flux calibration: {name} must have one value a point"
+                raise InputError(text, code="length-differs", key=name)
             if not np.isfinite(values).all():
                 raise InputError(
                     f"flux calibration: {name} holds what is no number", code="not-finite", key=name
                 )
             object.__setattr__(self, name, values)
         if not (self.delay > 0.0 and self.lag >= 0.0):
-            raise InputError(
-                "flux calibration: the delay must be above zero, the lag not below",
-                code="delay-not-above-zero",
-            )
+            text = "flux calibration: the delay must be above zero, the lag not below"
+            raise InputError(text, code="delay-not-above-zero")
 
     def density_over(self, force: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the flux density that belongs to a force, T.
@@ -74,10 +69,8 @@ class FluxCalibration:
             root = np.sqrt(self.force[rows])
             constant = float(root @ self.flux_density[rows] / (root @ root)) if rows.any() else 0.0
             if not constant > 0.0:
-                raise InputError(
-                    f"flux calibration: at gap {node:g} m no flux density grows with the force",
-                    code="not-monotone",
-                )
+                text = f"flux calibration: at gap {node:g} m no flux density grows with the force"
+                raise InputError(text, code="not-monotone")
             constants.append(constant)
         return np.asarray(np.interp(gap, nodes, constants)[:, None] * np.sqrt(force)[None, :])
 
@@ -111,18 +104,12 @@ class Operating:
     def __post_init__(self) -> None:
         low, high = self.gap_range
         if not 0.0 <= low < self.gap < high:
-            raise InputError(
-                f"gap: {self.gap:g} m is not within {low:g} to {high:g} m",
-                code="out-of-range",
-                key="gap",
-            )
+            text = f"gap: {self.gap:g} m is not within {low:g} to {high:g} m"
+            raise InputError(text, code="out-of-range", key="gap")
         low, high = self.forces
         if not low < self.force < high:
-            raise InputError(
-                f"force: {self.force:g} N is not within {low:g} to {high:g} N",
-                code="out-of-range",
-                key="force",
-            )
+            text = f"force: {self.force:g} N is not within {low:g} to {high:g} N"
+            raise InputError(text, code="out-of-range", key="force")
         if not (self.rate > 0.0 and self.current_max > 0.0):
             raise InputError("rate and largest current must be above zero", code="not-above-zero")
 
@@ -169,11 +156,8 @@ def operating_of(model: Model, rate: float) -> Operating:
         )
     limits, gaps = find_limits(model), model.valid.schedule
     if not 0.0 <= gaps[0] < gaps[1]:
-        raise InputError(
-            "[valid]: --kind play needs a range of gaps; identify at several",
-            code="single-gap",
-            key="valid",
-        )
+        text = "[valid]: --kind play needs a range of gaps; identify at several"
+        raise InputError(text, code="single-gap", key="valid")
     middle, force = 0.5 * (gaps[0] + gaps[1]), limits.demand[1]
     return Operating(middle, 0.5 * force, rate, gaps, force, limits.current[1])
 

@@ -222,10 +222,8 @@ def check_folder(out: PathLike) -> None:
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
     if target.is_dir() and any(target.iterdir()) and not _is_ours(target):
-        raise InputError(
-            f"{out}: holds files that anhyst compile has not written; name another folder",
-            code="folder-holds-other-files",
-        )
+        text = f"{out}: holds files that anhyst compile has not written; name another folder"
+        raise InputError(text, code="folder-holds-other-files")
     if not target.parent.is_dir():
         raise InputError(f"{target.parent}: no such folder; create it first", code="no-such-folder")
     if not os.access(target.parent, os.W_OK):

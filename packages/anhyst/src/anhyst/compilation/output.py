@@ -297,11 +297,8 @@ def _rate(rate: float | None, controller: PathLike | None) -> float:
     if rate is not None:
         return rate
     if controller is None:
-        raise InputError(
-            "--rate: is missing; give the ticks a second, or a --controller file",
-            code="missing",
-            key="--rate",
-        )
+        text = "--rate: is missing; give the ticks a second, or a --controller file"
+        raise InputError(text, code="missing", key="--rate")
     return read_controller(controller).settings.rate_Hz
 
 

@@ -173,11 +173,8 @@ PACKAGES: Mapping[str, Ecosystem] = {
 def check_package(package: str | None) -> None:
     """Refuse a package that is not known."""
     if package is not None and package not in PACKAGES:
-        raise InputError(
-            f"--package: unknown package '{package}'; give {', '.join(PACKAGES)}",
-            code="unknown-package",
-            key="--package",
-        )
+        text = f"--package: unknown package '{package}'; give {', '.join(PACKAGES)}"
+        raise InputError(text, code="unknown-package", key="--package")
 
 
 def package_files(

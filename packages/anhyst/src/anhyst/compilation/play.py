@@ -167,11 +167,8 @@ def compile_play(
     """Compile a map with one play into a folder of C."""
     check_package(package)
     if io != "q31":
-        raise InputError(
-            f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31",
-            code="option-not-for-this",
-            key="--io",
-        )
+        text = f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31"
+        raise InputError(text, code="option-not-for-this", key="--io")
     CompileRequest("full", "q31", rate, name=name)  # the same rates and names
     check_folder(out)
     model = read_model(model_path).at_rest

@@ -143,11 +143,8 @@ def run_tool(command: Sequence[str], wanted_by: str) -> str:
             key=wanted_by,
         ) from None
     if done.returncode:
-        raise NegativeResult(
-            f"target {wanted_by}: does not compile: {_first_error(done.stderr)}",
-            code="does-not-compile",
-            key=wanted_by,
-        )
+        text = f"target {wanted_by}: does not compile: {_first_error(done.stderr)}"
+        raise NegativeResult(text, code="does-not-compile", key=wanted_by)
     return done.stderr
 
 
