@@ -10,10 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst import _core
-from anhyst.support.block_layout import (
-    WORDS,
-    Word,
-)
+from anhyst.support.block_layout import WORDS, Word
 from anhyst.support.block_words import ONES, Names, Scales, WordUnit
 from anhyst.support.kinds import NumberFormat
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -219,17 +219,16 @@ class PlayMap:
 
     def native(self, number_format: NumberFormat) -> Native:
         """Return the core's own."""
-        words = self.block(number_format)
+        words: NDArray[Any] = self.block(number_format)
         if number_format == "fixed":
-            return _core.FixedForceController.play(words.astype(np.int16))
-        if number_format == "f32":
-            return _core.ForceControllerF32.play(words.astype(np.float32))
-        return _core.ForceController.play(words.astype(np.float64))
+            return _core.FixedForceController.play(words)
+        return REAL[number_format].play(words)
 
     def block(self, number_format: NumberFormat, model_hash: int = 0) -> Words:
         """Return the parameter block; `model_hash` has 32 bits."""
         table, fixed = self.map, number_format == "fixed"
-        mantissa, shift = self._steepness()
+        quarter = 0.25 * self.scales.current / self.radius
+        mantissa, shift = as_factor("steepness of the play", quarter)
         low, high = table.limits
         if fixed:
             low, high = (
@@ -266,10 +265,6 @@ class PlayMap:
         half = table_words(self.half, self.scales.current, "half-width")
         least = np.minimum(half, _LARGEST_WORD - np.abs(around))
         return no_steeper(least, np.diff(around)).astype(np.int16)
-
-    def _steepness(self) -> tuple[int, int]:
-        """Return mantissa and shift of a quarter over the radius in fixed point."""
-        return as_factor("steepness of the play", 0.25 * self.scales.current / self.radius)
 
 
 def one_play(sources: Sources, _: NumberFormat) -> PlayMap:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, Protocol, Self
@@ -188,6 +188,32 @@ class Twin(Compensator):
         """Currents of the start-up sequence."""
 
 
+Step = Callable[[Any, Any], Any]
+"""Solve or commit of the core: of a demand or a current, and of a gap."""
+
+
+def steps_of(core: FixedCompensator, io: str) -> tuple[Step, Step]:
+    """Return solve and commit of a compensator in fixed point, for signals of a format."""
+    if io == "q15":
+        return core.solve_q15, core.commit_q15
+    return core.solve_q31, core.commit_q31
+
+
+def _with_losses(
+    solve: Step, commit: Step, inputs: Iterable[NDArray[Any]], ends: Sequence[float]
+) -> FloatArray:
+    """Return applied currents, from demands, gaps and what the amplifier adds within its limits."""
+    low, high = ends
+    currents = []
+    for demand, gap, lost in zip(*(row.tolist() for row in inputs), strict=True):
+        current = solve(demand, gap)
+        if lost:
+            current = min(max(current + lost, low), high)
+        commit(current, gap)
+        currents.append(current)
+    return np.array(currents, dtype=np.float64)
+
+
 class FixedTwin(Twin):
     """A compensator in fixed point.
 
@@ -227,13 +253,13 @@ class FixedTwin(Twin):
 
     def solve(self, demand: float, gap: float | None = None) -> float:
         """Return the current that gives `demand` now; the state is not touched."""
-        solve = self._core.solve_q15 if self.io == "q15" else self._core.solve_q31
-        code = solve(int(self.demand_codes(demand)[0]), int(self.gap_codes(gap)[0]))
+        solve, _ = steps_of(self._core, self.io)
+        code: int = solve(int(self.demand_codes(demand)[0]), int(self.gap_codes(gap)[0]))
         return code / self.one * self.block.scales.current
 
     def commit(self, applied: float, gap: float | None = None) -> float:
         """Advance the state with the current that was applied; return the expected output."""
-        commit = self._core.commit_q15 if self.io == "q15" else self._core.commit_q31
+        _, commit = steps_of(self._core, self.io)
         commit(int(self.current_codes(applied)[0]), int(self.gap_codes(gap)[0]))
         return self.output
 
@@ -257,27 +283,11 @@ class FixedTwin(Twin):
         self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray
     ) -> FloatArray:
         """Solve and commit where the amplifier gives another current; `loss` in parts of its range."""
-        solve, commit = (
-            (self._core.solve_q15, self._core.commit_q15)
-            if self.io == "q15"
-            else (self._core.solve_q31, self._core.commit_q31)
-        )
-        low, high = self.current_codes(self.block.limits.current).tolist()
-        losses = ((high - low) * loss).round().astype(int).tolist()
-        rows = zip(
-            self.demand_codes(demand).tolist(),
-            self.gap_codes(gap, loss.size).tolist(),
-            losses,
-            strict=True,
-        )
-        codes = []
-        for now, at, lost in rows:
-            code = solve(now, at)
-            if lost:
-                code = min(max(code + lost, low), high)
-            commit(code, at)
-            codes.append(code)
-        return np.array(codes, dtype=np.float64) / self.one * self.block.scales.current
+        ends = self.current_codes(self.block.limits.current).tolist()
+        losses = ((ends[1] - ends[0]) * loss).round().astype(int)
+        inputs = self.demand_codes(demand), self.gap_codes(gap, loss.size), losses
+        codes = _with_losses(*steps_of(self._core, self.io), inputs, ends)
+        return codes / self.one * self.block.scales.current
 
     def _start_up(self) -> FloatArray:
         ticks = range(self._core.conditioning_length())
@@ -330,15 +340,8 @@ class RealTwin(Twin):
         """Solve and commit where the amplifier gives another current; `loss` in parts of its range."""
         low, high = self.block.limits.current
         gaps = np.full(loss.size, self._gap(None)) if gap is None else gap
-        rows = zip(demand.tolist(), gaps.tolist(), ((high - low) * loss).tolist(), strict=True)
-        currents = []
-        for now, at, lost in rows:
-            current = self._core.solve(now, at)
-            if lost:
-                current = min(max(current + lost, low), high)
-            self._core.commit(current, at)
-            currents.append(current)
-        return np.array(currents)
+        inputs = demand, gaps, (high - low) * loss
+        return _with_losses(self._core.solve, self._core.commit, inputs, (low, high))
 
     def _start_up(self) -> FloatArray:
         ticks = range(self._core.conditioning_length())

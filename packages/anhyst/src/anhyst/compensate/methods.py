@@ -88,9 +88,7 @@ class HysteresisInverse:
         kind, words = self.block.kind, self.block.words
         if number_format == "fixed":
             return _core.FixedForceController.compensator(kind, words)
-        if number_format == "f32":
-            return _core.ForceControllerF32.compensator(kind, words)
-        return _core.ForceController.compensator(kind, words)
+        return REAL[number_format].compensator(kind, words)
 
 
 def full_at_rest(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:

@@ -149,7 +149,7 @@ class Packer:
                 )
         self._tables[name] = words.ravel()
 
-    def close(self, scales: Scales, limits: DemandLimits, generation: int = 0) -> Block:
+    def close(self, scales: Scales, limits: DemandLimits) -> Block:
         """Lay everything out."""
         for name, value in (
             ("SCALE_DEMAND", scales.demand),
@@ -180,7 +180,6 @@ class Packer:
                 code="block-too-long",
             )
         self._head[PLACES["LENGTH"]] = end
-        self._head[PLACES["GENERATION"]] = generation
         words = np.concatenate(parts)
         if self.is_fixed:
             words = (words.astype(np.int64) & 0xFFFF).astype("<u2").view("<i2")

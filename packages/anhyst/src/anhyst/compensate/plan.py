@@ -18,7 +18,6 @@ from anhyst.model.actuator import Model, obstacle
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kept import c_name, check_name
-from anhyst.support.numeric import FloatArray
 
 RAMP_SECONDS = 0.25
 """Duration of one ramp, where the ticks of the controller allow: slow for an amplifier."""
@@ -67,7 +66,9 @@ def left_after(model: Model, scales: Scales, limits: DemandLimits, cycles: int) 
     low, high = limits.current
     corners = [low, high] * cycles + [low]
     corners += [low + part * (high - low) for part in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
-    drive = np.concatenate([[low], *(_ramp(*ends) for ends in pairwise(corners))])
+    drive = np.concatenate(
+        [[low], *(np.linspace(*ends, RAMP + 1)[1:] for ends in pairwise(corners))]
+    )
     after = 1 + 2 * RAMP * cycles
     gaps = (scales.gap_low, scales.gap_high) if model.needs_schedule else (scales.gap_low,)
     largest = 0.0
@@ -82,10 +83,6 @@ def left_after(model: Model, scales: Scales, limits: DemandLimits, cycles: int) 
 def _pasts(high: float) -> list[History]:
     turns = (f"conditioned:{part * high!r},0" for part in STARTS if part)
     return [History.parse(text) for text in ("demagnetised", *turns)]
-
-
-def _ramp(start: float, end: float) -> FloatArray:
-    return np.linspace(start, end, RAMP + 1)[1:]
 
 
 GAPS = 65

@@ -81,13 +81,6 @@ class ClosedForm:
     # reversals of the flux up to this size leave the bounded state unchanged when it returns
     dead_band: float = 0.0
 
-    def over(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return bias, flux arm and lag arm at other places, straight in between."""
-        bias, flux_arm, lag_arm = (
-            np.interp(at, self.at, part) for part in (self.bias, self.flux_arm, self.lag_arm)
-        )
-        return bias, flux_arm, lag_arm
-
 
 @dataclass(frozen=True)
 class _Task:
@@ -158,7 +151,8 @@ def _dead_band(rate: float, nu: float) -> float:
     return min(MAX_DEAD_BAND, MAX_DEAD_BAND_STATE * (1.0 - nu) / rate)
 
 
-def _pack_law(pack: Packer, rate: float, nu: float, dead_band: float, sizes: TableSizes) -> None:
+def _pack(rate: float, nu: float, dead_band: float, sizes: TableSizes, pack: Packer) -> None:
+    dead_band = 0.0 if pack.kind == "euler" else dead_band
     pack.put_weight("SIMPLE_RATE", rate / 8.0, "rate of the simplified law")
     hold = rate / (1.0 - nu)
     pack.put_weight("SIMPLE_HOLD", hold, "slope of the simplified law after a reversal")
@@ -191,7 +185,7 @@ def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -
         pack.table(f"GAP_{name}", value * ones, 65536.0)
     pack.table("GAP_FIELD_ARM", 0.25 * ones, 65536.0)
     pack.set("CURRENT_SHIFT", 2)
-    _pack_law(pack, rate, nu, _dead_band(rate, nu), sizes)
+    _pack(rate, nu, _dead_band(rate, nu), sizes, pack)
     words = pack.close(Scales(1.0, 1.0, 0.0, 1.0), DemandLimits((-1, 1), (-1, 1))).words
     law, lags = FixedCompensator("simplified", words), []
     rest = law.memory
@@ -354,9 +348,7 @@ def _search(groups: list[list[_Task]], sizes: TableSizes) -> tuple[float, float]
 def simplified_law(frame: BlockFrame, law: ClosedForm) -> LawTables:
     """Return the closed form over the gap; the place of the field takes the bounded state."""
     offset = None if law.offset is None else np.interp(frame.at, law.at, law.offset)
-    return LawTables(law.over(frame.at), partial(_pack, law, frame.sizes), offset)
-
-
-def _pack(law: ClosedForm, sizes: TableSizes, pack: Packer) -> None:
-    dead_band = 0.0 if pack.kind == "euler" else law.dead_band
-    _pack_law(pack, law.rate, law.nu, dead_band, sizes)
+    arms = (np.interp(frame.at, law.at, arm) for arm in (law.bias, law.flux_arm, law.lag_arm))
+    bias, flux_arm, lag_arm = arms
+    pack = partial(_pack, law.rate, law.nu, law.dead_band, frame.sizes)
+    return LawTables((bias, flux_arm, lag_arm), pack, offset)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +19,6 @@ from anhyst.model.actuator import Model
 from anhyst.model.predict import slow_times
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)
@@ -136,10 +132,8 @@ class Sources:
 GAPS = 7
 """Gaps at which a model is cycled."""
 
-
 NESTED = (0.9, 0.1, 0.8, 0.2, 0.7, 0.3, 0.6, 0.4, 0.8, 0.6, 0.75, 0.65)
 """Where the current turns in a record of minor cycles, of the largest."""
-
 
 RAMP = 150
 """Samples from no current to the largest."""

@@ -15,7 +15,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import CurrentMap, plain_map
 from anhyst.compensate.methods import bearing_model
 from anhyst.compensate.plan import CompileRequest, Plan
-from anhyst.compilation.parameters import table_source
+from anhyst.compilation.parameters import lined_up, table_source
 from anhyst.control.controller_file import (
     ControllerFile,
     ControllerTable,
@@ -273,13 +273,6 @@ def _current(plan: ControllerPlan, name: str) -> float:
     return plan.settings[name] / 2.0**31 * plan.settings["current_full"]
 
 
-def _lined_up(rows: Rows) -> list[str]:
-    """Put the comments into one column."""
-    lines = [(f"    {line}", doc) for line, doc in rows]
-    end = max(len(line) for line, doc in lines if doc)
-    return [f"{line:<{end}} /* {doc} */" if doc else line for line, doc in lines]
-
-
 def controller_values(plan: ControllerPlan, name: str) -> dict[str, object]:
     """Return what the templates of the controller show."""
     control, settings = plan.control, plan.settings
@@ -308,8 +301,8 @@ def controller_values(plan: ControllerPlan, name: str) -> dict[str, object]:
         "first_word": round((first - converter.low) / converter.step),
         "converter_bits": converter.bits,
         "measured": control.measured,
-        "limits_rows": _lined_up(_limits(plan)),
-        "settings_rows": _lined_up(_settings(plan, name)),
+        "limits_rows": lined_up((f"    {line}", doc) for line, doc in _limits(plan)),
+        "settings_rows": lined_up((f"    {line}", doc) for line, doc in _settings(plan, name)),
         "plain_rows": table_source(plan.plain.words()),
         "plain_ratio": f"{plan.plain.numbers['k_i_N_per_A']:.6g}",
         "plain_entries": plan.plain.entries.size,

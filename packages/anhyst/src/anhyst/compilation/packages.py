@@ -82,16 +82,19 @@ def _zip(files: Files, values: Values) -> Files:
     return {f"anhyst.{values['name']}.{values['semver']}.pack": packed.getvalue()}
 
 
+MODULE = {
+    "include": "include", "src": "src", "port": "port", "headers": "actuator",
+    "sources": "actuator", "docs": "docs", "example": "docs",
+}  # fmt: skip
+"""Places of a package whose build lists its files, so that core and actuator stay apart."""
+
 VECTORS = "golden_vectors.h.j2"
 MAIN = "golden_main.c.j2"
 
 PACKAGES: Mapping[str, Ecosystem] = {
     "cmsis-pack": Ecosystem(
         "CMSIS-Pack",
-        places={
-            "include": "include", "src": "src", "port": "port", "headers": "actuator",
-            "sources": "actuator", "docs": "docs", "example": "docs",
-        },
+        places=MODULE,
         templates={
             "anhyst.{name}.pdsc": "cmsis/pack.pdsc.j2",
             "README.md": "cmsis/README.md.j2",
@@ -104,10 +107,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
     ),
     "zephyr": Ecosystem(
         "Zephyr module",
-        places={
-            "include": "include", "src": "src", "port": "port", "headers": "actuator",
-            "sources": "actuator", "docs": "docs", "example": "docs",
-        },
+        places=MODULE,
         templates={
             "zephyr/module.yml": "zephyr/module.yml.j2",
             "zephyr/CMakeLists.txt": "zephyr/CMakeLists.txt.j2",

@@ -141,8 +141,7 @@ def _comment(text: str) -> list[str]:
 
 def _rows(entries: NDArray[Any]) -> Iterator[str]:
     for start in range(0, len(entries), ENTRIES_A_LINE):
-        row = ", ".join(map(_literal, entries[start : start + ENTRIES_A_LINE]))
-        yield from wrap(f"{row},", WIDTH, initial_indent="    ", subsequent_indent="    ")
+        yield from wrapped(", ".join(map(_literal, entries[start : start + ENTRIES_A_LINE])))
 
 
 def _literal(word: np.generic) -> str:
@@ -161,6 +160,18 @@ def literal(value: float) -> str:
     ('0.1f', '2.0f', '1e-07f')
     """
     return f"{np.float32(value)!s}f"
+
+
+def wrapped(row: str) -> list[str]:
+    """Break a row of an initialiser into lines."""
+    return wrap(f"{row},", WIDTH, initial_indent="    ", subsequent_indent="    ")
+
+
+def lined_up(rows: Iterable[tuple[str, str]]) -> list[str]:
+    """Put the comments of lines of C into one column; a line may have none."""
+    lines = list(rows)
+    end = max(len(line) for line, doc in lines if doc)
+    return [f"{line:<{end}} /* {doc} */" if doc else line for line, doc in lines]
 
 
 def listed(values: Iterable[float]) -> str:

@@ -16,13 +16,7 @@ from anhyst.compensate.current_map import PlayMap, one_play
 from anhyst.compensate.force_controller import Compensator, ForceController
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compensate.play_block import Words
-from anhyst.compensate.sources import (
-    Operating,
-    Sources,
-    drive_ramps,
-    model_loops,
-    operating_of,
-)
+from anhyst.compensate.sources import Operating, Sources, drive_ramps, model_loops, operating_of
 from anhyst.compilation.manifest import (
     MANIFEST,
     VERSION,

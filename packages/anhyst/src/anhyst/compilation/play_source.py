@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from textwrap import wrap
 
 from anhyst.compensate.play_block import Words
-from anhyst.compilation.parameters import WIDTH, literal
+from anhyst.compilation.parameters import literal, wrapped
 from anhyst.support.block_layout import BODY, HEAD, LEAST_WORDS, PLACES
 
 
@@ -33,9 +32,7 @@ def _tables(words: Words) -> Iterator[str]:
         first = int(words[PLACES[name]])
         yield f"\n    /* {first} {name}: {doc}; a row for each gap, over the demand */"
         for row in words[first : first + rows * columns].reshape(rows, columns):
-            yield from wrap(
-                f"{_listed(words, row)},", WIDTH, initial_indent="    ", subsequent_indent="    "
-            )
+            yield from wrapped(_listed(words, row))
 
 
 def _line(words: Words, first: int, end: int, text: str) -> str:

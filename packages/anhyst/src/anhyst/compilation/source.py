@@ -12,7 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.controller import ControllerPlan, controller_values
 from anhyst.compilation.manifest import controller_bytes, state_bytes
-from anhyst.compilation.parameters import definition, literal, scales_source
+from anhyst.compilation.parameters import definition, lined_up, literal, scales_source
 from anhyst.compilation.toolchain import (
     AROUND,
     AROUND_SINGLE,
@@ -230,8 +230,7 @@ def limit_lines(plan: Plan) -> list[str]:
     if model.schedule is None:
         number = "0.0f" if io == "f32" else "0"
         texts += [(f"#define {macro}_GAP_{end} {number}", "not used") for end in ("MIN", "MAX")]
-    end = max(len(text) for text, _ in texts)
-    return [f"{text:<{end}} /* {doc} */" for text, doc in texts]
+    return lined_up(texts)
 
 
 def _real_signals(plan: Plan) -> list[str]:
@@ -270,8 +269,7 @@ def _defines(plan: Plan) -> list[str]:
             (f"{macro}_GAP_HIGH_{unit}", scales.gap_high, "gap of 1.0"),
         ]
     texts = [(f"#define {name} {_real(value)}", doc) for name, value, doc in rows]
-    end = max(len(text) for text, _ in texts)
-    return [f"{text:<{end}} /* {doc} */" for text, doc in texts]
+    return lined_up(texts)
 
 
 def _real(value: float) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from textwrap import wrap
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +12,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import CurrentMap, PlayMap
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
-from anhyst.compilation.parameters import (
-    WIDTH,
-    definition,
-    listed,
-    literal,
-    table_source,
-)
+from anhyst.compilation.parameters import definition, listed, literal, table_source, wrapped
 from anhyst.compilation.play_source import play_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import (
@@ -349,13 +342,7 @@ def _entries(name: str, doc: str, values: NDArray[np.int16] | FloatArray) -> str
         kind, unit, lines = "int16_t", "q15", [table_source(values.astype(np.int16))]
     else:
         kind, unit = "float", "A"
-        lines = [
-            line
-            for row in values.tolist()
-            for line in wrap(
-                f"{listed(row)},", WIDTH, initial_indent="    ", subsequent_indent="    "
-            )
-        ]
+        lines = [line for row in values.tolist() for line in wrapped(listed(row))]
     head = f"/* {doc}, {unit}: a row a gap. */"
     return "\n".join([head, f"static const {kind} {name}[{values.size}] = {{", *lines, "};"])
 

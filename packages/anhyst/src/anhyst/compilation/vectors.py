@@ -9,7 +9,7 @@ controller sees of it has steps, as an encoder's.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from anhyst._core import POSITION_MAGNETS, FixedCompensator
 from anhyst.compensate.block import core_of
+from anhyst.compensate.force_controller import Step, steps_of
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.controller import ControllerPlan
 from anhyst.support.numeric import FloatArray
@@ -28,7 +29,6 @@ ROWS = 1000
 SEED = 1
 
 Row = tuple[float, float, float, float]
-Step = Callable[[Any, Any], Any]
 
 
 def golden_vectors(plan: Plan) -> list[Row]:
@@ -53,9 +53,7 @@ def _steps(plan: Plan) -> tuple[Step, Step]:
     core = core_of(plan.block)
     if not isinstance(core, FixedCompensator):
         return core.solve, core.commit
-    if plan.request.io == "q15":
-        return core.solve_q15, core.commit_q15
-    return core.solve_q31, core.commit_q31
+    return steps_of(core, plan.request.io)
 
 
 def _inputs(plan: Plan) -> NDArray[Any]:
