@@ -7,6 +7,7 @@ import re
 import struct
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,7 +27,7 @@ _OFFSETS_KNOWN, _FLOAT, _MASTER, _OF_TIME = 2, 4, 2, 1
 _MARKER, _BY_USER = 6, 4
 
 
-class RecordingFile:
+class RecordingFile(ABC):
     """A new file that rows and notes are written to as they come."""
 
     def __init__(self, path: Path, rate: float) -> None:
@@ -36,13 +37,13 @@ class RecordingFile:
         self._lock = threading.Lock()
         self._file = path.open("xb", buffering=0)
 
+    @abstractmethod
     def put(self, rows: FloatArray) -> None:
         """Write rows, column 0 the tick."""
-        raise NotImplementedError
 
+    @abstractmethod
     def note(self, tick: int, text: str) -> None:
         """Write what was changed after a tick."""
-        raise NotImplementedError
 
     def close(self) -> None:
         """Close the file."""

@@ -70,7 +70,7 @@ def measure_budget(plan: Plan) -> Budget:
         total=total,
         drift=_drift(held, plan.model),
         held=held,
-        runs=tuple(trial.runs),
+        runs=tuple(trial.everything[1]),
     )
 
 

@@ -213,9 +213,9 @@ class CompensatorTrial:
         return self.builder.reach.paths(seed=SEED, length=LENGTH)
 
     @cached_property
-    def runs(self) -> list[tuple[PathRun, FloatArray]]:
-        """Everything switched on along all paths, with the deviation."""
-        return against_demand(self.builder.model, self.still, self.builder.io, self.ways)[1]
+    def everything(self) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
+        """Everything switched on: the worst of all paths, and the deviation along each."""
+        return against_demand(self.builder.model, self.still, self.builder.io, self.ways)
 
     def parts(self, largest: float) -> list[BudgetPart]:
         """Return what each step from model to C costs; `largest` is the output of 100 %."""
@@ -230,21 +230,21 @@ class CompensatorTrial:
 
     def compiled(self) -> BudgetPart:
         """Return what all of them cost together."""
-        return _worst_in("compiled", "compiled, all at once", self.runs)
+        return _worst_in("compiled", "compiled, all at once", *self.everything)
 
     def _law(self) -> list[BudgetPart]:
         builder = self.builder
         if builder.kind == "full":
             return []
-        runs = against_demand(builder.model, builder.exact(FINE), "f64", self.ways)[1]
-        part = _worst_in("law", "straight anhysteretic", runs)
+        measured = against_demand(builder.model, builder.exact(FINE), "f64", self.ways)
+        part = _worst_in("law", "straight anhysteretic", *measured)
         return [replace(part, note=f"the simplified law with fine tables; {part.note}")]
 
     def _tables(self) -> BudgetPart:
         builder, model = self.builder, self.builder.model
         at = snapped(self.ways, model, builder.scales, self.sizes)
         if builder.kind == "full":
-            part = _worst_in("tables", "tables", against_demand(model, self.exact, "f64", at)[1])
+            part = _worst_in("tables", "tables", *against_demand(model, self.exact, "f64", at))
             note = f"in double precision, at gaps that stand in the tables; {part.note}"
             return replace(part, note=note)
         fine = builder.exact(replace(FINE, gap_segments=self.sizes.gap_segments))
@@ -327,9 +327,10 @@ class CompensatorTrial:
         return [BudgetPart("rate", "rate", moving.worst, moving.rms, note)]
 
 
-def _worst_in(name: str, title: str, runs: Sequence[tuple[PathRun, FloatArray]]) -> BudgetPart:
+def _worst_in(
+    name: str, title: str, off: OutputDeviation, runs: Sequence[tuple[PathRun, FloatArray]]
+) -> BudgetPart:
     """Return the part of some runs, which says on which of them it was worst."""
-    off = deviation((run.path.name, error) for run, error in runs)
     where = next(run.path.title for run, _ in runs if run.path.name == off.path)
     return BudgetPart(name, title, off.worst, off.rms, f"worst in {where}")
 

@@ -115,13 +115,16 @@ def manifest(
         "limits": {"demand": list(block.limits.demand), "current": list(block.limits.current)},
         "memory": {"parameters_bytes": block.size, "state_bytes": state_bytes(block)},
         "parameters": list(_words(plan, block)),
-        "controller": None
-        if controller is None
-        else described(controller)
-        | {"state_bytes": controller_bytes(controller.magnets, controller.block)},
+        "controller": None if controller is None else _controller(controller),
         "conditioning": _conditioning(plan),
         "accuracy": _accuracy(budget),
         "plan": {choice.name: f"{choice.value}: {choice.reason}" for choice in choices},
+    }
+
+
+def _controller(controller: ControllerPlan) -> dict[str, Any]:
+    return described(controller) | {
+        "state_bytes": controller_bytes(controller.magnets, controller.block)
     }
 
 
